@@ -1,6 +1,6 @@
 """The magnetic bearing: every kind of compensation in the same loop, over irons and steps.
 
-``python benchmarks/bearing.py`` prints the tables of docs/bearing.md.
+``python benchmarks/bearing.py`` prints the tables of docs/results-bearing.md.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The bearing with every variant tuned for itself, and drifted plants: figures and times.
 
-``python benchmarks/tuned.py`` prints the table of docs/bearing.md; it takes a quarter of an hour.
+``python benchmarks/tuned.py`` prints the table of docs/results-bearing.md; it takes a quarter of an hour.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from anhyst.cli.app import app
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 RUN = {"sh", "python"}
-SHOWN = {"c", "cmake", "csv", "json", "text", "toml"}
+SHOWN = {"c", "text", "toml"}
 """Languages of blocks that are run, and of those that show a file or what comes out."""
 
 _FENCE = re.compile(r"^( *)```(\S*)\n(.*?)^ *```$", re.M | re.S)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.docs.blocks import PAGES, ROOT, RUN, SHOWN, blocks, commands, indented, refusal
+from tests.docs.places import fill, shell
 from tests.once import made_once
 
 EMPTY = {"tutorial.md"}
 """Pages that begin in an empty folder, with nothing but the installed package."""
+
+FOLLOWED = {"README.md", "contributing.md"}
+"""Pages whose code test_readme.py and tests/house/test_openness.py run."""
 
 ELSEWHERE = {"exchange.md", "fleet.md", "install.md"}
 """Pages whose blocks tests of their own run."""
@@ -28,40 +29,13 @@ SLOW = [
 RUNNING = [
     name
     for name, page in zip(NAMES, PAGES, strict=True)
-    if page.name not in {"README.md", *ELSEWHERE}  # test_readme.py runs it
+    if page.name not in FOLLOWED | ELSEWHERE
     and any(one.language in RUN and not one.marker for one in blocks(page.read_text("utf-8")))
 ]
 
 
 def text_of(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
-
-
-def shell(code: str, place: Path) -> None:
-    """Run lines of a shell as a reader would, with the anhyst of this environment."""
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    command = ["bash", "-e", "-o", "pipefail", "-c", code]
-    done = subprocess.run(
-        command,
-        cwd=place,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PATH": path, "PYTHON": sys.executable},
-    )
-    assert done.returncode == 0, f"{code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
-
-
-def fill(place: Path) -> None:
-    """Lay out what pages speak of: the examples, and loops, a model and its C of one of them."""
-    for name in ("bearing", "electromagnet", "piezo", "solenoid", "stage"):
-        shutil.copytree(ROOT / "examples" / name, place / "examples" / name)
-    for name in ("loops.csv", "loops.toml"):
-        shutil.copy(place / "examples" / "electromagnet" / name, place / name)
-    (place / "drive.csv").write_text("I_A,gap_mm\n0,0.4\n1.5,0.4\n3,0.4\n1.5,0.4\n")
-    (place / "demand.csv").write_text("F_N,gap_mm\n10,0.4\n80,0.4\n10,0.4\n")
-    shell("anhyst identify loops.csv --law effective-field --out model.toml", place)
-    shell("anhyst compile model.toml --rate 10000 --out controller", place)
 
 
 @pytest.fixture

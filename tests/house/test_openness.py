@@ -1,11 +1,13 @@
-"""The house is open: a law and a file format that stand in this file alone go the whole way."""
+"""The house is open: the law, the format and the board of docs/contributing.md go the whole way."""
 
 from __future__ import annotations
 
 import json
+import re
+import shutil
+import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
-from hashlib import sha256
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +16,21 @@ from typer.testing import CliRunner
 
 from anhyst.cli.app import app
 from anhyst.data import read_loops
-from anhyst.data.formats import FORMATS, MemoryTable
+from anhyst.data.formats import FORMATS
 from anhyst.identification import identify
-from anhyst.laws.law import Law, ParameterSpec
 from anhyst.laws.registry import LAWS
-from anhyst.laws.sampled import SampledIron, State
+from anhyst.link import firmware
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
+from tests.docs.blocks import ROOT, blocks
+from tests.docs.places import fill, shell
+from tests.once import made_once
+
+PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
 GAPS = (0.3e-3, 0.5e-3)
 RHO = (0.004, 0.009)
@@ -38,50 +44,26 @@ TRUE: dict[str, Parameter] = {
 }
 
 
-@dataclass(frozen=True)
-class PlayIron(SampledIron):
-    """A single play: the magnetisation follows the field at a distance of ``r``."""
-
-    chi: float
-    r: float
-
-    def step(self, state: State, field: float) -> tuple[float, State]:
-        play = min(max(state[1], field - self.r), field + self.r)
-        return self.chi * play, (field, play)
-
-    def field_of(self, state: State) -> float:
-        return state[0]
+def written(name: str) -> str:
+    """Return a file that the page shows, piece by piece."""
+    pieces = re.findall(rf"<!-- file: {re.escape(name)} -->\n```\w+\n(.*?)^```$", PAGE, re.M | re.S)
+    assert pieces, f"docs/contributing.md shows no {name}"
+    return "\n\n".join(pieces)
 
 
-PLAY = Law(
-    name="play",
-    title="single play operator",
-    parameters=(
-        ParameterSpec("chi", "susceptibility", low=0.0, coordinate="log", search=(10.0, 1e4)),
-        ParameterSpec(
-            "r", "half-width of the play", "A/m", low=0.0, coordinate="log", search=(1e-3, 1.0)
-        ),
-    ),
-    iron=PlayIron,
-    states=2,
-)
-
-
-def open_toy(path: Path, _least: int) -> MemoryTable:
-    """Open a table of JSON lines: the names of the columns, then row by row."""
-    content = path.read_bytes()
-    header, *rows = map(json.loads, content.splitlines())
-    return MemoryTable(
-        str(path), tuple(header), tuple(zip(*rows, strict=True)),
-        sha256=sha256(content).hexdigest(),
-    )  # fmt: skip
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _registered() -> Iterator[None]:
-    LAWS[PLAY.name], FORMATS[".toy"] = PLAY, open_toy
-    yield
-    del LAWS[PLAY.name], FORMATS[".toy"]
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder with the file of the page; what it registers is known here while the module runs."""
+    place = tmp_path_factory.mktemp("lab")
+    (place / "my_lab.py").write_text(written("my_lab.py"))
+    spec = spec_from_file_location("my_lab", place / "my_lab.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules["my_lab"] = module  # dataclasses look there
+    spec.loader.exec_module(module)
+    yield place
+    del LAWS["play"], FORMATS[".toy"], sys.modules["my_lab"]
 
 
 def magnet() -> Model:
@@ -103,8 +85,8 @@ def cycle(largest: float) -> FloatArray:
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("toy") / "loops.toy"
+def measured(lab: Path) -> Path:
+    path = lab / "loops.toy"
     lines = [json.dumps(["I_A", "F_N", "gap_mm", "loop"])]
     for gap in GAPS:
         for name, largest in (("large", 3.0), ("small", 1.2)):
@@ -138,7 +120,6 @@ def test_the_file_is_read_by_its_own_format(measured: Path) -> None:
     loops = read_loops(measured)
     assert loops.schedule_values == pytest.approx(GAPS)
     assert {loop.label for loop in loops.loops} == {"large", "small"}
-    assert loops.sources[0].sha256 == sha256(measured.read_bytes()).hexdigest()
     assert read_loops(measured.parent).schedule_values == loops.schedule_values
 
 
@@ -179,3 +160,36 @@ def test_prediction_report_and_comparison_know_it(
     assert "single play operator" in text
     assert "half-width of the play" in text
     assert "the two models compute the same" in run("diff", found, found)
+
+
+def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
+    commands = [block.code for block in blocks(PAGE) if block.language == "sh"]
+    assert len(commands) == 2
+    for code in commands:
+        shell(code, measured.parent)
+    assert (measured.parent / "report.html").is_file()
+
+
+def test_the_board_of_the_page_is_built_and_driven(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    made = made_once(tmp_path_factory, "what-pages-speak-of", fill)
+    shutil.copytree(made / "controller", tmp_path / "controller")
+    shutil.copytree(ROOT / "firmware", tmp_path / "firmware")
+    (tmp_path / "firmware" / "boards" / "desk").mkdir()
+    for name in ("board_force.c", "main.c"):
+        (tmp_path / "firmware/boards/desk" / name).write_text(
+            written(f"firmware/boards/desk/{name}")
+        )
+    monkeypatch.setattr(firmware, "firmware_folder", lambda: tmp_path / "firmware")
+    monkeypatch.setattr(firmware, "BOARDS", dict(firmware.BOARDS))
+    monkeypatch.chdir(tmp_path)
+    part = PAGE.partition("## A board")[2]
+    (code,) = [block.code for block in blocks(part) if block.language == "python"]
+    exec(compile(code, "contributing.md", "exec"), {})
+    state, drive = capsys.readouterr().out.split()
+    assert state == "RUN"
+    assert 0.1 < float(drive) < 1.0

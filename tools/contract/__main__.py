@@ -11,7 +11,7 @@ from pathlib import Path
 
 from block import layout_header, layout_module
 from c_code import bus_header, flags_header, frames_header, states_header
-from firmware_page import page, page_with_tables
+from link_page import page, page_with_tables
 from python_code import frames_module, states_module
 from tables import ROOT, read
 from xcp import map_header, map_module
@@ -19,7 +19,7 @@ from xcp import map_header, map_module
 CORE = ROOT / "core" / "include" / "anhyst"
 PLANT = ROOT / "plant" / "include" / "anhyst_plant"
 SOURCE = ROOT / "src" / "anhyst"
-PAGE = ROOT / "docs" / "firmware.md"
+PAGE = ROOT / "docs" / "link.md"
 
 
 def wanted() -> dict[Path, str]:

@@ -11,6 +11,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "measurements",
         "file-formats",
         "identification",
+        "choosing",
         "python",
     ),
     "Use a model": (
@@ -33,7 +34,8 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "rig-file",
         "controller-file",
     ),
-    "While it runs": ("live", "bench", "excite", "firmware", "boards", "xcp"),
+    "While it runs": ("live", "bench", "excite", "firmware", "link", "boards", "xcp"),
+    "Results": ("results-models", "results-controller", "results-bearing", "results-tracking"),
     "Background": ("theory", "reproducibility", "faq", "contributing"),
 }
 """Hand-written pages of docs/, by chapter; the gallery and the reference follow."""

@@ -1,4 +1,4 @@
-"""The tables of docs/firmware.md."""
+"""The tables of docs/link.md."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def values_of(title: str, entry: Entry, shift: bool) -> list[str]:
 
 
 def page(frames: Entry, signals: Entry, controller: Entry) -> str:
-    """Return the tables of docs/firmware.md."""
+    """Return the tables of docs/link.md."""
     lines = ["| type | request | payload | answer | meaning |", "| --- | --- | --- | --- | --- |"]
     requests = [frame for frame in frames["frame"] if is_request(frame)]
     answers = [frame for frame in frames["frame"] if not is_request(frame)]
