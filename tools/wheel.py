@@ -29,7 +29,7 @@ GLIBC = (2, 17)
 
 _STABLE = (3, 12)
 """From here on the stable ABI has what nanobind needs."""
-_BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
 
 
 def tag(version: tuple[int, int], machine: str) -> str:
@@ -133,7 +133,7 @@ def run_page(page: str, python: Path, place: Path) -> int:
     RuntimeError
         One of them fails.
     """
-    blocks = _BLOCK.findall(page)
+    blocks = [(language, code) for shown, language, code in _BLOCK.findall(page) if not shown]
     for language, code in blocks:
         if language == "sh":
             command = ["bash", "-e", "-o", "pipefail", "-c", code]
@@ -163,7 +163,8 @@ def run(
         env=environment | {"MPLBACKEND": "agg"} | dict(variables or {}),
     )
     if done.returncode:
-        raise RuntimeError(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
+        said = (done.stdout + done.stderr).splitlines()
+        raise RuntimeError("\n".join([" ".join(command), *said[-40:]]))
     return done.stdout
 
 

@@ -30,6 +30,10 @@
 #include "port/port.h"
 #include "xcp_port.h"
 
+#ifndef B921600
+#define B921600 921600 /* macOS names no speed above 230400, and takes each as a number */
+#endif
+
 #define BAD_USAGE 2
 #define NONE (-1)
 
