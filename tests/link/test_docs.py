@@ -18,7 +18,7 @@ def test_the_python_of_the_page_runs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    (tmp_path / "compiled").symlink_to(parameters)
+    (tmp_path / "controller").symlink_to(parameters)
     monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.S)
     exec(compile(code, "boards.md", "exec"), {})

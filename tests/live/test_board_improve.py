@@ -112,12 +112,12 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
     assert measured["gaps"][0]["current_max_A"] <= limits["current_A"]["value"]
     assert max(measured["played"]["current"]) <= 1.01 * limits["current_A"]["value"]
     found = done(session, "identify")
-    assert found["new"]["rms_N"] < 0.2 * found["old"]["rms_N"]
+    assert found["new"]["rms_N"] < 0.4 * found["old"]["rms_N"]
     done(session, "compile")
     assert order(session, "swap")["applied"] > 0
     after = force_error(session)
     print(f"force error {before:.3f} N, {after:.3f} N after the swap")
-    assert after < 0.2 * before
+    assert after < 0.4 * before
     order(session, "back")
     assert force_error(session) == pytest.approx(before, rel=0.1)
 

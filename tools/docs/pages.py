@@ -5,6 +5,7 @@ from __future__ import annotations
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "install",
+        "tutorial",
         "coming-from",
         "howto-levitate",
         "init",
