@@ -15,6 +15,7 @@ import pytest
 from tools.wheel import run
 
 from anhyst.link.firmware import build
+from tests.cli.command import anhyst
 from tests.link.handmade import write_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -131,6 +132,14 @@ def test_loops_become_a_model_and_c_on_another_system(platform: str, tmp_path: P
     played(platform, USE.format(commands=commands), tmp_path)
     assert (tmp_path / "current.csv").stat().st_size > 0
     assert (tmp_path / "controller" / "DROP_IN.md").is_file()
+
+
+@pytest.mark.parametrize("code_page", ["ascii", "cp1252"])
+def test_signs_that_a_code_page_lacks_stop_no_command(code_page: str, tmp_path: Path) -> None:
+    variables = {"PYTHONIOENCODING": code_page, "PYTHONUTF8": "0"}
+    done = anhyst("inspect", LOOPS, cwd=tmp_path, variables=variables, encoding=code_page)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "16 loops" in done.stdout
 
 
 def test_boards_that_windows_cannot_run_say_so(tmp_path: Path) -> None:
