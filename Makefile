@@ -6,6 +6,7 @@
 #   make bench   the table of figures           make format  lay out Python and C sources
 #   make docs    the documentation site, in build/site/
 #   make build   compile the core again          make clean   remove what make made, .venv too
+#   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
 PYTHON ?= python3
 BIN := .venv/bin
@@ -20,7 +21,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/firmware tests/pl
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check docs prove prove-all bench build format clean fuzz \
+.PHONY: demo test test-all check docs prove prove-all bench build wheel format clean fuzz \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -53,6 +54,9 @@ check: check-python check-imports check-c-format check-c-tidy check-cppcheck
 	@echo "check: all clean"
 
 build: .venv/.stamp-package
+
+wheel: build
+	@$(BIN)/python -m tools.wheel $(PYTHONS)
 
 check-python: build
 	@echo "check: ruff, mypy"

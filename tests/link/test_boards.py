@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.states import Command, Fault, State
+from anhyst.link import transport
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.plant_bus import PlantBus
@@ -88,6 +89,19 @@ def test_a_firmware_keeps_its_port_while_clients_come_and_go(host_firmware: Path
             for _ in range(3):
                 with ControllerLink(board.url, timeout=1.0) as controller:
                     assert controller.status().state is State.INIT
+
+
+def test_a_port_is_read_without_descriptors_as_on_windows(
+    host_firmware: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transport, "_descriptor", lambda port: None)
+    with (
+        run_host(host_firmware, NoisyPlant(), "tcp:0") as board,
+        ControllerLink(board.url, timeout=2.0) as controller,
+    ):
+        board.bus.step(40)
+        controller.command(Command.ARM)
+        assert controller.status().state is State.READY
 
 
 def test_a_board_that_is_not_known(parameters: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
+        "install",
         "tutorial",
         "coming-from",
         "howto-levitate",

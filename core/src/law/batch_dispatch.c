@@ -2,6 +2,10 @@
 /* Picks the batch compiled for an instruction set that the processor has. */
 #include "anhyst/law/batch.h"
 
+#ifdef ANHYST_BATCH_X86
+#include <cpuid.h>
+#endif
+
 #define DECLARE(suffix)                                                                            \
   anhyst_status anhyst_batch_run##suffix(const anhyst_batch_sets *sets, anhyst_batch_mode mode,    \
                                          size_t n, const double *drive, double *x, double *y,      \
@@ -15,18 +19,46 @@ DECLARE(_avx2)
 DECLARE(_avx512)
 #endif
 
+#ifdef ANHYST_BATCH_X86
+/* Leaf 1, register c; leaf 7, register b; register 0 of what the system keeps at a switch. */
+#define FMA_XSAVE_AVX (1u << 12 | 1u << 27 | 1u << 28)
+#define AVX2 (1u << 5)
+#define AVX512_F_DQ_VL (1u << 16 | 1u << 17 | 1u << 31)
+#define KEEPS_256 (3u << 1)
+#define KEEPS_512 (KEEPS_256 | 7u << 5)
+
+/* Not __builtin_cpu_supports: linked by zig it knows no processor and says no to everything. */
+static anhyst_batch_level ask(void)
+{
+  unsigned a, b, c, d;
+  if (!__get_cpuid(1, &a, &b, &c, &d) || (c & FMA_XSAVE_AVX) != FMA_XSAVE_AVX) {
+    return ANHYST_BATCH_BASE;
+  }
+  unsigned kept, high;
+  __asm__("xgetbv" : "=a"(kept), "=d"(high) : "c"(0));
+  if (!__get_cpuid_count(7, 0, &a, &b, &c, &d) || !(b & AVX2) || (kept & KEEPS_256) != KEEPS_256) {
+    return ANHYST_BATCH_BASE;
+  }
+  return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (kept & KEEPS_512) == KEEPS_512
+             ? ANHYST_BATCH_AVX512
+             : ANHYST_BATCH_AVX2;
+}
+
+/* Asked once: on a virtual machine an answer takes up to 20 us. Whoever asks at the same time gets
+   the same. */
 anhyst_batch_level anhyst_batch_best(void)
 {
-#ifdef ANHYST_BATCH_X86
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-                   __builtin_cpu_supports("avx512vl")
-               ? ANHYST_BATCH_AVX512
-               : ANHYST_BATCH_AVX2;
+  static int known = -1;
+  int best = __atomic_load_n(&known, __ATOMIC_RELAXED);
+  if (best < 0) {
+    best = (int)ask();
+    __atomic_store_n(&known, best, __ATOMIC_RELAXED);
   }
-#endif
-  return ANHYST_BATCH_BASE;
+  return (anhyst_batch_level)best;
 }
+#else
+anhyst_batch_level anhyst_batch_best(void) { return ANHYST_BATCH_BASE; }
+#endif
 
 anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_level level,
                                anhyst_batch_mode mode, size_t n, const double *drive, double *x,

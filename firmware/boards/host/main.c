@@ -9,7 +9,8 @@
    one, which is printed. Ports are those of 127.0.0.1. Ends when the plant hangs up. */
 // NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp): how POSIX is asked for
 #define _XOPEN_SOURCE 700
-#define _DEFAULT_SOURCE /* cfmakeraw */
+#define _DEFAULT_SOURCE  /* cfmakeraw */
+#define _DARWIN_C_SOURCE /* that and INADDR_LOOPBACK, on macOS */
 // NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
 #include <arpa/inet.h>
 #include <errno.h>
@@ -28,6 +29,10 @@
 #include "lockstep.h"
 #include "port/port.h"
 #include "xcp_port.h"
+
+#ifndef B921600
+#define B921600 921600 /* macOS names no speed above 230400, and takes each as a number */
+#endif
 
 #define BAD_USAGE 2
 #define NONE (-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import sys
 import warnings
@@ -102,6 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         interrupted.
     """
     kept = ""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # code pages of Windows lack some signs
     try:
         code = _run(arguments)
     except (KeyboardInterrupt, typer.Abort):

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from anhyst.link.process import check_runs_here
 from anhyst.support.atomic import PathLike, write_bytes
 from anhyst.support.core_folder import core_folder
 from anhyst.support.errors import InputError, NegativeResult
@@ -197,6 +198,7 @@ def _compiler(name: str) -> list[str]:
             )
         zig = [sys.executable, "-m", "ziglang", "cc"]
         return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
+    check_runs_here(name)
     for candidate in ("cc", "gcc", "clang"):
         if shutil.which(candidate):
             return [candidate, "-O2"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import socket
 import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +17,24 @@ from anhyst.support.errors import InputError
 
 _QEMU = "qemu-system-arm"
 _NO_ESCAPE = "0x1ff"
+
+HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
+"""Elsewhere a pseudo-terminal refuses the bit rates of a serial port."""
+
+
+def check_runs_here(board: str) -> None:
+    """Refuse a board without hardware where its process cannot be handed a socket.
+
+    Raises
+    ------
+    InputError
+        This is Windows.
+    """
+    if sys.platform == "win32":
+        raise InputError(
+            f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or plug a "
+            "controller in and name its port"
+        )
 
 
 @dataclass(frozen=True)
@@ -59,7 +78,7 @@ class Started(NamedTuple):
 
 @contextmanager
 def run_host(
-    program: Path, plant: Plant, link: str = "pty", xcp: int | None = None
+    program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[Running]:
     """Run a firmware built for the board ``host``.
 
@@ -70,7 +89,8 @@ def run_host(
     plant : Plant
         What it drives.
     link : str, optional
-        ``"pty"``, ``"tcp:0"`` for a free port of this machine, or the path of a terminal.
+        ``"pty"``, ``"tcp:0"`` for a free port of this machine, or the path of a terminal;
+        :data:`HOST_LINK` if left out.
     xcp : int, optional
         Port of this machine for a master of XCP, 0 for a free one; none if left out.
 
@@ -88,7 +108,7 @@ def run_host(
 
 
 @contextmanager
-def start_host(program: Path, link: str = "pty", xcp: int | None = None) -> Iterator[Started]:
+def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> Iterator[Started]:
     """Start a firmware built for the board ``host``, with nothing that drives its bus yet.
 
     Parameters
@@ -178,6 +198,7 @@ def find_qemu() -> str:
     InputError
         It is not installed.
     """
+    check_runs_here("qemu-mps2")
     place = shutil.which(_QEMU)
     if place is None:
         raise InputError(f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}")

@@ -84,7 +84,8 @@ class Job:
 
 def _run(says: Connection, work: Work, given: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl-C ends the server, which ends this
-    os.nice(_NICE)
+    if hasattr(os, "nice"):
+        os.nice(_NICE)
 
     def progress(done: float, total: float) -> None:
         says.send(min(1.0, done / total) if total > 0.0 else 0.0)

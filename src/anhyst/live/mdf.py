@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 import threading
 import time
@@ -54,7 +53,7 @@ class MdfRecorder:
         self.rows = 0
         self._rate = rate
         self._lock = threading.Lock()
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self._file = path.open("xb", buffering=0)
         self._end = 0
         self._next_data = self._next_event = self._count = 0
         self._data = (0, 0)  # place of the block of data under way, and its length
@@ -90,7 +89,7 @@ class MdfRecorder:
 
     def close(self) -> None:
         """Close the file."""
-        os.close(self._file)
+        self._file.close()
 
     def _begin(self, signals: Sequence[Signal]) -> None:
         """Write all that stands before the rows: header, history, the group and its channels."""
@@ -146,9 +145,11 @@ class MdfRecorder:
     def _append(self, data: bytes) -> None:
         rest = memoryview(data)
         while rest:
-            written = os.pwrite(self._file, rest, self._end)
+            self._file.seek(self._end)
+            written = self._file.write(rest)
             self._end += written
             rest = rest[written:]
 
     def _patch(self, place: int, value: int) -> None:
-        os.pwrite(self._file, struct.pack("<Q", value), place)
+        self._file.seek(place)
+        self._file.write(struct.pack("<Q", value))

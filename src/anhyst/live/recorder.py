@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -70,7 +69,7 @@ class CsvRecorder:
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
-        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._file = path.open("xb", buffering=0)
         self.path = path
         self.rows = 0
         self._rate = rate
@@ -91,13 +90,13 @@ class CsvRecorder:
 
     def close(self) -> None:
         """Close the file."""
-        os.close(self._file)
+        self._file.close()
 
     def _write(self, lines: bytes) -> None:
         data = memoryview(lines)
         with self._lock:
             while data:
-                data = data[os.write(self._file, data) :]
+                data = data[self._file.write(data) :]
 
 
 _KINDS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {

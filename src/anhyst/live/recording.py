@@ -214,8 +214,9 @@ class TickRecorder:
             if self._file is None:
                 raise InputError("record: no recording runs")
             if self._next is None:
-                self._file.path.unlink()
+                path = self._file.path
                 self._end("left, nothing crossed")
+                path.unlink()  # after it was closed: Windows takes away no file that is open
             else:
                 self._last = min(self._last, tick)
 

@@ -76,7 +76,7 @@ def cache_folder() -> Path:
 def _load(place: Path) -> Prepared | None:
     """Return what is kept at a place, if it is there, whole and one's own."""
     try:
-        if place.stat().st_uid != os.getuid():
+        if hasattr(os, "getuid") and place.stat().st_uid != os.getuid():
             return None
         content = (place / _PICKLE).read_bytes()
         os.utime(place)

@@ -1,0 +1,190 @@
+"""What anhyst does where a system lacks what Linux has; Windows and macOS are played on Linux.
+
+Everything that is not of this package is imported first, as it is. Then what the other system has
+not is taken away, and the package is imported and used.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tools.wheel import run
+
+from anhyst.link.firmware import build
+from tests.cli.command import anhyst
+from tests.link.handmade import write_parameters
+
+ROOT = Path(__file__).resolve().parents[2]
+LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
+
+POSIX_ONLY = """
+fchmod fchown fork forkpty getegid geteuid getgid getloadavg getpgid getpriority getuid
+killpg lockf mkfifo nice openpty posix_spawn pread preadv pwrite pwritev setsid ttyname
+uname wait3 wait4
+""".split()  # noqa: SIM905
+LINUX_ONLY = [
+    "sched_getaffinity",
+    "sched_setaffinity",
+    "sched_setscheduler",
+    "SCHED_RR",
+    "SCHED_RESET_ON_FORK",
+    "memfd_create",
+    "sendfile",
+]
+SYSTEMS = {
+    "win32": (
+        ["fcntl", "grp", "pty", "pwd", "resource", "termios", "tty"],
+        [*POSIX_ONLY, *LINUX_ONLY],
+    ),
+    "darwin": ([], LINUX_ONLY),
+}
+
+LIBRARIES = """
+import asyncio, concurrent.futures.process, importlib, multiprocessing, os, pkgutil, socket, sys
+import subprocess, cmaes, jinja2, matplotlib.pyplot, numpy, pydantic, rich.console, rich.progress
+import rich.table, scipy.interpolate, scipy.io, scipy.linalg, scipy.optimize, scipy.signal
+import scipy.stats, typer
+"""
+
+OPTIONAL = """
+import asammdf, capstone, control, distributed, elftools.elf.elffile, h5py, nptdms, orjson, pandas
+import pyarrow.parquet, python_calamine, serial, starlette.applications, starlette.staticfiles
+import starlette.websockets, unicorn, uvicorn, websockets
+"""
+
+PLAY = """
+assert not any(name.startswith("anhyst.") for name in sys.modules)
+for name in {modules!r}:
+    sys.modules[name] = None
+for name in {functions!r}:
+    if hasattr(os, name):
+        delattr(os, name)
+sys.platform = {platform!r}
+
+import anhyst
+"""
+
+IMPORT_ALL = """
+for one in pkgutil.walk_packages(anhyst.__path__, "anhyst."):
+    importlib.import_module(one.name)
+    print(one.name)
+"""
+
+USE = """
+from anhyst.cli.app import main
+for words in {commands!r}:
+    code = main(words)
+    assert code == 0, (words, code)
+"""
+
+REFUSED = """
+from pathlib import Path
+from anhyst.link.firmware import check_compiler
+from anhyst.link.process import HOST_LINK, find_qemu
+from anhyst.support.errors import InputError
+
+print(HOST_LINK)
+for what in (find_qemu, lambda: check_compiler("host")):
+    try:
+        what()
+    except InputError as error:
+        print(error)
+"""
+
+
+def played(platform: str, script: str, cwd: Path, libraries: str = LIBRARIES) -> str:
+    """Run a script on a system that is played; return what it prints."""
+    modules, functions = SYSTEMS[platform]
+    play = PLAY.format(modules=modules, functions=functions, platform=platform)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", libraries + play + script],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-1000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("platform", SYSTEMS)
+def test_every_module_is_imported_on_another_system(platform: str, tmp_path: Path) -> None:
+    found = played(platform, IMPORT_ALL, tmp_path, LIBRARIES + OPTIONAL).split()
+    own = (path.relative_to(ROOT / "src") for path in (ROOT / "src" / "anhyst").rglob("*.py"))
+    modules = {".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in own}
+    assert {*found, "anhyst"} >= modules
+
+
+@pytest.mark.parametrize("platform", SYSTEMS)
+def test_loops_become_a_model_and_c_on_another_system(platform: str, tmp_path: Path) -> None:
+    (tmp_path / "demand.csv").write_text("F_N,gap_mm\n10,0.4\n80,0.4\n10,0.4\n")
+    commands = [
+        ["inspect", str(LOOPS)],
+        ["identify", str(LOOPS), "--law", "effective-field", "--out", "model.toml"],
+        ["invert", "model.toml", "demand.csv", "--history", "demagnetised", "--out", "current.csv"],
+        ["compile", "model.toml", "--rate", "10000", "--out", "controller"],
+    ]
+    played(platform, USE.format(commands=commands), tmp_path)
+    assert (tmp_path / "current.csv").stat().st_size > 0
+    assert (tmp_path / "controller" / "DROP_IN.md").is_file()
+
+
+@pytest.mark.parametrize("code_page", ["ascii", "cp1252"])
+def test_signs_that_a_code_page_lacks_stop_no_command(code_page: str, tmp_path: Path) -> None:
+    variables = {"PYTHONIOENCODING": code_page, "PYTHONUTF8": "0"}
+    done = anhyst("inspect", LOOPS, cwd=tmp_path, variables=variables, encoding=code_page)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "16 loops" in done.stdout
+
+
+def test_boards_that_windows_cannot_run_say_so(tmp_path: Path) -> None:
+    _, emulated, process = played("win32", REFUSED, tmp_path).splitlines()
+    assert emulated.startswith("board qemu-mps2: runs on Linux and macOS, not on Windows; ")
+    assert process.startswith("board host: runs on Linux and macOS, not on Windows; ")
+
+
+def test_the_firmware_is_reached_without_a_pseudo_terminal_on_macos(tmp_path: Path) -> None:
+    assert played("darwin", REFUSED, tmp_path).split()[0] == "tcp:0"
+
+
+@pytest.mark.parametrize("target", ["x86_64-macos", "aarch64-macos"])
+def test_the_firmware_compiles_for_macos(
+    target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiler = tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ziglang cc -target {target} "$@"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    program = build("host", write_parameters(tmp_path / "compiled", 4000.0), tmp_path / "firmware")
+    assert program.read_bytes()[:4] == b"\xcf\xfa\xed\xfe"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("target", "processor"), [("x86_64-windows-gnu", "AMD64"), ("aarch64-macos", "arm64")]
+)
+def test_core_and_plant_compile_without_a_warning_for(
+    target: str, processor: str, tmp_path: Path
+) -> None:
+    tools = Path(sys.executable).parent
+    given = {
+        "ANHYST_PYTHON": "OFF",
+        "CMAKE_MAKE_PROGRAM": tools / "ninja",
+        "CMAKE_SYSTEM_NAME": "Generic",
+        "CMAKE_SYSTEM_PROCESSOR": processor,
+        "CMAKE_TRY_COMPILE_TARGET_TYPE": "STATIC_LIBRARY",
+    }
+    options = [f"-D{name}={value}" for name, value in given.items()]
+    compiler = {"CC": f"{sys.executable} -m ziglang cc -target {target}"}
+    run(
+        [str(tools / "cmake"), "-S", str(ROOT), "-B", str(tmp_path), "-GNinja", *options],
+        None,
+        compiler,
+    )
+    run([str(tools / "ninja"), "-C", str(tmp_path)])
+    assert (tmp_path / "libanhyst_plant.a").is_file()

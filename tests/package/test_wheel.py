@@ -1,0 +1,122 @@
+"""The wheel alone: what a user has who never saw the repository."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from tools.wheel import TUTORIAL, build, check, empty_environment, run, run_page
+
+from anhyst._core import _native
+from tests.once import made_once
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(sys.executable)
+LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"
+
+SLOW = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel of this Python for this machine, as it is published."""
+    folder = made_once(
+        tmp_path_factory, "wheel", lambda folder: build(HERE, os.uname().machine, folder)
+    )
+    (found,) = folder.glob("*.whl")
+    return found
+
+
+@pytest.fixture(scope="module")
+def alone(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Install it where nothing else is; return the Python there."""
+    folder = made_once(
+        tmp_path_factory, "empty", lambda folder: empty_environment(HERE, wheel, folder)
+    )
+    return folder / "bin" / "python"
+
+
+def anhyst(python: Path, *arguments: object, cwd: Path) -> str:
+    return run([str(python), "-m", "anhyst.cli.app", *map(str, arguments)], cwd)
+
+
+@SLOW
+def test_the_wheel_runs_on_the_old_systems_that_its_name_promises(
+    wheel: Path, tmp_path: Path
+) -> None:
+    check(wheel)
+    older = tmp_path / wheel.name.replace("manylinux_2_17", "manylinux_2_5")
+    shutil.copy(wheel, older)
+    with pytest.raises(RuntimeError, match=r"GLIBC_2\.1[0-9]"):
+        check(older)
+
+
+@SLOW
+def test_the_wheel_takes_the_instruction_set_that_the_native_build_takes(
+    alone: Path, tmp_path: Path
+) -> None:
+    script = "from anhyst._core import _native; print(*_native.batch_levels())"
+    assert run([str(alone), "-c", script], tmp_path).split() == _native.batch_levels()
+
+
+@SLOW
+def test_the_wheel_finds_the_model_that_the_native_build_finds(alone: Path, tmp_path: Path) -> None:
+    asked = ("identify", LOOPS, "--law", "effective-field", "--gap-map", "scaling", "--json")
+    ours, theirs = (
+        json.loads(anhyst(python, *asked, "--out", tmp_path / name, cwd=tmp_path))
+        for python, name in ((HERE, "native.toml"), (alone, "wheel.toml"))
+    )
+    for name in ("M_s", "a", "k", "c", "alpha"):
+        assert theirs["parameters"][name] == pytest.approx(ours["parameters"][name], rel=1e-3)
+    assert theirs["fit"]["worst"] == pytest.approx(ours["fit"]["worst"], rel=1e-3)
+
+
+@SLOW
+def test_the_wheel_brings_its_examples_and_what_it_compiles_from(
+    alone: Path, tmp_path: Path
+) -> None:
+    where = run([str(alone), "-c", "import anhyst; print(anhyst.__file__)"], tmp_path)
+    assert Path(where).is_relative_to(alone.parents[1])
+    anhyst(alone, "init", "--example", "bearing", "--out", "my", cwd=tmp_path)
+    example = ROOT / "examples" / "bearing" / "rig.toml"
+    assert (tmp_path / "my" / "rig.toml").read_bytes() == example.read_bytes()
+    own = anhyst(alone, "init", "my/loops.csv", "--out", "own", cwd=tmp_path)
+    assert "anhyst simulate own/rig.toml" in own
+    assert "12 loops" in anhyst(alone, "inspect", "own/loops/loops.csv", cwd=tmp_path)
+
+
+@SLOW
+def test_the_tutorial_runs_from_the_wheel_alone(alone: Path, tmp_path: Path) -> None:
+    if not TUTORIAL.is_file():
+        pytest.skip("docs/tutorial.md is not there yet")
+    assert run_page(TUTORIAL.read_text(encoding="utf-8"), alone, tmp_path) >= 8
+
+
+PAGE = """
+```sh
+echo 4 > number.txt
+```
+
+<!-- not run: there is no such thing -->
+```sh
+no-such-command
+```
+
+```python
+assert open("number.txt").read() == "4\\n"
+```
+
+```text
+no-such-command
+```
+"""
+
+
+def test_blocks_of_a_page_run_in_their_order_and_one_that_fails_is_told(tmp_path: Path) -> None:
+    assert run_page(PAGE, HERE, tmp_path) == 2
+    with pytest.raises(RuntimeError, match="no-such-command"):
+        run_page(PAGE.replace("<!-- not run: there is no such thing -->", ""), HERE, tmp_path)

@@ -1,0 +1,211 @@
+"""Build wheels for Linux into dist/, and try them where there is nothing else.
+
+    python -m tools.wheel [PYTHON ...]
+
+For each Python, this one if none is named, and for each machine: compiled by zig against an old
+glibc, named after it, and held to that name by auditwheel. From CPython 3.12 on one wheel is for
+all later ones. Then each Python gets an empty environment outside the repository, its wheel in it,
+and runs the tutorial.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DIST = ROOT / "dist"
+TUTORIAL = ROOT / "docs" / "tutorial.md"
+
+MACHINES = ("x86_64", "aarch64")
+GLIBC = (2, 17)
+"""Of 2012, as in manylinux2014."""
+
+_STABLE = (3, 12)
+"""From here on the stable ABI has what nanobind needs."""
+_BLOCK = re.compile(r"^(<!-- not run\b[^>]*-->\s*)?^```(sh|python)\n(.*?)^```$", re.M | re.S)
+
+
+def tag(version: tuple[int, int], machine: str) -> str:
+    """Return what a wheel built by a version of CPython is for: interpreter, ABI, platform."""
+    platform = f"manylinux_{GLIBC[0]}_{GLIBC[1]}_{machine}"
+    if version >= _STABLE:
+        return f"cp{_STABLE[0]}{_STABLE[1]}-abi3-{platform}"
+    own = f"cp{version[0]}{version[1]}"
+    return f"{own}-{own}-{platform}"
+
+
+def build(python: Path, machine: str, dist: Path) -> Path:
+    """Build the wheel of a Python for a machine.
+
+    Parameters
+    ----------
+    python : Path
+        Of this machine; one that is not this one gets what it builds with in a place of its own.
+    machine : str
+        One of :data:`MACHINES`.
+    dist : Path
+        Folder for the wheel.
+
+    Returns
+    -------
+    Path
+        The wheel.
+    """
+    version = version_of(python)
+    zig = f"{sys.executable} -m ziglang"
+    target = f"-target {machine}-linux-gnu.{GLIBC[0]}.{GLIBC[1]}"
+    wanted = tag(version, machine)
+    settings = {
+        "build-dir": f"build/wheel-{wanted}",
+        "env._PYTHON_HOST_PLATFORM": wanted.split("-")[2],
+        "env.SETUPTOOLS_EXT_SUFFIX": f".cpython-{version[0]}{version[1]}-{machine}-linux-gnu.so",
+        "cmake.define.CMAKE_SYSTEM_NAME": "Linux",
+        "cmake.define.CMAKE_SYSTEM_PROCESSOR": machine,
+    }
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
+    if python == Path(sys.executable):
+        pip += ["wheel", "--no-build-isolation"]
+    else:
+        pip += ["--python", str(python), "wheel"]
+    options = [f"--config-settings={name}={value}" for name, value in settings.items()]
+    run(
+        [*pip, "--no-deps", *options, "--wheel-dir", str(dist), str(ROOT)],
+        variables={
+            "CC": f"{zig} cc {target}",
+            "CXX": f"{zig} c++ {target}",
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        },
+    )
+    (wheel,) = dist.glob(f"anhyst-*-{wanted}.whl")
+    return wheel
+
+
+def check(wheel: Path) -> None:
+    """Hold a wheel to what its name promises: the glibc, and the stable ABI.
+
+    Raises
+    ------
+    RuntimeError
+        It needs more.
+    """
+    platform = wheel.stem.split("-")[4]
+    said = run([sys.executable, "-m", "auditwheel", "show", str(wheel)])
+    if f'platform tag: "{platform}"' not in " ".join(said.split()):
+        raise RuntimeError(f"{wheel.name}: {said}")
+    if "-abi3-" in wheel.name:
+        run([sys.executable, "-m", "abi3audit", "--strict", str(wheel)])
+
+
+def empty_environment(python: Path, wheel: Path, folder: Path) -> Path:
+    """Install a wheel, and what it depends on, where nothing else is; return the Python there."""
+    run([str(python), "-m", "venv", str(folder)])
+    inside = folder / "bin" / "python"
+    run([str(inside), "-m", "pip", "--quiet", "install", str(wheel)])
+    return inside
+
+
+def run_page(page: str, python: Path, place: Path) -> int:
+    """Run a page's blocks of shell and Python in their order, in a folder.
+
+    Parameters
+    ----------
+    page : str
+        Markdown.
+    python : Path
+        Of the environment whose ``anhyst`` they run.
+    place : Path
+        Where they read and write.
+
+    Returns
+    -------
+    int
+        Blocks run.
+
+    Raises
+    ------
+    RuntimeError
+        One of them fails.
+    """
+    blocks = [(language, code) for shown, language, code in _BLOCK.findall(page) if not shown]
+    for language, code in blocks:
+        if language == "sh":
+            command = ["bash", "-e", "-o", "pipefail", "-c", code]
+        else:
+            command = [str(python), "-c", code]
+        run(command, place, {"PATH": f"{python.parent}{os.pathsep}{os.defpath}"})
+    return len(blocks)
+
+
+def run(
+    command: Sequence[str], cwd: Path | None = None, variables: Mapping[str, str] | None = None
+) -> str:
+    """Run a command without this environment's own variables of Python; return what it prints.
+
+    Raises
+    ------
+    RuntimeError
+        It fails.
+    """
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(
+        command,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment | {"MPLBACKEND": "agg"} | dict(variables or {}),
+    )
+    if done.returncode:
+        said = (done.stdout + done.stderr).splitlines()
+        raise RuntimeError("\n".join([" ".join(command), *said[-40:]]))
+    return done.stdout
+
+
+def version_of(python: Path) -> tuple[int, int]:
+    """Return the version of a Python."""
+    said = run([str(python), "-c", "import sys; print(*sys.version_info[:2])"])
+    major, minor = map(int, said.split())
+    return major, minor
+
+
+def main() -> int:
+    """Build for each Python named, then try each; return the exit code."""
+    pythons = [Path(name) for name in sys.argv[1:]] or [Path(sys.executable)]
+    begun = time.monotonic()
+
+    def say(what: str) -> None:
+        print(f"wheel: {time.monotonic() - begun:.0f} s: {what}", flush=True)
+
+    wheels: dict[str, Path] = {}
+    try:
+        for python in pythons:
+            for machine in MACHINES:
+                wanted = tag(version_of(python), machine)
+                if wanted not in wheels:
+                    wheels[wanted] = build(python, machine, DIST)
+                    check(wheels[wanted])
+                    say(f"{wheels[wanted].name}: built and checked")
+        for python in pythons:
+            wheel = wheels[tag(version_of(python), os.uname().machine)]
+            with tempfile.TemporaryDirectory(prefix="anhyst-") as name:
+                inside = empty_environment(python, wheel, Path(name) / "environment")
+                say(f"{wheel.name}: installed into an empty environment of {python}")
+                place = Path(name) / "work"
+                place.mkdir()
+                count = run_page(TUTORIAL.read_text(encoding="utf-8"), inside, place)
+                say(f"{count} blocks of {TUTORIAL.name} run there")
+    except RuntimeError as error:
+        print(f"wheel: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
