@@ -30,7 +30,7 @@ from rows import ROOT, Row, Stopwatch
 sys.path.insert(0, str(ROOT))
 from tests.study.fleets import write_fleet
 
-MAGNETS = 12
+MAGNETS = 8
 REPETITIONS = 3
 TASKS = 1000
 SETTINGS = FleetSettings(
@@ -142,11 +142,11 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     rows += [_empty("2 workers", n, there(2, nothing(n))) for n in (200, 5000)]
     from distributed import LocalCluster
 
-    with LocalCluster(  # type: ignore[no-untyped-call]
+    threads = LocalCluster(  # type: ignore[no-untyped-call]
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as threads:
-        with workers_of(threads.scheduler_address):
-            spent = best(lambda: here(nothing(TASKS)))
+    )
+    with threads, workers_of(threads.scheduler_address):
+        spent = best(lambda: here(nothing(TASKS)))
     rows.append(_empty("2 workers as threads beside the scheduler", TASKS, spent))
     worst = Costs(max(one.scheduler for one in costs), max(one.client for one in costs))
     return rows, worst
