@@ -14,8 +14,9 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.study.fleet import fleet as whole
 from anhyst.study.fleet.fleet import Fleet, fleet
-from anhyst.study.fleet.judge import RESULT, FleetSettings
-from anhyst.study.fleet.members import find_members
+from anhyst.study.fleet.judge import RESULT, FleetSettings, judge
+from anhyst.study.fleet.members import Member, find_members
+from anhyst.study.fleet.pilots import decide
 from anhyst.study.fleet.quantities import coordinate_of
 from anhyst.study.fleet.spread import MagnetEstimate, spread_of
 from anhyst.support.arrays import FloatArray
@@ -104,6 +105,23 @@ def test_a_magnet_is_a_file_or_a_folder(tmp_path: Path) -> None:
         find_members(tmp_path / "none")
     with pytest.raises(InputError, match="holds no"):
         find_members(tmp_path / "empty")
+
+
+def test_files_that_cannot_be_read_are_told_of_their_magnet(tmp_path: Path) -> None:
+    gone = [Member(name, tmp_path / f"{name}.csv") for name in "ab"]
+    auto = replace(SETTINGS, law="auto", gap_map="auto")
+    choice = decide(gone, auto, tmp_path, 1)
+    assert choice.settings == auto
+    result = judge(choice.task(gone[0], auto, tmp_path))
+    assert "a.csv: cannot be read: No such file or directory" in result["error"]
+
+
+def test_results_do_not_become_magnets(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("I_A,F_N\n0,0\n")
+    for out in (tmp_path, tmp_path / "found"):
+        with pytest.raises(InputError, match="lies where magnets are looked for"):
+            fleet(tmp_path, out, SETTINGS)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 
 @pytest.fixture(scope="module")

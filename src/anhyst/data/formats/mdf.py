@@ -149,7 +149,7 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 if times is not None:
                     master.name, master.unit = times.name, times.unit
         with binary_writer(path) as stream:
-            file.save(stream)
+            file.save(stream)  # type: ignore[arg-type]
     return tuple(notes)
 
 

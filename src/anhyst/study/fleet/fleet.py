@@ -18,7 +18,7 @@ from anhyst.study.fleet.quantities import coordinate_of
 from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
-from anhyst.support.errors import NegativeResult
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
@@ -244,12 +244,14 @@ def fleet(
     Raises
     ------
     InputError
-        The folder holds no magnet, or a place cannot be written.
+        The folder holds no magnet, or results are to lie in it, or a place cannot be written.
     NegativeResult
         Not one magnet could be judged.
     """
     members = find_members(folder)
     place = Path(out)
+    if Path(folder).resolve() in {place.resolve(), place.resolve().parent}:
+        raise InputError(f"{out}: lies where magnets are looked for; write to another folder")
     place.mkdir(parents=True, exist_ok=True)
     for name in (TABLE, FIGURES):
         check_writable(place / name)

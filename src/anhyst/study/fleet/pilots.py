@@ -103,8 +103,16 @@ def _made_from(asked: Sequence[Member], settings: FleetSettings) -> dict[str, An
     return {
         "version": running_version(),
         "wanted": [settings.law, settings.gap_map, settings.seed, settings.history],
-        "sha256": {one.name: one.digest() for one in asked},
+        "sha256": {one.name: _digest(one) for one in asked},
     }
+
+
+def _digest(member: Member) -> str:
+    """Return the hash of a magnet's files, nothing where they cannot be read."""
+    try:
+        return member.digest()
+    except InputError:
+        return ""
 
 
 def _known(members: Sequence[Member], settings: FleetSettings, path: Path) -> FleetChoice | None:
@@ -116,5 +124,5 @@ def _known(members: Sequence[Member], settings: FleetSettings, path: Path) -> Fl
             return None
         chosen = replace(settings, law=str(kept["law"]), gap_map=str(kept["gap_map"]))
         return FleetChoice(chosen, tuple(kept["pilots"]))
-    except (OSError, ValueError, KeyError, TypeError, InputError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
