@@ -33,7 +33,7 @@ from rows import ROOT, Row, Stopwatch, measurements
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
            "families", "tracking", "solenoids", "levitation", "live", "page", "improve", "closed_loop", "tuned",
-           "measured", "laws", "actuators")  # fmt: skip
+           "measured", "laws", "actuators", "fleet")  # fmt: skip
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -66,3 +68,27 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
         assert main(["convert", *map(str, arguments)]) == 2
         assert said in capsys.readouterr().err
     assert [one.name for one in tmp_path.iterdir()] == ["run.mat"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no limit on the size of files")
+@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".tdms", ".h5", ".parquet", ".mat"])
+def test_a_disk_that_fills_up_leaves_nothing_behind(suffix: str, tmp_path: Path) -> None:
+    if suffix in PACKAGES:
+        pytest.importorskip(PACKAGES[suffix])
+    rows = "".join(f"{n}e-4,{n % 977}.{n % 7919},{n % 613}.{n % 6007}\n" for n in range(20_000))
+    (tmp_path / "run.csv").write_text("t_s,I_A,F_N\n" + rows)
+    limited = (
+        "import resource, signal, sys; from anhyst.cli.app import main; "
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); sys.exit(main(sys.argv[1:]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", limited, "convert", "run.csv", f"full{suffix}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert f"full{suffix}: cannot be written: " in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.model.actuator import Model
-from anhyst.support.units import QUANTITIES
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0, QUANTITIES
 
 GAPS = (3e-4, 5e-4)
 RAMP = 90
@@ -61,6 +63,56 @@ def loops_of(model: Model, seed: int) -> Loops:
             )
             loops.append(Loop(label, drive[part], force[part], schedule, time))
     return Loops(tuple(loops), model.input, model.output, QUANTITIES["gap"])
+
+
+NOISE = 0.01
+"""Of few loops: of the largest force."""
+EACH = 5
+"""Every so many samples are kept of them."""
+_GAUGE = 1e-3
+"""Slope of the air core that identification chooses where loops leave it open."""
+
+
+def few_loops_of(model: Model, seed: int) -> Loops:
+    """Measure a magnet with poor sensors: one large loop at each gap, few samples, much noise."""
+    rng = np.random.default_rng(seed)
+    ramp = 3.0 * (1.0 - np.abs(np.linspace(-1.0, 1.0, 2 * RAMP, endpoint=False)))
+    drive, part = np.tile(ramp, 6), slice(10 * RAMP, 12 * RAMP, EACH)
+    loops = []
+    for gap in GAPS:
+        force = model(drive, gap, history="demagnetised")
+        force += NOISE * force.max() * rng.standard_normal(force.size)
+        at = np.full(2 * RAMP // EACH, gap)
+        loops.append(Loop("large", drive[part], force[part], at, 0.05 * np.arange(float(at.size))))
+    return Loops(tuple(loops), model.input, model.output, QUANTITIES["gap"])
+
+
+def quantities_of(model: Model) -> FloatArray:
+    """Return what a fit of `magnet` finds without noise: k/a, c, w*M_s/a, a/c_H, saturation."""
+    told = model.parameters
+    rho, a = np.array(told["rho"]), np.array(told["a"])
+    gain = told["c_out"] * (MU_0 * np.array(told["M_s"])) ** 2
+    return np.array(
+        [
+            told["k"] / a,
+            told["c"],
+            *(rho / (1.0 + rho) / _GAUGE),
+            (1.0 + rho[0]) * a / told["c_H"],
+            gain,
+        ]
+    )
+
+
+def of_quantities(values: FloatArray) -> Model:
+    """Return the magnet of such quantities."""
+    kappa, c, near, far, scale, gain = values.tolist()
+    rho = tuple(_GAUGE * one / (1.0 - _GAUGE * one) for one in (near, far))
+    around = {"c_H": (1.0 + rho[0]) * 1000.0 / scale, "c_out": gain / (MU_0 * 1e6) ** 2}
+    made = magnet(1.0, 1.0)
+    return replace(
+        made,
+        parameters={**made.parameters, "k": 1000.0 * kappa, "c": c, **around, "rho": rho},
+    )
 
 
 def write_fleet(folder: Path, count: int, seed: int = 7) -> list[tuple[float, float]]:

@@ -3,19 +3,34 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from anhyst.identification import identify
+from anhyst.model.actuator import Model
 from anhyst.study.fleet import fleet as whole
 from anhyst.study.fleet.fleet import Fleet, fleet
-from anhyst.study.fleet.judge import RESULT, FleetSettings
-from anhyst.study.fleet.members import find_members
+from anhyst.study.fleet.judge import RESULT, FleetSettings, judge
+from anhyst.study.fleet.members import Member, find_members
+from anhyst.study.fleet.pilots import decide
+from anhyst.study.fleet.quantities import coordinate_of
 from anhyst.study.fleet.spread import MagnetEstimate, spread_of
+from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 from tests.cli.command import anhyst
-from tests.study.fleets import SCATTER, loops_of, magnet, write_fleet
+from tests.study.fleets import (
+    SCATTER,
+    few_loops_of,
+    loops_of,
+    magnet,
+    of_quantities,
+    quantities_of,
+    write_fleet,
+)
 
 SETTINGS = FleetSettings(
     rate=1e4, law="effective-field", gap_map="reluctance", tolerance=0.5, history="settled"
@@ -51,7 +66,7 @@ def test_what_loops_leave_open_is_taken_from_the_others() -> None:
 def test_outliers_are_named_and_have_no_say() -> None:
     magnets = drawn(30, 0.1, 4)
     clean = spread_of(magnets)
-    odd = MagnetEstimate(np.array([2.9, -30.0]), magnets[0].covariance)
+    odd = replace(magnets[0], values=np.array([2.9, -30.0]))
     found = spread_of([*magnets, odd, odd])
     assert list(np.flatnonzero(found.outlier)) == [30, 31]
     assert found.scatter == pytest.approx(clean.scatter, rel=0.1)
@@ -62,6 +77,16 @@ def test_a_quantity_that_no_loop_determines_moves_nobody() -> None:
     wide = [MagnetEstimate.of([*one.values, 7.0], [0.01, 0.3, np.inf], []) for one in magnets]
     found = spread_of(wide)
     assert np.isfinite(found.mean).all()
+    assert not found.outlier.any()
+
+
+def test_a_quantity_at_the_end_of_its_range_is_as_uncertain_as_its_loops_leave_it() -> None:
+    # Reversible parts of 0 +- 0.3 beside others of 0.2 +- 0.01: those must not count as exact.
+    rng = np.random.default_rng(8)
+    sure = [MagnetEstimate.of([0.2 + 0.01 * one], [0.01], []) for one in rng.standard_normal(12)]
+    found = spread_of([*sure, *[MagnetEstimate.of([0.0], [0.3], [])] * 5])
+    assert found.mean == pytest.approx([0.2], rel=0.05)
+    assert found.scatter < 0.02
     assert not found.outlier.any()
 
 
@@ -80,6 +105,23 @@ def test_a_magnet_is_a_file_or_a_folder(tmp_path: Path) -> None:
         find_members(tmp_path / "none")
     with pytest.raises(InputError, match="holds no"):
         find_members(tmp_path / "empty")
+
+
+def test_files_that_cannot_be_read_are_told_of_their_magnet(tmp_path: Path) -> None:
+    gone = [Member(name, tmp_path / f"{name}.csv") for name in "ab"]
+    auto = replace(SETTINGS, law="auto", gap_map="auto")
+    choice = decide(gone, auto, tmp_path, 1)
+    assert choice.settings == auto
+    result = judge(choice.task(gone[0], auto, tmp_path))
+    assert "a.csv: cannot be read: No such file or directory" in result["error"]
+
+
+def test_results_do_not_become_magnets(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("I_A,F_N\n0,0\n")
+    for out in (tmp_path, tmp_path / "found"):
+        with pytest.raises(InputError, match="lies where magnets are looked for"):
+            fleet(tmp_path, out, SETTINGS)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
 
 
 @pytest.fixture(scope="module")
@@ -137,6 +179,71 @@ def test_a_stopped_run_goes_on_and_gives_the_same(
         NegativeResult, match="none of 6 magnets could be judged; the first: broken"
     ):
         fleet(magnets, found.out, SETTINGS)
+
+
+@pytest.mark.slow
+def test_magnets_in_the_light_of_their_fleet_are_nearer_to_the_truth() -> None:
+    # Few loops, 1 % of noise: gap and pinning trade against each other from magnet to magnet.
+    rng = np.random.default_rng(11)
+    made = [magnet(*(1.0 + SCATTER * rng.standard_normal(2))) for _ in range(12)]
+    fits = [
+        identify(
+            few_loops_of(one, place),
+            law="effective-field",
+            gap_map="reluctance",
+            offsets=False,
+            dead_band=False,  # the truth has none
+        ).model.uncertainty
+        for place, one in enumerate(made)
+    ]
+    told = [one for one in fits if one is not None]
+    ways = [coordinate_of("effective-field", name) for name in told[0].names]
+    assert ways == ["log", "plain", "asinh", "asinh", "log", "log"]
+    found = spread_of([MagnetEstimate.of(u.values, u.std, u.correlation) for u in told], ways)
+    true = np.array([quantities_of(one) for one in made])
+    own = np.array([one.values for one in told])
+
+    def off(values: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(np.mean((values / true - 1.0) ** 2, axis=0)))
+
+    assert (off(found.values) < 0.9 * off(own)).all()
+    drive = np.concatenate([np.linspace(0.0, 2.5, 60), np.linspace(2.5, 0.5, 60)])
+
+    def forces(magnets: list[Model]) -> FloatArray:
+        """Return them at a gap that no loop was measured at."""
+        return np.array([one(drive, 8e-4, history="demagnetised") for one in magnets])
+
+    def force_off(values: FloatArray) -> float:
+        return float(np.std(forces([of_quantities(one) for one in values]) - forces(made)))
+
+    assert force_off(found.values) < 0.95 * force_off(own)
+
+
+@pytest.mark.slow
+def test_the_magnets_that_choose_are_identified_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "magnets").mkdir()
+    write_fleet(tmp_path / "magnets", 4)
+    count: list[str] = []
+
+    def counted(*given: Any, **named: Any) -> Any:
+        count.append(named["law"])
+        return identify(*given, **named)
+
+    monkeypatch.setattr("anhyst.study.fleet.judge.identify", counted)
+    settings = replace(SETTINGS, law="auto", gap_map="auto")
+    out = tmp_path / "out"
+    found = fleet(tmp_path / "magnets", out, settings, jobs=1)
+    assert (found.settings.law, found.settings.gap_map) == ("effective-field", "reluctance")
+    assert count == ["auto", "auto", "auto", "effective-field"]
+    before = (out / "m01" / "model.toml").read_bytes()
+    (out / "m01" / RESULT).unlink()  # stopped before it was judged: it is asked again what it was
+    count.clear()
+    again = fleet(tmp_path / "magnets", out, replace(settings, tolerance=0.01), jobs=1)
+    assert count == ["auto"]
+    assert (out / "m01" / "model.toml").read_bytes() == before
+    assert not any(again.good)  # a tolerance is held against what is known
 
 
 @pytest.mark.slow

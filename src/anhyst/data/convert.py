@@ -21,7 +21,7 @@ from anhyst.data.formats.channels import (
     sections,
 )
 from anhyst.data.table import read_columns
-from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 from anhyst.support.units import split_header
@@ -81,6 +81,8 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
         notes += [*left, *WRITERS[suffix](out, parts)]
     except (InputError, MemoryError):
         raise
+    except OSError as error:  # where a library keeps what it has not written yet
+        raise write_error(out, error) from None
     except Exception as error:  # of the format's library: names or types that it does not take
         raise InputError(
             f"{out}: {suffix} cannot hold this recording ({error}); choose another format"

@@ -73,8 +73,19 @@ def write_bytes(path: PathLike, content: bytes) -> None:
     InputError
         The place cannot be written, or the disk is full.
     """
-    with _draft(path) as place, place.open("wb") as stream:
+    with binary_writer(path) as stream:
         stream.write(content)
+
+
+@contextmanager
+def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
+    """Open a binary file that appears under its name only when it is complete.
+
+    As :func:`atomic_writer`; what is written can be read again and changed, as libraries do that
+    write headers last.
+    """
+    with _draft(path) as place, place.open("w+b") as stream:
+        yield stream
         _to_disk(stream)
 
 

@@ -118,10 +118,12 @@ def _on_cluster(
     client = _cluster.get()
     futures = client.map(work, inputs, pure=False)
     places = {future: place for place, future in enumerate(futures)}
-    for done, ready in enumerate(_library().as_completed(futures, loop=client.loop), start=1):
+    # Results that are ready come together: asking for each alone costs a message there and back.
+    waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
+    for done, (ready, result) in enumerate(waiting, start=1):
         if progress is not None:
             progress(done, len(inputs))
-        yield places[ready], ready.result()
+        yield places[ready], result
 
 
 def _library() -> Any:

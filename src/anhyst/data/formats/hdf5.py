@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from anhyst.data.formats.channels import (
     one_line_if_damaged,
 )
 from anhyst.data.formats.trial import try_first
-from anhyst.support.atomic import write_bytes
+from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _UNITS = ("unit", "units", "Unit", "Units")
@@ -226,8 +225,8 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     need_package(path, "h5py")
     import h5py
 
-    content, notes = io.BytesIO(), []
-    with h5py.File(content, "w", track_order=True) as file:
+    notes = []
+    with binary_writer(path) as stream, h5py.File(stream, "w", track_order=True) as file:
         for section in sections:
             name = section.group.strip("/")
             group = (file.get(name) or file.create_group(name, track_order=True)) if name else file
@@ -244,7 +243,6 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 dataset = _put(group, one)
                 if scale is not None:
                     dataset.dims[0].attach_scale(scale)
-    write_bytes(path, content.getvalue())
     return tuple(notes)
 
 

@@ -21,7 +21,7 @@ from anhyst.data.formats.channels import (
 from anhyst.data.formats.mat_guard import MatGuard
 from anhyst.data.formats.mat_layouts import ArrayInMemory, MatTree, channels_of, read_arrays
 from anhyst.data.formats.trial import try_first
-from anhyst.support.atomic import write_bytes
+from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 
@@ -122,9 +122,8 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     }
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)[:60]
     name = name if re.match(r"[A-Za-z]", name) else f"r_{name}"
-    content = io.BytesIO()
-    savemat(content, {name: recording}, do_compression=True, long_field_names=True)
-    write_bytes(path, content.getvalue())
+    with binary_writer(path) as stream:
+        savemat(stream, {name: recording}, do_compression=True, long_field_names=True)
     return ()
 
 

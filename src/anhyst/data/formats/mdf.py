@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from anhyst.data.formats.channels import (
     one_line_if_damaged,
 )
 from anhyst.data.formats.trial import try_first
-from anhyst.support.atomic import write_bytes
+from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _MASTERS = (2, 3)
@@ -149,9 +148,8 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 master = file.groups[group].channels[0]
                 if times is not None:
                     master.name, master.unit = times.name, times.unit
-        content = io.BytesIO()
-        file.save(content)
-    write_bytes(path, content.getvalue())
+        with binary_writer(path) as stream:
+            file.save(stream)  # type: ignore[arg-type]
     return tuple(notes)
 
 

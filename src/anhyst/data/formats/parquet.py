@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from anhyst.data.formats.channels import (
     one_line_if_damaged,
 )
 from anhyst.data.formats.trial import try_first
-from anhyst.support.atomic import write_bytes
+from anhyst.support.atomic import binary_writer
 
 _UNITS = (b"unit", b"units", b"Unit", b"Units")
 _GROUP = b"group"
@@ -112,7 +111,6 @@ def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ..
             kept = {key: text.encode() for key, text in about.items() if text}
             fields.append(pyarrow.field(one.name, column.type, metadata=kept or None))
             columns.append(column)
-    content = io.BytesIO()
-    parquet.write_table(pyarrow.table(columns, schema=pyarrow.schema(fields)), content)
-    write_bytes(path, content.getvalue())
+    with binary_writer(path) as stream:
+        parquet.write_table(pyarrow.table(columns, schema=pyarrow.schema(fields)), stream)
     return ()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from anhyst.data.formats.channels import (
     one_line_if_damaged,
 )
 from anhyst.data.formats.trial import try_first
-from anhyst.support.atomic import write_bytes
+from anhyst.support.atomic import binary_writer
 from anhyst.support.errors import InputError
 
 _WAVEFORM = "wf_increment"
@@ -120,9 +119,9 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     need_package(path, "nptdms")
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
-    content, notes = io.BytesIO(), []
+    notes = []
     used: set[str] = set()
-    with TdmsWriter(content) as writer:
+    with binary_writer(path) as stream, TdmsWriter(stream) as writer:
         for section in sections:
             name = section.group or _NO_GROUP
             if section.clock is not None:
@@ -140,5 +139,4 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 values = one.values.tolist() if one.values.dtype.kind == "U" else one.values
                 objects.append(ChannelObject(name, one.name, values, unit))
             writer.write_segment(objects)
-    write_bytes(path, content.getvalue())
     return tuple(notes)

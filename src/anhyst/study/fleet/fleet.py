@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anhyst.data.files import write_csv
-from anhyst.data.reading import read_loops
-from anhyst.identification import identify
-from anhyst.study.fleet.judge import MODEL, FleetSettings, FleetTask, SharedTask, judge, share
+from anhyst.study.fleet.judge import MODEL, FleetSettings, SharedTask, judge, share
 from anhyst.study.fleet.members import Member, find_members
+from anhyst.study.fleet.pilots import decide
+from anhyst.study.fleet.quantities import coordinate_of
 from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -28,8 +27,6 @@ from anhyst.support.result import Result, columns_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PILOTS = 3
-"""Magnets that decide together which law and gap map all of them get."""
 FEWEST = 3
 """Magnets of which a scatter can be stated."""
 TABLE, FIGURES = "fleet.csv", "fleet.json"
@@ -143,9 +140,20 @@ class Fleet(Result):
                         name: one["values"][one["quantities"].index(name)]
                         for name in self.quantities
                     },
+                    **self._drawn_columns(place),
                 }
             )
         return columns_of(rows)
+
+    def _drawn_columns(self, place: int) -> dict[str, float]:
+        if (spread := self.spread) is None:
+            return {}
+        pairs = zip(self.quantities, spread.values[place], spread.std[place], strict=True)
+        return {
+            f"{name}, {what}": float(one)
+            for name, value, std in pairs
+            for what, one in (("in the fleet", value), ("in the fleet, std", std))
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """Return what ``fleet.json`` holds."""
@@ -173,14 +181,23 @@ class Fleet(Result):
             "results": [
                 {
                     "name": one["name"],
-                    "good": good,
-                    "own_rms_percent": 100.0 * float(own),
-                    "shared_rms_percent": 100.0 * shared,
+                    "good": self.good[place],
+                    "own_rms_percent": 100.0 * float(self.own[place]),
+                    "shared_rms_percent": 100.0 * self.shared[place],
+                    "in_the_light_of_the_fleet": self._drawn(place),
                 }
-                for one, good, own, shared in zip(
-                    self.judged, self.good, self.own, self.shared, strict=True
-                )
+                for place, one in enumerate(self.judged)
             ],
+        }
+
+    def _drawn(self, place: int) -> dict[str, Any] | None:
+        """Return what the fleet and a magnet's own loops together say of its quantities."""
+        if (spread := self.spread) is None:
+            return None
+        return {
+            "values": spread.values[place].tolist(),
+            "std": spread.std[place].tolist(),
+            "correlation": spread.correlation[place].round(6).tolist(),
         }
 
     def draw(self, ax: Axes) -> None:
@@ -227,23 +244,25 @@ def fleet(
     Raises
     ------
     InputError
-        The folder holds no magnet, or a place cannot be written.
+        The folder holds no magnet, or results are to lie in it, or a place cannot be written.
     NegativeResult
         Not one magnet could be judged.
     """
     members = find_members(folder)
     place = Path(out)
+    if Path(folder).resolve() in {place.resolve(), place.resolve().parent}:
+        raise InputError(f"{out}: lies where magnets are looked for; write to another folder")
     place.mkdir(parents=True, exist_ok=True)
     for name in (TABLE, FIGURES):
         check_writable(place / name)
-    settings = _decided(members, settings)
-    tasks = [FleetTask(member, settings, place) for member in members]
+    choice = decide(members, settings, place, jobs)
+    tasks = [choice.task(member, settings, place) for member in members]
     results = all_of(judge, tasks, progress, jobs)
     if all("error" in one for one in results):
         raise NegativeResult(
             f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}"
         )
-    found = _compared(members, results, settings, place, jobs)
+    found = _compared(members, results, choice.settings, place, jobs)
     write_csv(place / TABLE, {name: _plain(c) for name, c in found.to_columns().items()})
     with atomic_writer(place / FIGURES) as stream:
         stream.write(json_text(found.as_dict()))
@@ -258,28 +277,6 @@ def _plain(column: Sequence[Any]) -> Any:
         values = tuple(dict.fromkeys(column))
         return Texts(values, np.array([values.index(one) for one in column], np.int32))
     return np.array(column, dtype=np.float64)
-
-
-def _decided(members: Sequence[Member], settings: FleetSettings) -> FleetSettings:
-    """Return settings that name a law and a gap map: what most of the first magnets choose."""
-    if "auto" not in {settings.law, settings.gap_map}:
-        return settings
-    chosen: Counter[tuple[str, str]] = Counter()
-    for member in members:
-        try:
-            loops = read_loops(member.source, history=settings.history)
-            found = identify(
-                loops, law=settings.law, gap_map=settings.gap_map, seed=settings.seed
-            ).model
-        except (InputError, NegativeResult):
-            continue
-        chosen[found.law, found.gap_map] += 1
-        if chosen.total() == PILOTS:
-            break
-    if not chosen:
-        return settings  # each says by itself what is wrong with it
-    law, gap_map = chosen.most_common(1)[0][0]
-    return replace(settings, law=law, gap_map="auto" if gap_map == "none" else gap_map)
 
 
 def _compared(
@@ -302,7 +299,8 @@ def _compared(
                     [one["quantities"].index(name) for name in names]
                 )
                 for one in judged
-            ]
+            ],
+            [coordinate_of(settings.law, name) for name in names],
         )
     place = 0 if spread is None else int(np.argmin(spread.distance))
     typical = judged[place]["name"]

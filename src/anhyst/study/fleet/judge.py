@@ -16,6 +16,7 @@ from anhyst.compensate.twin import Io
 from anhyst.compilation.output import compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
+from anhyst.identification.result import IdentifyResult
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.study.fleet.members import Member
@@ -65,11 +66,26 @@ class FleetSettings:
 
 @dataclass(frozen=True)
 class FleetTask:
-    """A magnet and what to do with it; results go to a folder of its name in `out`."""
+    """A magnet and what to do with it.
+
+    Parameters
+    ----------
+    member : Member
+    settings : FleetSettings
+    out : Path
+        Results go to a folder of the magnet's name in it.
+    search : tuple of str
+        Law and gap map to ask identification for: those of the settings, or ``auto`` for one whose
+        own choice they are.
+    found : IdentifyResult or None
+        What that gives, where it is known already.
+    """
 
     member: Member
     settings: FleetSettings
     out: Path
+    search: tuple[str, str]
+    found: IdentifyResult | None = None
 
     @property
     def folder(self) -> Path:
@@ -90,6 +106,7 @@ def judge(task: FleetTask) -> dict[str, Any]:
         quantities with their covariance.
     """
     settings = asdict(task.settings)
+    settings.pop("tolerance")  # has no say in the figures
     made_from: dict[str, Any] = {"version": running_version(), "settings": settings}
     try:
         made_from["sha256"] = task.member.digest()
@@ -117,10 +134,23 @@ def _known(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
     return content if same else None
 
 
+def identified(task: FleetTask) -> IdentifyResult:
+    """Identify the model of one magnet.
+
+    Raises
+    ------
+    InputError
+        Its files cannot be read, or hold what cannot be identified.
+    """
+    loops = read_loops(task.member.source, history=task.settings.history)
+    law, gap_map = task.search
+    return identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed)
+
+
 def _judged(task: FleetTask) -> dict[str, Any]:
     wanted = task.settings
-    loops = read_loops(task.member.source, history=wanted.history)
-    found = identify(loops, law=wanted.law, gap_map=wanted.gap_map, seed=wanted.seed)
+    found = task.found or identified(task)
+    loops = found.loops
     model, folder = found.model, task.folder
     folder.mkdir(parents=True, exist_ok=True)
     model_file = model.save(folder / MODEL)

@@ -28,11 +28,22 @@ class Member:
     source: Path
 
     def digest(self) -> str:
-        """Return the SHA-256 of all that is read of it."""
+        """Return the SHA-256 of all that is read of it.
+
+        Raises
+        ------
+        InputError
+            A file cannot be read.
+        """
         whole = hashlib.sha256()
         for path in files_read(self.source):
             whole.update(path.name.encode())
-            whole.update(path.read_bytes())
+            try:
+                whole.update(path.read_bytes())
+            except OSError as error:
+                raise InputError(
+                    f"{path}: cannot be read: {error.strerror}; check the path"
+                ) from None
         return whole.hexdigest()
 
 

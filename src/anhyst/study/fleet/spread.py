@@ -1,7 +1,7 @@
 """How the parameters of a fleet scatter: a hierarchical normal model of all magnets.
 
 Each magnet has true values ``x_i`` out of a normal distribution with mean ``m`` and scatter ``t``
-(independent from quantity to quantity); identification gives ``x_i`` with a covariance ``S_i`` that
+(independent from quantity to quantity); identification gives ``y_i`` with a covariance ``S_i`` that
 the loops leave. Mean and scatter are found by expectation maximisation of their likelihood; what
 one magnet's loops do not determine is then filled from the others::
 
@@ -9,7 +9,10 @@ one magnet's loops do not determine is then filled from the others::
     x_i = V_i (S_i^-1 y_i + T^-1 m)
     m   = mean(x_i),  t^2 = mean((x_i - m)^2 + diag V_i)
 
-(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.)
+(Gelman et al., Bayesian Data Analysis, 3rd ed., section 5.4, with covariances.) All of it holds for
+the coordinates that identification moves, most of them logarithms: there the errors that loops
+leave are normal, even wide ones. In the quantities themselves ``x_i`` of noisy loops made forces
+worse than ``y_i``, in the coordinates they make them better (docs/fleet.md).
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,18 +29,31 @@ from scipy.stats import chi2
 from anhyst.support.arrays import FloatArray
 
 ROUNDS = 200
+Coordinate = Literal["log", "asinh", "plain"]
+
 RARE = 0.01
 """Chance that a fleet without outliers has a magnet that is called one."""
 LEAST = 1e-4
 """Scatter below this part of the mean is not told from none."""
+NARROWEST, WIDEST = 1e-9, 1e3
+"""Standard deviations that loops may leave, in parts of the mean: what is beyond counts as these."""
 
 
 @dataclass(frozen=True)
 class MagnetEstimate:
-    """What identification says of one magnet: values, shape (q,), and covariance, (q, q)."""
+    """What identification says of one magnet.
+
+    Parameters
+    ----------
+    values, std : ndarray, shape (q,)
+        In units of the quantities; infinite where the loops leave a quantity open.
+    correlation : ndarray, shape (q, q)
+        Of the coordinates.
+    """
 
     values: FloatArray
-    covariance: FloatArray
+    std: FloatArray
+    correlation: FloatArray
 
     @classmethod
     def of(
@@ -44,18 +61,19 @@ class MagnetEstimate:
     ) -> MagnetEstimate:
         """Take an uncertainty as a model states it; a quantity without one is left open."""
         wide = np.array([math.inf if one is None else one for one in std], dtype=np.float64)
-        size = np.maximum(np.abs(np.array(values, dtype=np.float64)), 1e-30)
-        sigma = np.clip(np.where(np.isfinite(wide), wide, 1e3 * size), 1e-9 * size, 1e3 * size)
+        wide = np.where(np.isnan(wide), math.inf, wide)
         matrix = np.array(correlation, dtype=np.float64)
-        matrix = matrix if matrix.size else np.eye(len(sigma))
+        matrix = matrix if matrix.size else np.eye(len(wide))
         matrix = np.where(np.isfinite(matrix), matrix, 0.0)
         np.fill_diagonal(matrix, 1.0 + 1e-9)
-        return cls(np.array(values, dtype=np.float64), matrix * np.outer(sigma, sigma))
+        return cls(np.array(values, dtype=np.float64), wide, matrix)
 
     def only(self, places: Sequence[int]) -> MagnetEstimate:
         """Return some of the quantities, in the given order, whatever the others are."""
         kept = list(places)
-        return MagnetEstimate(self.values[kept], self.covariance[np.ix_(kept, kept)])
+        return MagnetEstimate(
+            self.values[kept], self.std[kept], self.correlation[np.ix_(kept, kept)]
+        )
 
 
 @dataclass(frozen=True)
@@ -66,8 +84,11 @@ class FleetSpread:
     ----------
     mean, scatter : ndarray, shape (q,)
         In units of the quantities.
-    values : ndarray, shape (n, q)
-        Of each magnet: its own, as far as its loops determine them, drawn towards the mean.
+    values, std : ndarray, shape (n, q)
+        Of each magnet in the light of the fleet: its own, as far as its loops determine them, drawn
+        towards the mean; and what is then left open. Outliers keep their own.
+    correlation : ndarray, shape (n, q, q)
+        Of what is left open.
     distance : ndarray, shape (n,)
         Of its own values from the mean, in standard deviations of both kinds: the root of the
         Mahalanobis distance over the number of quantities.
@@ -78,22 +99,71 @@ class FleetSpread:
     mean: FloatArray
     scatter: FloatArray
     values: FloatArray
+    std: FloatArray
+    correlation: FloatArray
     distance: FloatArray
     outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
-def spread_of(estimates: Sequence[MagnetEstimate]) -> FleetSpread:
+@dataclass(frozen=True)
+class _Coordinates:
+    """Where the quantities of a fleet are normal: logarithms, or shares of a scale."""
+
+    log: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    asinh: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    scale: FloatArray
+
+    @classmethod
+    def of(cls, values: FloatArray, ways: Sequence[Coordinate]) -> _Coordinates:
+        sizes = np.abs(values)
+        scale = np.median(sizes, axis=0)
+        # Most may stand at the end of what is searched, which is zero.
+        scale = np.where(scale > 0.0, scale, sizes.max(axis=0))
+        named = np.array(ways)
+        log = (named == "log") & (values > 0.0).all(axis=0)
+        asinh = named == "asinh"
+        return cls(log, asinh, np.where((scale > 0.0) & ~log & ~asinh, scale, 1.0))
+
+    def inward(self, values: FloatArray) -> FloatArray:
+        positive = np.where(self.log, values, 1.0)
+        return np.where(
+            self.log,
+            np.log(positive),
+            np.where(self.asinh, np.arcsinh(values), values / self.scale),
+        )
+
+    def outward(self, places: FloatArray) -> FloatArray:
+        curved = np.where(self.log | self.asinh, places, 0.0)
+        return np.where(
+            self.log,
+            np.exp(curved),
+            np.where(self.asinh, np.sinh(curved), places * self.scale),
+        )
+
+    def slope(self, values: FloatArray) -> FloatArray:
+        """Return the derivative of the quantities by their coordinates, at some values."""
+        return np.where(self.log, values, np.where(self.asinh, np.hypot(1.0, values), self.scale))
+
+
+def spread_of(
+    estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
+) -> FleetSpread:
     """Find mean and scatter of a fleet; outliers have no say in either.
 
     Parameters
     ----------
     estimates : sequence of MagnetEstimate
         At least three, of the same quantities.
+    coordinates : sequence of str
+        In which each quantity is normal; as it is if left out.
     """
-    scale = np.median([np.abs(one.values) for one in estimates], axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    values = np.array([one.values / scale for one in estimates])
-    covariances = np.array([one.covariance / np.outer(scale, scale) for one in estimates])
+    own = np.array([one.values for one in estimates])
+    change = _Coordinates.of(own, coordinates or ["plain"] * own.shape[1])
+    values = change.inward(own)
+    sigma = np.clip([one.std for one in estimates] / change.slope(own), NARROWEST, WIDEST)
+    covariances = np.array(
+        [one.correlation * np.outer(s, s) for one, s in zip(estimates, sigma, strict=True)]
+    )
     limit = chi2.isf(RARE / len(values), values.shape[1])
     belongs = _near_the_middle(values)
     for _ in range(10):
@@ -103,11 +173,25 @@ def spread_of(estimates: Sequence[MagnetEstimate]) -> FleetSpread:
         if 2 * again.sum() <= len(values) or np.array_equal(again, belongs):
             break
         belongs = again
-    drawn = np.array(
-        [_drawn(y, s, mean, scatter)[0] for y, s in zip(values, covariances, strict=True)]
+    odd = squares > limit
+    drawn = [
+        (y, s) if keeps else _drawn(y, s, mean, scatter)
+        for y, s, keeps in zip(values, covariances, odd, strict=True)
+    ]
+    found = change.outward(np.array([one for one, _ in drawn]))
+    left = np.array([np.sqrt(np.diag(one)) for _, one in drawn])
+    middle = change.outward(mean)
+    return FleetSpread(
+        mean=middle,
+        scatter=scatter * change.slope(middle),
+        values=found,
+        std=left * change.slope(found),
+        correlation=np.array(
+            [one / np.outer(s, s) for (_, one), s in zip(drawn, left, strict=True)]
+        ),
+        distance=np.sqrt(squares / values.shape[1]),
+        outlier=odd,
     )
-    distance = np.sqrt(squares / values.shape[1])
-    return FleetSpread(mean * scale, scatter * scale, drawn * scale, distance, squares > limit)
 
 
 def _near_the_middle(values: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -1,0 +1,147 @@
+"""A scheduler of dask with its workers, as processes; and what a larger one would do, by simulation."""
+
+from __future__ import annotations
+
+import heapq
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
+AHEAD = 2
+"""Tasks that dask gives a worker of one thread at a time: one runs, one waits."""
+PATIENCE_S = 120.0
+
+MANY = """
+import asyncio, sys
+from distributed import Worker
+async def main(address, count):
+    made = [Worker(address, nthreads=1, dashboard=False) for _ in range(count)]
+    workers = await asyncio.gather(*made)
+    await asyncio.gather(*(worker.finished() for worker in workers))
+asyncio.run(main(sys.argv[1], int(sys.argv[2])))
+"""
+"""Many workers of one thread in one process: enough where tasks only sleep."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A scheduler that runs: its address, and the processes of it and its workers."""
+
+    address: str
+    scheduler: int
+    workers: tuple[int, ...]
+
+    def processor(self) -> tuple[float, float]:
+        """Return the processor time of the scheduler and of all workers so far, s."""
+        return _spent(self.scheduler), sum(map(_spent, self.workers))
+
+
+def _spent(process: int) -> float:
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return TICK_S * sum(map(int, fields[11:15]))  # children that ended included
+
+
+@contextmanager
+def cluster(workers: int, *, together: bool = False) -> Iterator[Cluster]:
+    """Start a scheduler and workers of one thread each; end them.
+
+    Parameters
+    ----------
+    workers : int
+        How many.
+    together : bool
+        All in one process, rather than each in its own.
+    """
+    from distributed import Client
+
+    with tempfile.TemporaryDirectory(prefix="anhyst-cluster-") as place:
+        file = Path(place) / "scheduler.json"
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": place}
+        python = [sys.executable, "-m"]
+        main = subprocess.Popen(
+            [*python, "distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1",
+             "--no-dashboard", "--scheduler-file", str(file)],
+            **quiet,  # type: ignore[call-overload]
+        )  # fmt: skip
+        started = [main]
+        try:
+            address = _address(file)
+            command = (
+                [sys.executable, "-c", MANY, address, str(workers)]
+                if together
+                else [*python, "distributed.cli.dask_worker", address, "--no-nanny",
+                      "--nthreads", "1", "--no-dashboard"]
+            )  # fmt: skip
+            hands = [
+                subprocess.Popen(command, **quiet)  # type: ignore[call-overload]
+                for _ in range(1 if together else workers)
+            ]
+            started += hands
+            with Client(address, set_as_default=False) as client:  # type: ignore[no-untyped-call]
+                client.wait_for_workers(workers, timeout=PATIENCE_S)
+            yield Cluster(address, main.pid, tuple(one.pid for one in hands))
+        finally:
+            for process in reversed(started):
+                process.kill()
+                process.wait()
+
+
+def _address(file: Path) -> str:
+    end = time.monotonic() + PATIENCE_S
+    while not file.exists():
+        if time.monotonic() > end:
+            raise TimeoutError("the scheduler did not start")
+        time.sleep(0.1)
+    return str(json.loads(file.read_text())["address"])
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What a task costs around its work, s: in the scheduler and where it was handed out."""
+
+    scheduler: float
+    client: float
+
+    @property
+    def slowest(self) -> float:
+        """The longer of both: no more than one task in this time, however many workers."""
+        return max(self.scheduler, self.client)
+
+
+def simulated(durations: Sequence[float], workers: int, costs: Costs) -> float:
+    """Return the time that a cluster needs for tasks, s, by simulation event by event.
+
+    The scheduler does one thing at a time: half of its cost when it hands a task out, half when the
+    result is there. It gives each worker :data:`AHEAD` tasks, and the next when one is done. The
+    client takes one result after the other.
+    """
+    left = iter(durations)
+    busy_until = [0.0] * workers
+    running: list[tuple[float, int]] = []
+    free = collected = 0.0
+
+    def hand_out(worker: int) -> None:
+        nonlocal free
+        if (duration := next(left, None)) is None:
+            return
+        free += 0.5 * costs.scheduler
+        busy_until[worker] = max(free, busy_until[worker]) + duration
+        heapq.heappush(running, (busy_until[worker], worker))
+
+    for _ in range(AHEAD):
+        for worker in range(workers):
+            hand_out(worker)
+    while running:
+        done, worker = heapq.heappop(running)
+        free = max(free, done) + 0.5 * costs.scheduler
+        collected = max(collected, free) + costs.client
+        hand_out(worker)
+    return collected

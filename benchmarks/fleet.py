@@ -1,0 +1,247 @@
+"""Many magnets on many workers: what was measured here, and what a cluster would do.
+
+``python benchmarks/fleet.py`` prints the figures of docs/fleet.md; it takes some minutes.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from anhyst.study.bearing.benefit import benefit
+from anhyst.study.bearing.monte_carlo import monte_carlo
+from anhyst.study.fleet.fleet import fleet
+from anhyst.study.fleet.judge import FleetSettings
+from anhyst.support.jobs import all_of, workers_of
+from bearing import read
+from cluster import Costs, cluster, simulated
+from rows import ROOT, Row, Stopwatch
+
+sys.path.insert(0, str(ROOT))
+from tests.study.fleets import write_fleet
+
+MAGNETS = 8
+REPETITIONS = 3
+TASKS = 1000
+SETTINGS = FleetSettings(
+    rate=1e4, law="effective-field", gap_map="reluctance", tolerance=0.5, history="settled"
+)
+SLEEPS_S = (0.05, 0.2, 1.0)
+SIZES = (1, 10, 100, 1000, 10_000)
+TASKS_A_WORKER = 10
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What some tasks took: on the wall, and of processors; s."""
+
+    wall: float
+    here: float
+    scheduler: float = 0.0
+    workers: float = 0.0
+
+    @property
+    def processor(self) -> float:
+        """All together."""
+        return self.here + self.scheduler + self.workers
+
+
+def best(measure: Callable[[], Spent], times: int = REPETITIONS) -> Spent:
+    """Return the shortest of several: other work on the machine only ever adds."""
+    return min((measure() for _ in range(times)), key=lambda one: one.wall)
+
+
+def here(work: Callable[[], Any]) -> Spent:
+    """Measure work of this process and of processes that it starts."""
+    watch = Stopwatch()
+    work()
+    return Spent(watch.wall, watch.processor)
+
+
+def there(workers: int, work: Callable[[], Any], *, together: bool = False) -> Spent:
+    """Measure work that a cluster does, the best of several."""
+    with cluster(workers, together=together) as made:
+
+        def once() -> Spent:
+            before, watch = made.processor(), Stopwatch()
+            with workers_of(made.address):
+                work()
+            after = made.processor()
+            return Spent(watch.wall, watch.processor, after[0] - before[0], after[1] - before[1])
+
+        return best(once)  # what the first must import, others need not
+
+
+def whole_fleet(folder: Path, place: Path) -> dict[str, Spent]:
+    """Judge the same magnets by one and two processes, and by one and two workers."""
+    count = iter(range(1000))
+
+    def run(jobs: int | None) -> Callable[[], Any]:
+        return lambda: fleet(folder, place / str(next(count)), SETTINGS, jobs=jobs)
+
+    return {
+        "1 process": best(lambda: here(run(1))),
+        "2 processes": best(lambda: here(run(2))),
+        "1 worker": there(1, run(None)),
+        "2 workers": there(2, run(None)),
+    }
+
+
+def fleet_rows(found: dict[str, Spent]) -> list[Row]:
+    """Wall and processor time, and what part of the ideal time the second one saves."""
+    rows = []
+    for name, spent in found.items():
+        alone = found["1 process" if "process" in name else "1 worker"]
+        share = alone.wall / spent.wall / int(name[0])
+        rows.append(
+            Row(
+                f"fleet of {MAGNETS} magnets, {name}",
+                "reported",
+                f"{spent.wall:.1f} s wall, {spent.processor:.1f} s of processor time, efficiency "
+                f"{100 * share:.0f} %",
+                None,
+                spent.processor,
+            )
+        )
+    return rows
+
+
+def nothing(count: int, *, jobs: int | None = None) -> Callable[[], Any]:
+    """Return tasks that do nothing, through the layer that all studies use."""
+    return lambda: all_of(time.sleep, [0.0] * count, jobs=jobs)
+
+
+def empty_tasks() -> tuple[list[Row], Costs]:
+    """Cost of a task beside its work, by number of tasks and of workers."""
+    rows: list[Row] = []
+    spent = best(lambda: here(nothing(TASKS, jobs=2)))
+    rows.append(_empty("2 processes of this machine", TASKS, spent))
+    costs = []
+    for workers, together in (
+        (1, False),
+        (2, False),
+        (4, False),
+        (8, False),
+        (50, True),
+        (200, True),
+    ):
+        name = f"{workers} workers" + (" in one process" if together else "")
+        spent = there(workers, nothing(TASKS), together=together)
+        costs.append(Costs(spent.scheduler / TASKS, spent.here / TASKS))
+        rows.append(_empty(name, TASKS, spent))
+    rows += [_empty("2 workers", n, there(2, nothing(n))) for n in (200, 5000)]
+    from distributed import LocalCluster
+
+    threads = LocalCluster(  # type: ignore[no-untyped-call]
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+    )
+    with threads, workers_of(threads.scheduler_address):
+        spent = best(lambda: here(nothing(TASKS)))
+    rows.append(_empty("2 workers as threads beside the scheduler", TASKS, spent))
+    worst = Costs(max(one.scheduler for one in costs), max(one.client for one in costs))
+    return rows, worst
+
+
+def _empty(name: str, tasks: int, spent: Spent) -> Row:
+    each = 1e6 / tasks
+    return Row(
+        f"{tasks} empty tasks, {name}",
+        "reported",
+        f"{tasks / spent.wall:.0f} tasks/s; processor time of a task: scheduler "
+        f"{each * spent.scheduler:.0f} us, client {each * spent.here:.0f} us, worker "
+        f"{each * spent.workers:.0f} us",
+        None,
+        spent.processor / tasks,
+    )
+
+
+def checked(workers: int) -> list[Row]:
+    """Hold the simulation to tasks that sleep: many workers then fit into few cores."""
+    rows = []
+    with cluster(workers, together=True) as made, workers_of(made.address):
+        all_of(time.sleep, [0.0] * TASKS)
+        # Scheduler, workers and client share the machine here: one cost for all of them.
+        empty = best(lambda: here(nothing(TASKS))).wall / TASKS
+        for sleep in SLEEPS_S:
+            tasks = max(6 * workers, 200)
+            found = best(lambda: here(lambda: all_of(time.sleep, [sleep] * tasks)), 2).wall  # noqa: B023
+            told = simulated([sleep] * tasks, workers, Costs(empty, 0.0))
+            rows.append(
+                Row(
+                    f"{tasks} tasks that sleep {sleep:g} s, {workers} workers in one process",
+                    "simulation within 20 %",
+                    f"{tasks / found:.0f} tasks/s, simulated {tasks / told:.0f} "
+                    f"({100 * (found / told - 1.0):+.0f} % of time)",
+                    abs(found / told - 1.0) <= 0.2,
+                )
+            )
+    return rows
+
+
+def durations(folder: Path, place: Path) -> dict[str, float]:
+    """Processor time of one task of each study, s: what a worker that is alone on a core takes."""
+    rig, controller = read()
+    spent = here(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
+    few = [
+        here(lambda: monte_carlo(rig, controller, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
+        for n in (2, 42)
+    ]
+    one = [
+        here(lambda: benefit(rig, controller, [1.0], part, seeds=2, jobs=1)).processor  # noqa: B023
+        for part in ([0.2], [0.1, 0.2])
+    ]
+    return {
+        "fleet": spent.processor / MAGNETS,
+        "Monte Carlo": (few[1] - few[0]) / 40,
+        "benefit map": one[1] - one[0],
+    }
+
+
+def larger(tasks: dict[str, float], costs: Costs) -> list[Row]:
+    """Simulate clusters of up to thousands of workers."""
+    rng = np.random.default_rng(1)
+    rows = []
+    for name, mean in tasks.items():
+        said = []
+        for workers in SIZES:
+            # A tenth of scatter from task to task; the simulation has no other waits than its own.
+            drawn = mean * (1.0 + 0.1 * rng.standard_normal(TASKS_A_WORKER * workers)).clip(0.5)
+            wall = simulated(drawn.tolist(), workers, costs)
+            share = float(drawn.sum()) / wall / workers
+            said.append(f"{workers}: {drawn.size / wall:.3g}/s, {100 * share:.0f} %")
+        rows.append(
+            Row(
+                f"simulated, {name}, {mean:.3g} s a task, {TASKS_A_WORKER} tasks a worker",
+                "reported",
+                f"{'; '.join(said)}; scheduler full at {mean / costs.slowest:.0f} workers",
+                None,
+            )
+        )
+    return rows
+
+
+def rows() -> list[Row]:
+    """All lines."""
+    with tempfile.TemporaryDirectory(prefix="anhyst-bench-") as folder:
+        place = Path(folder)
+        (place / "magnets").mkdir()
+        write_fleet(place / "magnets", MAGNETS)
+        found = fleet_rows(whole_fleet(place / "magnets", place))
+        empty, costs = empty_tasks()
+        tasks = durations(place / "magnets", place)
+    return [*found, *empty, *checked(50), *checked(200), *larger(tasks, costs)]
+
+
+if __name__ == "__main__":
+    for row in rows():
+        print(f"{row.what}: {row.measured} (to reach: {row.reach})", flush=True)
