@@ -1,4 +1,4 @@
-"""Links of README and docs lead somewhere: pages, places within them, addresses."""
+"""Links of README, docs and examples lead somewhere: pages, places within them, addresses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ import pytest
 
 from tests.docs.blocks import PAGES, ROOT
 
-TEXTS = (*PAGES, ROOT / "ARCHITECTURE.md", ROOT / "CHANGELOG.md")
+TEXTS = (
+    *PAGES,
+    ROOT / "ARCHITECTURE.md",
+    ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "examples").rglob("README.md")),
+)
 _FENCED = re.compile(r"^ *```.*?^ *```$", re.M | re.S)
 _QUOTED = re.compile(r"`[^`\n]*`")
 _LINK = re.compile(r"\]\(<?([^)>\s]+)>?\)")
