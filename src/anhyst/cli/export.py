@@ -54,12 +54,13 @@ def export(
         ),
     ] = ExportChoice.FMU,
     of: Annotated[
-        OfChoice,
+        OfChoice | None,
         typer.Option(
-            help="Of an FMU: 'compensator', demand in, current out; 'actuator', current in, force "
-            "out."
+            help="Of a model: 'compensator', demand in, current out; 'actuator', current in, force "
+            "out. [default: compensator]",
+            show_default=False,
         ),
-    ] = OfChoice.COMPENSATOR,
+    ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
@@ -85,12 +86,15 @@ def export(
     """Export a model for other tools: an FMU of its compensator or of the actuator, or tables.
 
     A compensator computes what the compiled fixed-point C computes on a controller, an actuator
-    what the model does; the FMU holds the sources, and binaries for Linux, Windows and macOS (extra
-    'verify'). Simulink, Amesim, Dymola, OpenModelica and fmpy read it. For C alone: anhyst compile.
+    what the model does; the rig file of a bearing gives plant and controller in one. An FMU holds
+    the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
+    Dymola, OpenModelica and fmpy read it. For C alone: anhyst compile.
 
     Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
 
     Example: anhyst export model.toml --as fmu --of actuator --out actuator.fmu
+
+    Example: anhyst export rig.toml --as fmu --out bearing.fmu
 
     Example: anhyst export model.toml --as lut --out magnet.csv
     """
@@ -104,7 +108,7 @@ def export(
         wanted = PLATFORMS_ALL if platforms is None else tuple(platforms.split(","))
         with progress_bar("fmu") as progress:
             export_fmu(
-                model, out, of=of.value, rate=rate, kind=kind.value if kind else None,
+                model, out, of=of.value if of else None, rate=rate, kind=kind.value if kind else None,
                 fmi=fmi.value, platforms=wanted, progress=progress,
             )  # fmt: skip
     if as_json:

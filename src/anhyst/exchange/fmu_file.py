@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from anhyst.exchange.actuator_part import actuator_part
+from anhyst.exchange.bearing_part import bearing_part
 from anhyst.exchange.compensator_part import Kind, compensator_part
 from anhyst.exchange.description import MODEL, FmiVersion, build_description, model_description
 from anhyst.exchange.part import WRAPPER, Part
@@ -19,9 +20,12 @@ from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike, check_writable, write_bytes
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
+from anhyst.support.toml_file import format_of
 from anhyst.verification.toolchain import zig_cc
 
 Of = Literal["compensator", "actuator"]
+BEARING = "anhyst-bearing"
+"""Format of a rig file."""
 
 _BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
 
@@ -53,28 +57,29 @@ def export_fmu(
     model: Model | PathLike,
     out: PathLike,
     *,
-    of: Of = "compensator",
+    of: Of | None = None,
     rate: float | None = None,
     kind: Kind | None = None,
     fmi: FmiVersion = "2.0",
     platforms: Sequence[str] = PLATFORMS_ALL,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a model as an FMU for co-simulation: its compensator, or the actuator itself.
+    """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a bearing.
 
     A compensator (demand and gap in, current out) computes at its own rate what the compiled
     fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
     An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
-    model's stepper does. States can be read, set and serialised.
+    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) is plant
+    and controller of ``anhyst simulate``. States can be read, set and serialised.
 
     Parameters
     ----------
     model : Model or path-like
-        The model, or its file.
+        The model, its file, or the rig file of a bearing.
     out : path-like
         The file, ``.fmu``; with sources, and binaries for Linux, Windows and macOS.
-    of : str
-        ``"compensator"`` or ``"actuator"``.
+    of : str, optional
+        Of a model: ``"compensator"`` (if left out) or ``"actuator"``.
     rate : float, optional
         Ticks a second of a compensator.
     kind : str, optional
@@ -121,7 +126,7 @@ def export_fmu(
     return path
 
 
-def part_of(model: Model | PathLike, of: Of, rate: float | None, kind: Kind | None) -> Part:
+def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
     """Return the part of a model that is asked for.
 
     Raises
@@ -129,6 +134,13 @@ def part_of(model: Model | PathLike, of: Of, rate: float | None, kind: Kind | No
     InputError
         As :func:`export_fmu`.
     """
+    if not isinstance(model, Model) and format_of(model) == BEARING:
+        for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
+            if given is not None:
+                raise InputError(
+                    f"{name}: is of a model; the files of a bearing say it, leave it out"
+                )
+        return bearing_part(model)
     if of == "actuator":
         for name, given in (("--rate", rate), ("--kind", kind)):
             if given is not None:

@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A magnetic bearing with its position controller: the virtual plant and the controller's own fixed
    point C in lock-step, as `anhyst simulate` runs them. */
-#include "anhyst_plant/bearing.h"
+#include <math.h>
+
 #include "anhyst_plant/loop.h"
-#include "anhyst_plant/position.h"
+#include "bearing_controller.h"
 #include "bearing_numbers.h"
+#include "controller_numbers.h"
 #include "part.h"
 
 enum {
   TARGET = 1,
   LOAD,
-  DISTURBANCE,
   COMMAND,
   FIRST_OUTPUT,
   GAP_READ = FIRST_OUTPUT,
@@ -28,12 +29,14 @@ typedef struct {
   anhyst_plant_state plant;
   CONTROLLER controller;
   double integral[ANHYST_PLANT_MAGNETS]; /* of the current loop, V */
+  double command;                        /* of the tick before */
   uint64_t ticks;
 } state_of;
 
+/* The numbers of the plant are constants. */
 static int build(void *tables)
 {
-  bearing_numbers((anhyst_plant_bearing *)tables);
+  (void)tables;
   return 0;
 }
 
@@ -69,31 +72,28 @@ static void show(const anhyst_plant_state *plant, double *values)
 static int start(const void *tables, void *state, double *values)
 {
   state_of *now = (state_of *)state;
-  anhyst_plant_start((const anhyst_plant_bearing *)tables, &now->plant, BEARING_SEED);
+  (void)tables;
+  anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
   show(&now->plant, values);
   return CONTROLLER_INIT(&now->controller) == ANHYST_OK ? 0 : -1;
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
-  static const anhyst_position_scales scales = BEARING_SCALES;
   static const anhyst_plant_current_loop current_loop = BEARING_CURRENT_LOOP;
   state_of *now = (state_of *)state;
-  anhyst_position_adapter_q31 adapter = {&now->controller.position, scales};
-  const double inject = 0.0;
-  const double feed = values[LOAD];
-  const double pushed = values[LOAD] + values[DISTURBANCE];
-  const uint32_t command = (uint32_t)values[COMMAND];
-  const anhyst_plant_events events = {&values[TARGET], &pushed, &inject, &feed, &command, NULL};
-  anhyst_plant_loop loop = {(const anhyst_plant_bearing *)tables,
-                            &now->plant,
-                            {&adapter, anhyst_position_adapter_tick_q31},
-                            current_loop,
-                            {0.0, 0.0},
-                            0,
-                            BEARING_HAS_HALL};
+  const double nothing = 0.0;
+  const uint32_t command =
+      values[COMMAND] != now->command ? (uint32_t)fmax(0.0, values[COMMAND]) : 0U;
+  const anhyst_plant_events events = {&values[TARGET], &values[LOAD], &nothing,
+                                      &nothing,        &command,      NULL};
+  anhyst_plant_loop loop = {
+      &bearing,        &now->plant, {&now->controller.position, anhyst_bearing_controller_tick},
+      current_loop,    {0.0, 0.0},  0,
+      BEARING_HAS_HALL};
   double record[ANHYST_LOOP_COLUMNS];
   int i;
+  (void)tables;
   (void)seconds;
   if (!(values[COMMAND] >= 0.0 && values[COMMAND] <= 6.0)) {
     return "a command is a number from 0 to 6";
@@ -103,6 +103,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
     loop.integral[i] = now->integral[i];
   }
   (void)anhyst_plant_loop_run(&loop, &events, 1, record);
+  now->command = values[COMMAND];
   now->ticks = loop.ticks;
   for (i = 0; i < ANHYST_PLANT_MAGNETS; i++) {
     now->integral[i] = loop.integral[i];
@@ -117,8 +118,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   values[STATE] = record[16];
   values[FLAGS] = record[17];
   show(&now->plant, values);
-  return NULL;
+  return isfinite(now->plant.gap) ? NULL : "the bearing has left all bounds; reset it";
 }
 
-const anhyst_part anhyst_the_part = {
-    sizeof(anhyst_plant_bearing), sizeof(state_of), build, drop, relink, start, tick};
+const anhyst_part anhyst_the_part = {0, sizeof(state_of), build, drop, relink, start, tick};
