@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import subprocess
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,10 +19,11 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
 from anhyst.exchange.description import FmiVersion
-from anhyst.exchange.fmu_file import PLATFORMS, export_fmu
+from anhyst.exchange.fmu_file import PLATFORMS, Of, export_fmu
 from anhyst.exchange.tables import export_tables
 from anhyst.support.arrays import FloatArray
 from tests.cli.command import anhyst as run
+from tests.core.test_c_core import tool
 
 fmpy = pytest.importorskip("fmpy")
 fmi2, fmi3 = pytest.importorskip("fmpy.fmi2"), pytest.importorskip("fmpy.fmi3")
@@ -165,23 +167,20 @@ def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: P
         assert run_through(made, np.full(3, 50.0), 1.0 / RATE, 60.0 / RATE)[-1] == held
 
 
-def test_a_thousand_instances_leave_nothing_behind(files: Versions, tmp_path: Path) -> None:
-    def resident() -> int:
-        text = Path("/proc/self/statm").read_text()
-        return 4096 * int(text.split()[1])
-
-    with instance(files["2.0"], tmp_path) as first:
-        for count in range(1100):
-            if count == 100:
-                before = resident()
-            component = first.fmi2Instantiate(
-                b"x", 1, first.guid.encode(), b"", first.callbacks, 0, 0
-            )
-            assert component
-            first.fmi2DoStep(component, 0.0, 1.0 / RATE, 0)
-            first.fmi2FreeInstance(component)
-        assert resident() - before < 2_000_000
-        assert not first.fmi2Instantiate(b"x", 1, b"another", b"", first.callbacks, 0, 0)
+@pytest.mark.parametrize("of", ["compensator", "actuator"])
+def test_its_sources_compile_without_a_warning(of: Of, model: anhyst.Model, tmp_path: Path) -> None:
+    rate = RATE if of == "compensator" else None
+    for version in ("2.0", "3.0"):
+        path = export_fmu(model, tmp_path / "m.fmu", of=of, rate=rate, fmi=version, platforms=[])
+        folder = tmp_path / version
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(folder)
+        sources = [str(one) for one in sorted((folder / "sources").rglob("*.c"))]
+        strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsyntax-only"]
+        places = [f"-I{folder / 'sources'}", f"-I{folder / 'sources' / 'include'}"]
+        done = subprocess.run([tool("cc"), *strict, *places, *sources], capture_output=True,
+                              text=True, check=False)  # fmt: skip
+        assert done.returncode == 0, done.stderr
 
 
 def test_the_same_model_gives_the_same_file(

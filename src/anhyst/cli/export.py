@@ -11,7 +11,6 @@ import typer
 from anhyst.cli.console import print_json, show
 from anhyst.cli.options import AsJson, ModelPath
 from anhyst.cli.progress import progress_bar
-from anhyst.support.errors import InputError
 
 
 class ExportChoice(StrEnum):
@@ -26,6 +25,13 @@ class FmiChoice(StrEnum):
 
     SECOND = "2.0"
     THIRD = "3.0"
+
+
+class OfChoice(StrEnum):
+    """What of a model an FMU holds."""
+
+    COMPENSATOR = "compensator"
+    ACTUATOR = "actuator"
 
 
 class ExportKind(StrEnum):
@@ -44,17 +50,27 @@ def export(
         ExportChoice,
         typer.Option(
             "--as",
-            help="'fmu': the compensator, demand in, current out, for co-simulation; 'lut': settled "
-            "loops over the gap as tables.",
+            help="'fmu': for co-simulation; 'lut': settled loops over the gap as tables.",
         ),
     ] = ExportChoice.FMU,
+    of: Annotated[
+        OfChoice | None,
+        typer.Option(
+            help="Of a model: 'compensator', demand in, current out; 'actuator', current in, force "
+            "out. [default: compensator]",
+            show_default=False,
+        ),
+    ] = None,
     rate: Annotated[
         float | None,
-        typer.Option(metavar="HZ", min=1.0, help="Of an FMU: ticks a second.", show_default=False),
+        typer.Option(
+            metavar="HZ", min=1.0, help="Of a compensator: ticks a second.", show_default=False
+        ),
     ] = None,
-    kind: Annotated[ExportKind, typer.Option(help="Of an FMU: kind of compensator.")] = (
-        ExportKind.FULL
-    ),
+    kind: Annotated[
+        ExportKind | None,
+        typer.Option(help="Of a compensator. [default: full]", show_default=False),
+    ] = None,
     fmi: Annotated[FmiChoice, typer.Option(help="Version of the standard.")] = FmiChoice.SECOND,
     platforms: Annotated[
         str | None,
@@ -67,13 +83,18 @@ def export(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Export a model for other tools: an FMU of its compensator, or look-up tables.
+    """Export a model for other tools: an FMU of its compensator or of the actuator, or tables.
 
-    The FMU computes what the compiled fixed-point C computes on a controller, bit for bit; it holds
+    A compensator computes what the compiled fixed-point C computes on a controller, an actuator
+    what the model does; the rig file of a bearing gives plant and controller in one. An FMU holds
     the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
     Dymola, OpenModelica and fmpy read it. For C alone: anhyst compile.
 
     Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
+
+    Example: anhyst export model.toml --as fmu --of actuator --out actuator.fmu
+
+    Example: anhyst export rig.toml --as fmu --out bearing.fmu
 
     Example: anhyst export model.toml --as lut --out magnet.csv
     """
@@ -84,13 +105,11 @@ def export(
     if as_ is ExportChoice.LUT:
         export_tables(read_model(model), out)
     else:
-        if rate is None:
-            raise InputError("--rate: is missing; give the ticks a second of the FMU")
         wanted = PLATFORMS_ALL if platforms is None else tuple(platforms.split(","))
         with progress_bar("fmu") as progress:
             export_fmu(
-                model, out, rate=rate, kind=kind.value, fmi=fmi.value, platforms=wanted,
-                progress=progress,
+                model, out, of=of.value if of else None, rate=rate, kind=kind.value if kind else None,
+                fmi=fmi.value, platforms=wanted, progress=progress,
             )  # fmt: skip
     if as_json:
         print_json({"out": str(out), "as": as_.value, "bytes": out.stat().st_size})

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 from xml.etree import ElementTree as Xml
+
+from anhyst.exchange.part import Part, Variable
+from anhyst.support.version import running_version
 
 FmiVersion = Literal["2.0", "3.0"]
 MODEL = "anhyst"
 """Of all binaries; what distinguishes two FMUs is their token."""
 
 _UNITS = {
+    "s": {"s": "1"},
     "N": {"kg": "1", "m": "1", "s": "-2"},
+    "m/s": {"m": "1", "s": "-1"},
     "A": {"A": "1"},
     "m": {"m": "1"},
     "V": {"kg": "1", "m": "2", "s": "-3", "A": "-1"},
@@ -20,77 +24,33 @@ _UNITS = {
     "Wb": {"kg": "1", "m": "2", "s": "-2", "A": "-1"},
     "A/m": {"A": "1", "m": "-1"},
     "Pa": {"kg": "1", "m": "-1", "s": "-2"},
+    "degC": {"K": "1", "offset": "273.15"},
     "1": {},
 }
 
 
-@dataclass(frozen=True)
-class Variable:
-    """A real variable of an FMU.
+def model_description(version: FmiVersion, part: Part, token: str, sources: Sequence[str]) -> bytes:
+    """Return modelDescription.xml.
 
     Parameters
     ----------
-    name : str
-    reference : int
-        As in ``component.h``.
-    causality : str
-        ``input`` or ``output``.
-    unit : str
-        SI.
-    low, high : float
-        Range.
-    start : float
-    text : str
-        What it is.
-    """
-
-    name: str
-    reference: int
-    causality: Literal["input", "output"]
-    unit: str
-    low: float
-    high: float
-    start: float
-    text: str
-
-
-@dataclass(frozen=True)
-class Described:
-    """What stands in the description besides the variables.
-
-    Parameters
-    ----------
-    name, text, tool : str
-        Of the model, what it is, what made it.
+    version : str
+        Of the standard.
+    part : Part
     token : str
         Distinguishes this FMU from any other.
-    rate : float
-        Ticks a second.
     sources : sequence of str
         C files in ``sources/``.
     """
-
-    name: str
-    text: str
-    tool: str
-    token: str
-    rate: float
-    sources: Sequence[str]
-
-
-def model_description(
-    version: FmiVersion, about: Described, variables: Sequence[Variable]
-) -> bytes:
-    """Return modelDescription.xml."""
     second = version == "2.0"
     root = Xml.Element(
         "fmiModelDescription",
         {
             "fmiVersion": version,
-            "modelName": about.name,
-            "guid" if second else "instantiationToken": about.token,
-            "description": about.text,
-            "generationTool": about.tool,
+            "modelName": part.name,
+            "guid" if second else "instantiationToken": token,
+            "description": part.text,
+            "generationTool": f"anhyst {running_version()}",
             "variableNamingConvention": "flat",
         },
     )
@@ -108,17 +68,17 @@ def model_description(
     )
     if second:
         files = Xml.SubElement(simulation, "SourceFiles")
-        for name in about.sources:
+        for name in sources:
             Xml.SubElement(files, "File", {"name": name})
-    _units(root, [one.unit for one in variables])
-    # A step of the length of a tick is what the controller does.
-    Xml.SubElement(
-        root, "DefaultExperiment", {"startTime": "0.0", "stepSize": repr(1.0 / about.rate)}
-    )
+    _units(root, [one.unit for one in part.variables if one.unit is not None])
+    experiment = {"startTime": "0.0"}
+    if part.rate > 0.0:  # a step of the length of a tick is what the controller does
+        experiment["stepSize"] = repr(1.0 / part.rate)
+    Xml.SubElement(root, "DefaultExperiment", experiment)
     if second:
-        _variables_2(root, variables)
+        _variables_2(root, part.variables)
     else:
-        _variables_3(root, variables)
+        _variables_3(root, part.variables)
     return _text(root)
 
 
@@ -137,23 +97,34 @@ def _units(root: Xml.Element, symbols: Sequence[str]) -> None:
     units = Xml.SubElement(root, "UnitDefinitions")
     for symbol in dict.fromkeys([*symbols, "s"]):
         unit = Xml.SubElement(units, "Unit", {"name": symbol})
-        Xml.SubElement(unit, "BaseUnit", {"s": "1"} if symbol == "s" else _UNITS[symbol])
+        if symbol in _UNITS:
+            Xml.SubElement(unit, "BaseUnit", _UNITS[symbol])
+
+
+def _head(one: Variable, reference: int) -> dict[str, str]:
+    constant = one.causality == "constant"
+    return {
+        "name": one.name,
+        "valueReference": str(reference),
+        "causality": "local" if constant else one.causality,
+        "variability": "constant" if constant else "discrete",
+        "description": one.text,
+    }
 
 
 def _numbers(one: Variable) -> dict[str, str]:
-    found = {"unit": one.unit, "min": repr(one.low), "max": repr(one.high)}
-    return found | ({"start": repr(one.start)} if one.causality == "input" else {})
+    found = {"unit": one.unit} if one.unit is not None else {}
+    if one.low is not None and one.high is not None:
+        found |= {"min": repr(one.low), "max": repr(one.high)}
+    return found | ({"start": repr(one.start)} if one.causality != "output" else {})
 
 
 def _variables_2(root: Xml.Element, variables: Sequence[Variable]) -> None:
     listed = Xml.SubElement(root, "ModelVariables")
     outputs = []
     for place, one in enumerate(variables, start=1):
-        head = {"name": one.name, "valueReference": str(one.reference)}
-        kinds = {"causality": one.causality, "variability": "discrete", "description": one.text}
-        Xml.SubElement(
-            Xml.SubElement(listed, "ScalarVariable", head | kinds), "Real", _numbers(one)
-        )
+        scalar = Xml.SubElement(listed, "ScalarVariable", _head(one, place))
+        Xml.SubElement(scalar, "Real", _numbers(one))
         outputs += [place] if one.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
@@ -166,19 +137,15 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
     listed = Xml.SubElement(root, "ModelVariables")
     time = {"name": "time", "valueReference": "0", "causality": "independent", "unit": "s"}
     Xml.SubElement(listed, "Float64", time | {"variability": "continuous"})
-    structure = Xml.Element("ModelStructure")
-    for one in variables:
-        head = {"name": one.name, "valueReference": str(one.reference)}
-        kinds = {"causality": one.causality, "variability": "discrete", "description": one.text}
-        Xml.SubElement(listed, "Float64", head | kinds | _numbers(one))
-        if one.causality == "output":
-            said = {"valueReference": str(one.reference), "dependencies": ""}
-            Xml.SubElement(structure, "Output", said)
-    for one in variables:
-        if one.causality == "output":
-            said = {"valueReference": str(one.reference), "dependencies": ""}
-            Xml.SubElement(structure, "InitialUnknown", said)
-    root.append(structure)
+    outputs = []
+    for place, one in enumerate(variables, start=1):
+        Xml.SubElement(listed, "Float64", _head(one, place) | _numbers(one))
+        outputs += [place] if one.causality == "output" else []
+    structure = Xml.SubElement(root, "ModelStructure")
+    for tag in ("Output", "InitialUnknown"):
+        for place in outputs:
+            said = {"valueReference": str(place), "dependencies": ""}
+            Xml.SubElement(structure, tag, said)
 
 
 def _text(root: Xml.Element) -> bytes:

@@ -1,34 +1,32 @@
-"""A compensator as an FMU: the C that ``anhyst compile`` writes, behind the standard's functions."""
+"""A model as an FMU: its compensator or the actuator, behind the functions of the standard."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import subprocess
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-from anhyst.compilation.verb import compile_actuator
-from anhyst.exchange.description import (
-    MODEL,
-    Described,
-    FmiVersion,
-    Variable,
-    build_description,
-    model_description,
-)
+from anhyst.exchange.actuator_part import actuator_part
+from anhyst.exchange.bearing_part import bearing_part
+from anhyst.exchange.compensator_part import Kind, compensator_part
+from anhyst.exchange.description import MODEL, FmiVersion, build_description, model_description
+from anhyst.exchange.part import WRAPPER, Part
 from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike, check_writable, write_bytes
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
-from anhyst.support.version import running_version
+from anhyst.support.toml_file import format_of
 from anhyst.verification.toolchain import zig_cc
 
-WRAPPER = Path(__file__).with_name("fmu")
+Of = Literal["compensator", "actuator"]
+BEARING = "anhyst-bearing"
+"""Format of a rig file."""
+
 _BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
 
 
@@ -51,32 +49,41 @@ PLATFORMS = {
 """By the names of FMI 3.0."""
 PLATFORMS_ALL = tuple(PLATFORMS)
 
+SAME_BITS = ("-ffp-contract=off",)
+"""No product fused into a sum, as the core is compiled for Python."""
+
 
 def export_fmu(
     model: Model | PathLike,
     out: PathLike,
     *,
-    rate: float,
-    kind: Literal["full", "simplified"] = "full",
+    of: Of | None = None,
+    rate: float | None = None,
+    kind: Kind | None = None,
     fmi: FmiVersion = "2.0",
     platforms: Sequence[str] = PLATFORMS_ALL,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a compensator as an FMU for co-simulation: demand and gap in, current out.
+    """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a bearing.
 
-    It computes at its own rate what the compiled fixed-point C computes on a controller, bit for
-    bit; between ticks inputs and outputs are held. States can be read, set and serialised.
+    A compensator (demand and gap in, current out) computes at its own rate what the compiled
+    fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
+    An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
+    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) is plant
+    and controller of ``anhyst simulate``. States can be read, set and serialised.
 
     Parameters
     ----------
     model : Model or path-like
-        The model, or its file.
+        The model, its file, or the rig file of a bearing.
     out : path-like
         The file, ``.fmu``; with sources, and binaries for Linux, Windows and macOS.
-    rate : float
-        Ticks a second.
-    kind : str
-        ``"full"`` or ``"simplified"``.
+    of : str, optional
+        Of a model: ``"compensator"`` (if left out) or ``"actuator"``.
+    rate : float, optional
+        Ticks a second of a compensator.
+    kind : str, optional
+        Of a compensator, ``"full"`` (if left out) or ``"simplified"``.
     fmi : str
         Version of the standard, ``"2.0"`` or ``"3.0"``.
     platforms : sequence of str
@@ -92,8 +99,8 @@ def export_fmu(
     Raises
     ------
     InputError
-        The model cannot be compiled, the file cannot be written, or ziglang (extra ``verify``) is
-        not installed.
+        The model cannot be compiled or run alone, a rate is missing or of no use, the file cannot
+        be written, or ziglang (extra ``verify``) is not installed.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -103,86 +110,48 @@ def export_fmu(
             raise InputError(f"platform '{name}' is unknown; use one of {', '.join(PLATFORMS)}")
     check_writable(path)
     compiler = zig_cc("fmu")
+    part = part_of(model, of, rate, kind)
+    number = fmi[0]
+    wrapper = [place.name for place in WRAPPER.glob(f"fmi{number}*.c")]
+    wrapper += [f"fmi/{place.name}" for place in (WRAPPER / "fmi").glob(f"fmi{number}*.h")]
+    token, sources = part.complete(wrapper)
+    c_files = [name for name in sources if name.endswith(".c")]
+    files = {"modelDescription.xml": model_description(fmi, part, token, c_files)}
+    if fmi == "3.0":
+        files["sources/buildDescription.xml"] = build_description(c_files)
+    files |= {f"sources/{name}": text for name, text in sources.items()}
     with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
-        folder = Path(scratch) / "controller"
-        compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        sources = _sources(folder, manifest, fmi)
-        token = hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()[:32]
-        sources["actuator.h"] = _actuator_header(manifest, token).encode()
-        c_files = sorted(name for name in sources if name.endswith(".c"))
-        about = Described(
-            manifest["name"],
-            f"Current of a demanded {manifest['signals']['demand']['quantity']}, hysteresis "
-            f"included: compensator {compiled.manifest['kind']} in fixed point",
-            f"anhyst {running_version()}",
-            token,
-            rate,
-            c_files,
-        )
-        files = {"modelDescription.xml": model_description(fmi, about, _variables(manifest))}
-        if fmi == "3.0":
-            files["sources/buildDescription.xml"] = build_description(c_files)
-        files |= {f"sources/{name}": text for name, text in sources.items()}
         files |= _binaries(compiler, Path(scratch), sources, fmi, platforms, progress)
     _write(path, files)
     return path
 
 
-def _sources(folder: Path, manifest: Mapping[str, Any], fmi: FmiVersion) -> dict[str, bytes]:
-    """Return what is compiled, by its path below ``sources/``."""
-    name = manifest["name"]
-    own = [path for place in ("include", "src") for path in (folder / place).rglob("*.[ch]")]
-    own += [folder / f"{name}_parameters.c", folder / f"{name}_parameters.h"]
-    found = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
-    wrapper = [
-        "component.h",
-        "component.c",
-        *(path.name for path in WRAPPER.glob(f"fmi{fmi[0]}*.c")),
-    ]
-    headers = [f"fmi/{path.name}" for path in (WRAPPER / "fmi").glob(f"fmi{fmi[0]}*.h")]
-    return found | {name: (WRAPPER / name).read_bytes() for name in (*wrapper, *headers)}
+def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
+    """Return the part of a model that is asked for.
 
-
-def _actuator_header(manifest: Mapping[str, Any], token: str) -> str:
-    """Return the header that gives the wrapper the names of this actuator."""
-    name, signals = manifest["name"], manifest["signals"]
-    gap = signals.get("gap") or {"low": 0.0, "high": 0.0}
-    lines = {
-        "KERNEL": f"{name.upper()}_KERNEL",
-        "WORDS": f"{name.upper()}_PARAMETERS_WORDS",
-        "RATE": f"{float(manifest['rate_Hz'])!r}",
-        "FULL_SCALE_DEMAND": f"{float(signals['demand']['scale'])!r}",
-        "FULL_SCALE_CURRENT": f"{float(signals['current']['scale'])!r}",
-        "GAP_LOW": f"{float(gap['low'])!r}",
-        "GAP_HIGH": f"{float(gap['high'])!r}",
-        "TOKEN": f'"{token}"',
-    }
-    defined = "".join(f"#define ACTUATOR_{key} {value}\n" for key, value in lines.items())
-    return (
-        f"/* The actuator '{name}' under the names that the FMU uses; generated. */\n"
-        f'#ifndef ACTUATOR_H\n#define ACTUATOR_H\n\n#include "{name}_parameters.h"\n\n{defined}'
-        f"#define actuator_parameters {name}_parameters\n\n#endif\n"
-    )
-
-
-def _variables(manifest: Mapping[str, Any]) -> list[Variable]:
-    signals = manifest["signals"]
-    demand, current, gap = (signals.get(name) for name in ("demand", "current", "gap"))
-    found = [
-        Variable(
-            *("demand", 1, "input", demand["unit"], demand["low"], demand["high"]),
-            *(max(0.0, demand["low"]), f"wanted {demand['quantity']}"),
-        )
-    ]
-    if gap:
-        text = f"{gap['quantity']}; beyond its range the nearer end counts"
-        ends = gap["low"], gap["high"]
-        found.append(Variable("gap", 2, "input", gap["unit"], *ends, gap["low"], text))
-    text = f"{current['quantity']} that gives it, from the last tick on"
-    ends = current["low"], current["high"]
-    found.append(Variable("current", 3, "output", current["unit"], *ends, 0.0, text))
-    return found
+    Raises
+    ------
+    InputError
+        As :func:`export_fmu`.
+    """
+    if not isinstance(model, Model) and format_of(model) == BEARING:
+        for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
+            if given is not None:
+                raise InputError(
+                    f"{name}: is of a model; the files of a bearing say it, leave it out"
+                )
+        return bearing_part(model)
+    if of == "actuator":
+        for name, given in (("--rate", rate), ("--kind", kind)):
+            if given is not None:
+                raise InputError(
+                    f"{name}: is of a compensator; an actuator answers at each step of the tool, "
+                    "leave it out"
+                )
+        return actuator_part(model if isinstance(model, Model) else read_model(model))
+    if rate is None:
+        raise InputError("--rate: is missing; give the ticks a second of the compensator")
+    return compensator_part(model, rate, kind or "full")
 
 
 def _binaries(
@@ -205,7 +174,9 @@ def _binaries(
             progress(done_already, len(platforms) + 1)
         one = PLATFORMS[third]
         binary = scratch / f"{MODEL}{one.ending}"
-        options = ["-std=c99", "-O2", "-shared", "-fPIC", "-I.", "-Iinclude", "-s"]
+        options = ["-std=c99", "-O2", *SAME_BITS, "-shared", "-fPIC", "-I.", "-Iinclude", "-s"]
+        if one.ending == ".so":  # elsewhere nothing is left open anyway
+            options.append("-Wl,-z,defs")
         command = [*compiler, "-target", one.target, *options, "-o", str(binary), *c_files, "-lm"]
         done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
         if done.returncode != 0:

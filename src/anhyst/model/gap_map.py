@@ -132,6 +132,18 @@ class Curve:
             (float(slopes[0]), float(slopes[-1])),
         )
 
+    def straight(self) -> tuple[FloatArray, FloatArray]:
+        """Return the nodes' values in the coordinate, and the slopes of the curve there.
+
+        Returns
+        -------
+        heights, slopes : ndarray, shape (g,)
+        """
+        heights = self._to_straight(self.values)
+        if self.nodes.size < 3:
+            return heights, np.full(heights.shape, self._interpolant[1][0])
+        return heights, _monotone_slopes(self.nodes, heights)
+
     def _to_straight(self, values: FloatArray) -> FloatArray:
         match self.coordinate:
             case "reciprocal":

@@ -1,4 +1,4 @@
-"""Where the C sources of the core stand."""
+"""Where the C sources of the core and of the virtual plant stand."""
 
 from __future__ import annotations
 
@@ -22,3 +22,18 @@ def core_folder() -> Path:
         if (place / "include" / "anhyst" / "compensator" / "compensator.h").is_file():
             return place
     raise InputError(f"{package}: the C sources of the core are missing; install anhyst again")
+
+
+def plant_folder() -> Path:
+    """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`.
+
+    Raises
+    ------
+    InputError
+        The installation is not complete.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for place in (package.parents[1] / "plant", package / "_core" / "plant"):
+        if (place / "include" / "anhyst_plant" / "bearing.h").is_file():
+            return place
+    raise InputError(f"{package}: the C sources of the plant are missing; install anhyst again")

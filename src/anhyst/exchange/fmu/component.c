@@ -2,88 +2,224 @@
 #include "component.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
-#include "actuator.h"
+#include "part.h"
+#include "part_values.h"
 
-#define ONE_Q31 2147483648.0
 #define ROUNDING 1e-6 /* of a tick: times are sums of steps */
+#define FIRST_OUTPUT (1 + PART_INPUTS)
 
-int anhyst_component_start(anhyst_component *component)
-{
-  component->inputs[0] = 0.0;
-  component->inputs[1] = ACTUATOR_GAP_LOW;
-  component->current = 0.0;
-  component->start = 0.0;
-  component->time = 0.0;
-  component->ticks = 0.0;
-  return anhyst_compensator_init(&component->compensator, &ACTUATOR_KERNEL, actuator_parameters,
-                                 ACTUATOR_WORDS) == ANHYST_OK
-             ? 0
-             : -1;
-}
+/* Begins a row of bytes that the state of the part follows. */
+typedef union {
+  struct {
+    anhyst_phase phase;
+    double start;               /* of the ticks, s */
+    double ticks;               /* done since the start; whole */
+    double values[PART_VALUES]; /* the time, inputs, outputs, constants */
+  } of;
+  long double widest; /* what follows is aligned for anything */
+} moment;
 
-/* A signal as a fraction in q31, to the nearest; beyond its ends the ends. */
-static int32_t code_of(double fraction)
+struct anhyst_component {
+  void *tables;
+  moment *now;
+};
+
+static const double first_values[PART_VALUES] = PART_FIRST_VALUES;
+
+static size_t size_of_moment(void) { return sizeof(moment) + anhyst_the_part.state; }
+
+const char *anhyst_component_token(void) { return PART_TOKEN; }
+
+anhyst_component *anhyst_component_new(void)
 {
-  const double scaled = rint(fraction * ONE_Q31);
-  if (!(scaled > -ONE_Q31)) {
-    return INT32_MIN;
+  anhyst_component *made = (anhyst_component *)calloc(1, sizeof *made);
+  if (made == NULL) {
+    return NULL;
   }
-  return scaled < ONE_Q31 ? (int32_t)scaled : INT32_MAX;
-}
-
-static void tick(anhyst_component *component)
-{
-  const double span = ACTUATOR_GAP_HIGH - ACTUATOR_GAP_LOW;
-  const double place = span > 0.0 ? (component->inputs[1] - ACTUATOR_GAP_LOW) / span : 0.0;
-  const int32_t gap = code_of(place);
-  const int32_t demand = code_of(component->inputs[0] / ACTUATOR_FULL_SCALE_DEMAND);
-  const int32_t current = anhyst_compensator_solve_q31(&component->compensator, demand, gap);
-  anhyst_compensator_commit_q31(&component->compensator, current, gap);
-  component->current = (double)current / ONE_Q31 * ACTUATOR_FULL_SCALE_CURRENT;
-}
-
-void anhyst_component_advance(anhyst_component *component, double until)
-{
-  while ((until - component->start) * ACTUATOR_RATE > component->ticks + ROUNDING) {
-    tick(component);
-    component->ticks += 1.0;
+  made->tables = calloc(1, anhyst_the_part.tables > 0 ? anhyst_the_part.tables : 1);
+  made->now = (moment *)calloc(1, size_of_moment());
+  if (made->tables == NULL || made->now == NULL || anhyst_the_part.build(made->tables) != 0 ||
+      anhyst_component_reset(made) != NULL) {
+    anhyst_component_free(made);
+    return NULL;
   }
-  component->time = until;
+  return made;
 }
 
-void anhyst_component_restore(anhyst_component *component, const anhyst_component *from)
+void anhyst_component_free(anhyst_component *component)
 {
-  const anhyst_kernel *kernel = component->compensator.kernel;
-  const int16_t *words = component->compensator.words;
-  *component = *from;
-  component->compensator.kernel = kernel;
-  component->compensator.words = words;
-}
-
-int anhyst_component_get(const anhyst_component *component, unsigned reference, double *value)
-{
-  switch (reference) {
-  case VARIABLE_TIME:
-    *value = component->time;
-    return 0;
-  case VARIABLE_DEMAND:
-  case VARIABLE_GAP:
-    *value = component->inputs[reference - VARIABLE_DEMAND];
-    return 0;
-  case VARIABLE_CURRENT:
-    *value = component->current;
-    return 0;
-  default:
-    return -1;
+  if (component == NULL) {
+    return;
   }
+  if (component->tables != NULL) {
+    anhyst_the_part.drop(component->tables);
+  }
+  free(component->tables);
+  free(component->now);
+  free(component);
 }
 
-int anhyst_component_set(anhyst_component *component, unsigned reference, double value)
+const char *anhyst_component_reset(anhyst_component *component)
 {
-  if (reference != VARIABLE_DEMAND && reference != VARIABLE_GAP) {
-    return -1;
+  moment *now = component->now;
+  (void)memset(now, 0, size_of_moment());
+  (void)memcpy(now->of.values, first_values, sizeof first_values);
+  return anhyst_the_part.start(component->tables, now + 1, now->of.values) == 0
+             ? NULL
+             : "the parameters are damaged";
+}
+
+const char *anhyst_component_begin(anhyst_component *component, double start)
+{
+  moment *now = component->now;
+  if (now->of.phase != ANHYST_PHASE_MADE) {
+    return "only an instance that is new or reset can be initialised";
   }
-  component->inputs[reference - VARIABLE_DEMAND] = value;
-  return 0;
+  if (!isfinite(start)) {
+    return "the start time is not a number";
+  }
+  now->of.phase = ANHYST_PHASE_INITIALISING;
+  now->of.start = start;
+  now->of.values[0] = start;
+  return NULL;
+}
+
+const char *anhyst_component_run(anhyst_component *component)
+{
+  if (component->now->of.phase != ANHYST_PHASE_INITIALISING) {
+    return "initialisation cannot end before it has begun";
+  }
+  component->now->of.phase = ANHYST_PHASE_RUNNING;
+  return NULL;
+}
+
+const char *anhyst_component_end(anhyst_component *component)
+{
+  if (component->now->of.phase != ANHYST_PHASE_RUNNING) {
+    return "only an instance that runs can be terminated";
+  }
+  component->now->of.phase = ANHYST_PHASE_TERMINATED;
+  return NULL;
+}
+
+int anhyst_component_is(const anhyst_component *component, anhyst_phase phase)
+{
+  return component->now->of.phase == phase;
+}
+
+const char *anhyst_component_get(const anhyst_component *component, const unsigned *at, size_t n,
+                                 double *values)
+{
+  size_t i;
+  for (i = 0; i < n; i++) {
+    if (at[i] >= PART_VALUES) {
+      return "no such variable";
+    }
+    values[i] = component->now->of.values[at[i]];
+  }
+  return NULL;
+}
+
+const char *anhyst_component_set(anhyst_component *component, const unsigned *at, size_t n,
+                                 const double *values)
+{
+  size_t i;
+  for (i = 0; i < n; i++) {
+    if (at[i] < 1 || at[i] >= FIRST_OUTPUT) {
+      return "no such input";
+    }
+    if (!isfinite(values[i])) {
+      return "an input is not a finite number";
+    }
+  }
+  for (i = 0; i < n; i++) {
+    component->now->of.values[at[i]] = values[i];
+  }
+  return NULL;
+}
+
+const char *anhyst_component_step(anhyst_component *component, double now, double step)
+{
+  moment *m = component->now;
+  const double until = now + step;
+  const double due = (until - m->of.start) * PART_RATE;
+  const char *why = NULL;
+  if (m->of.phase != ANHYST_PHASE_RUNNING) {
+    return "a step needs an instance that has been initialised";
+  }
+  if (!(step >= 0.0) || !isfinite(until)) {
+    return "a step must be a number of seconds, not below 0";
+  }
+  if (due - m->of.ticks > ANHYST_STEP_TICKS) {
+    return "a step of more than 1e9 ticks";
+  }
+  if (!(PART_RATE > 0.0) && step > 0.0) {
+    why = anhyst_the_part.tick(component->tables, m + 1, m->of.values, step);
+  }
+  while (why == NULL && PART_RATE > 0.0 && due > m->of.ticks + ROUNDING) {
+    why = anhyst_the_part.tick(component->tables, m + 1, m->of.values, 1.0 / PART_RATE);
+    m->of.ticks += why == NULL ? 1.0 : 0.0;
+  }
+  if (why == NULL) {
+    m->of.values[0] = until;
+  }
+  return why;
+}
+
+const char *anhyst_component_save(const anhyst_component *component, void **state)
+{
+  if (*state == NULL) {
+    *state = malloc(size_of_moment());
+  }
+  if (*state == NULL) {
+    return "not enough memory for a state";
+  }
+  (void)memcpy(*state, component->now, size_of_moment());
+  return NULL;
+}
+
+const char *anhyst_component_restore(anhyst_component *component, const void *state)
+{
+  if (state == NULL) {
+    return "there is no such state";
+  }
+  (void)memcpy(component->now, state, size_of_moment());
+  anhyst_the_part.relink(component->tables, component->now + 1);
+  return NULL;
+}
+
+void anhyst_component_forget(void **state)
+{
+  free(*state);
+  *state = NULL;
+}
+
+size_t anhyst_component_bytes(void) { return sizeof PART_TOKEN + size_of_moment(); }
+
+const char *anhyst_component_write(const void *state, unsigned char *bytes, size_t n)
+{
+  if (state == NULL || n < anhyst_component_bytes()) {
+    return "no state, or too few bytes for it";
+  }
+  (void)memcpy(bytes, PART_TOKEN, sizeof PART_TOKEN);
+  (void)memcpy(bytes + sizeof PART_TOKEN, state, size_of_moment());
+  return NULL;
+}
+
+const char *anhyst_component_read(const unsigned char *bytes, size_t n, void **state)
+{
+  if (n != anhyst_component_bytes() || memcmp(bytes, PART_TOKEN, sizeof PART_TOKEN) != 0) {
+    return "the bytes are no state of this component";
+  }
+  if (*state == NULL) {
+    *state = malloc(size_of_moment());
+  }
+  if (*state == NULL) {
+    return "not enough memory for a state";
+  }
+  (void)memcpy(*state, bytes + sizeof PART_TOKEN, size_of_moment());
+  return NULL;
 }

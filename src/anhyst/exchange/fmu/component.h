@@ -1,37 +1,61 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What an FMU holds, without either version of the standard: a controller's compensator that is
-   sampled at its own rate.
+/* A component that other tools step, without any of their interfaces: values by reference, a clock,
+   states. What it computes is in its part.
 
-   Between ticks the inputs of the last tick count. Everything of one instance is in its state,
-   which may be copied byte by byte within a process. */
-#ifndef ANHYST_FMU_COMPONENT_H
-#define ANHYST_FMU_COMPONENT_H
+   A part with a rate ticks at that rate, whatever the steps are: the tick of a step's beginning
+   uses the inputs as they are then, and between ticks inputs and outputs are held. A part without
+   one ticks once a step. */
+#ifndef ANHYST_COMPONENT_H
+#define ANHYST_COMPONENT_H
 
-#include "anhyst/compensator/compensator.h"
+#include <stddef.h>
 
-/* Value references; FMI 3.0 also knows the time as VARIABLE_TIME. */
-enum { VARIABLE_TIME = 0, VARIABLE_DEMAND = 1, VARIABLE_GAP = 2, VARIABLE_CURRENT = 3 };
+/* Ticks in one step, at most: a longer one is refused, it would seem to hang. */
+#define ANHYST_STEP_TICKS 1e9
 
-typedef struct {
-  anhyst_compensator compensator;
-  double inputs[2]; /* demand, in units of the output; gap, m */
-  double current;   /* A */
-  double start;     /* of the ticks, s */
-  double time;      /* s */
-  double ticks;     /* done since the start; whole */
-} anhyst_component;
+typedef enum {
+  ANHYST_PHASE_MADE, /* instantiated, or reset */
+  ANHYST_PHASE_INITIALISING,
+  ANHYST_PHASE_RUNNING,
+  ANHYST_PHASE_TERMINATED
+} anhyst_phase;
 
-/* Starts with demagnetised iron at time 0. 0, or -1 where the parameters are damaged. */
-int anhyst_component_start(anhyst_component *component);
+typedef struct anhyst_component anhyst_component;
 
-/* Goes on to a time, s: every tick from now until before it, with the inputs as they are. */
-void anhyst_component_advance(anhyst_component *component, double until);
+/* What tells this component from any other. */
+const char *anhyst_component_token(void);
 
-/* Takes a state over that may come from another process: pointers stay those of this one. */
-void anhyst_component_restore(anhyst_component *component, const anhyst_component *from);
+/* All functions that return a text: null, or why it cannot be; then nothing has changed. */
 
-/* Reads or writes a variable. 0, or -1 where there is none of that kind. */
-int anhyst_component_get(const anhyst_component *component, unsigned reference, double *value);
-int anhyst_component_set(anhyst_component *component, unsigned reference, double value);
+/* An instance at time 0, its iron demagnetised. Null where memory is short or parameters are
+   damaged. */
+anhyst_component *anhyst_component_new(void);
+void anhyst_component_free(anhyst_component *component);
+const char *anhyst_component_reset(anhyst_component *component);
+
+/* From one phase to another. */
+const char *anhyst_component_begin(anhyst_component *component, double start);
+const char *anhyst_component_run(anhyst_component *component);
+const char *anhyst_component_end(anhyst_component *component);
+int anhyst_component_is(const anhyst_component *component, anhyst_phase phase);
+
+/* Values by reference: 0 the time, then inputs, outputs, constants. Only inputs can be set. */
+const char *anhyst_component_get(const anhyst_component *component, const unsigned *at, size_t n,
+                                 double *values);
+const char *anhyst_component_set(anhyst_component *component, const unsigned *at, size_t n,
+                                 const double *values);
+
+/* Goes on by a step from a time, s. A step of 0 does nothing. */
+const char *anhyst_component_step(anhyst_component *component, double now, double step);
+
+/* States: a copy of all that changes, made by the first call where *state is null. */
+const char *anhyst_component_save(const anhyst_component *component, void **state);
+const char *anhyst_component_restore(anhyst_component *component, const void *state);
+void anhyst_component_forget(void **state);
+
+/* The same as bytes, which another process may read. */
+size_t anhyst_component_bytes(void);
+const char *anhyst_component_write(const void *state, unsigned char *bytes, size_t n);
+const char *anhyst_component_read(const unsigned char *bytes, size_t n, void **state);
 
 #endif

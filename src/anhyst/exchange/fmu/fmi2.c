@@ -3,24 +3,27 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "actuator.h"
 #include "component.h"
 #include "fmi/fmi2Functions.h"
 
 typedef struct {
-  anhyst_component component;
+  anhyst_component *component;
   fmi2CallbackLogger log;
   fmi2ComponentEnvironment environment;
   char name[64];
 } instance;
 
-static fmi2Status refuse(const instance *self, const char *why)
+/* OK where there is nothing to say; otherwise says it. */
+static fmi2Status verdict(const void *c, const char *why)
 {
-  if (self->log != NULL) {
+  const instance *self = (const instance *)c;
+  if (why != NULL && self != NULL && self->log != NULL) {
     self->log(self->environment, self->name, fmi2Error, "logStatusError", why);
   }
-  return fmi2Error;
+  return why == NULL ? fmi2OK : fmi2Error;
 }
+
+static anhyst_component *of(fmi2Component c) { return ((instance *)c)->component; }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 
@@ -43,7 +46,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   (void)place;
   (void)visible;
   (void)on;
-  if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, ACTUATOR_TOKEN) != 0) {
+  if (type != fmi2CoSimulation || guid == NULL || strcmp(guid, anhyst_component_token()) != 0) {
     return NULL;
   }
   self = (instance *)calloc(1, sizeof *self);
@@ -55,62 +58,59 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   if (name != NULL) {
     (void)strncpy(self->name, name, sizeof self->name - 1);
   }
-  if (anhyst_component_start(&self->component) != 0) {
-    (void)refuse(self, "the parameters are damaged");
+  self->component = anhyst_component_new();
+  if (self->component == NULL) {
+    (void)verdict(self, "not enough memory, or the parameters are damaged");
     free(self);
     return NULL;
   }
   return self;
 }
 
-void fmi2FreeInstance(fmi2Component c) { free(c); }
+void fmi2FreeInstance(fmi2Component c)
+{
+  if (c != NULL) {
+    anhyst_component_free(of(c));
+    free(c);
+  }
+}
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean defined, fmi2Real tolerance,
                                fmi2Real start, fmi2Boolean ends, fmi2Real stop)
 {
-  instance *self = (instance *)c;
   (void)defined;
   (void)tolerance;
   (void)ends;
   (void)stop;
-  self->component.start = start;
-  self->component.time = start;
-  return fmi2OK;
+  return verdict(c, anhyst_component_begin(of(c), start));
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component c) { return c == NULL ? fmi2Error : fmi2OK; }
-
-fmi2Status fmi2ExitInitializationMode(fmi2Component c) { return c == NULL ? fmi2Error : fmi2OK; }
-
-fmi2Status fmi2Terminate(fmi2Component c) { return c == NULL ? fmi2Error : fmi2OK; }
-
-fmi2Status fmi2Reset(fmi2Component c)
+/* The experiment need not be set up: then it begins at 0. */
+fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-  instance *self = (instance *)c;
-  return anhyst_component_start(&self->component) == 0 ? fmi2OK : fmi2Error;
+  return verdict(c, anhyst_component_is(of(c), ANHYST_PHASE_INITIALISING)
+                        ? NULL
+                        : anhyst_component_begin(of(c), 0.0));
 }
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component c)
+{
+  return verdict(c, anhyst_component_run(of(c)));
+}
+
+fmi2Status fmi2Terminate(fmi2Component c) { return verdict(c, anhyst_component_end(of(c))); }
+
+fmi2Status fmi2Reset(fmi2Component c) { return verdict(c, anhyst_component_reset(of(c))); }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference at[], size_t n, fmi2Real value[])
 {
-  const instance *self = (const instance *)c;
-  for (size_t i = 0; i < n; i++) {
-    if (anhyst_component_get(&self->component, at[i], &value[i]) != 0) {
-      return refuse(self, "no such real variable");
-    }
-  }
-  return fmi2OK;
+  return verdict(c, anhyst_component_get(of(c), at, n, value));
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference at[], size_t n,
                        const fmi2Real value[])
 {
-  instance *self = (instance *)c;
-  for (size_t i = 0; i < n; i++) {
-    if (anhyst_component_set(&self->component, at[i], value[i]) != 0) {
-      return refuse(self, "no such real input");
-    }
-  }
-  return fmi2OK;
+  return verdict(c, anhyst_component_set(of(c), at, n, value));
 }
 
 /* There are no variables of these kinds. */
@@ -119,14 +119,14 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference at[], size_t n,
   {                                                                                                \
     (void)at;                                                                                      \
     (void)value;                                                                                   \
-    return n == 0 ? fmi2OK : refuse((const instance *)c, "no such variable");                      \
+    return verdict(c, n == 0 ? NULL : "no such variable");                                         \
   }                                                                                                \
   fmi2Status fmi2Set##kind(fmi2Component c, const fmi2ValueReference at[], size_t n,               \
                            const type value[])                                                     \
   {                                                                                                \
     (void)at;                                                                                      \
     (void)value;                                                                                   \
-    return n == 0 ? fmi2OK : refuse((const instance *)c, "no such variable");                      \
+    return verdict(c, n == 0 ? NULL : "no such variable");                                         \
   }
 
 NO_VARIABLES(Integer, fmi2Integer)
@@ -135,28 +135,18 @@ NO_VARIABLES(String, fmi2String)
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
-  const instance *self = (const instance *)c;
-  if (*state == NULL) {
-    *state = malloc(sizeof self->component);
-  }
-  if (*state == NULL) {
-    return refuse(self, "not enough memory for a state");
-  }
-  (void)memcpy(*state, &self->component, sizeof self->component);
-  return fmi2OK;
+  return verdict(c, anhyst_component_save(of(c), state));
 }
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
 {
-  anhyst_component_restore(&((instance *)c)->component, (const anhyst_component *)state);
-  return fmi2OK;
+  return verdict(c, anhyst_component_restore(of(c), state));
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
 {
   (void)c;
-  free(*state);
-  *state = NULL;
+  anhyst_component_forget(state);
   return fmi2OK;
 }
 
@@ -164,33 +154,19 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 {
   (void)c;
   (void)state;
-  *size = sizeof(anhyst_component);
+  *size = anhyst_component_bytes();
   return fmi2OK;
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
 {
-  if (size < sizeof(anhyst_component)) {
-    return refuse((const instance *)c, "too few bytes for a state");
-  }
-  (void)memcpy(bytes, state, sizeof(anhyst_component));
-  return fmi2OK;
+  return verdict(c, anhyst_component_write(state, (unsigned char *)bytes, size));
 }
 
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size,
                                    fmi2FMUstate *state)
 {
-  if (size < sizeof(anhyst_component)) {
-    return refuse((const instance *)c, "too few bytes for a state");
-  }
-  if (*state == NULL) {
-    *state = malloc(sizeof(anhyst_component));
-  }
-  if (*state == NULL) {
-    return refuse((const instance *)c, "not enough memory for a state");
-  }
-  (void)memcpy(*state, bytes, sizeof(anhyst_component));
-  return fmi2OK;
+  return verdict(c, anhyst_component_read((const unsigned char *)bytes, size, state));
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[],
@@ -203,7 +179,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
   (void)knowns;
   (void)seed;
   (void)answer;
-  return refuse((const instance *)c, "a sampled controller has no derivative");
+  return verdict(c, "what is sampled has no derivative");
 }
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference at[], size_t n,
@@ -212,7 +188,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
   (void)at;
   (void)order;
   (void)value;
-  return n == 0 ? fmi2OK : refuse((const instance *)c, "inputs are held, not interpolated");
+  return verdict(c, n == 0 ? NULL : "inputs are held, not interpolated");
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference at[], size_t n,
@@ -221,24 +197,16 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
   (void)at;
   (void)order;
   (void)value;
-  return n == 0 ? fmi2OK : refuse((const instance *)c, "outputs are held: no derivatives");
+  return verdict(c, n == 0 ? NULL : "outputs are held: no derivatives");
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean no_return)
 {
-  instance *self = (instance *)c;
   (void)no_return;
-  if (!(step >= 0.0)) {
-    return refuse(self, "a step cannot go back in time");
-  }
-  anhyst_component_advance(&self->component, now + step);
-  return fmi2OK;
+  return verdict(c, anhyst_component_step(of(c), now, step));
 }
 
-fmi2Status fmi2CancelStep(fmi2Component c)
-{
-  return refuse((const instance *)c, "no step is ever pending");
-}
+fmi2Status fmi2CancelStep(fmi2Component c) { return verdict(c, "no step is ever pending"); }
 
 /* Steps are done when they return. */
 #define NO_STATUS(kind, type)                                                                      \

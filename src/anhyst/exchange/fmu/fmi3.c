@@ -3,23 +3,26 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "actuator.h"
 #include "component.h"
 #include "fmi/fmi3Functions.h"
 
 typedef struct {
-  anhyst_component component;
+  anhyst_component *component;
   fmi3LogMessageCallback log;
   fmi3InstanceEnvironment environment;
 } instance;
 
-static fmi3Status refuse(const instance *self, const char *why)
+/* OK where there is nothing to say; otherwise says it. */
+static fmi3Status verdict(const void *c, const char *why)
 {
-  if (self->log != NULL) {
+  const instance *self = (const instance *)c;
+  if (why != NULL && self != NULL && self->log != NULL) {
     self->log(self->environment, fmi3Error, "logStatusError", why);
   }
-  return fmi3Error;
+  return why == NULL ? fmi3OK : fmi3Error;
 }
+
+static anhyst_component *of(fmi3Instance c) { return ((instance *)c)->component; }
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
@@ -49,7 +52,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   (void)wanted;
   (void)n;
   (void)update;
-  if (token == NULL || strcmp(token, ACTUATOR_TOKEN) != 0) {
+  if (token == NULL || strcmp(token, anhyst_component_token()) != 0) {
     return NULL;
   }
   self = (instance *)calloc(1, sizeof *self);
@@ -58,74 +61,68 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   }
   self->log = log;
   self->environment = environment;
-  if (anhyst_component_start(&self->component) != 0) {
-    (void)refuse(self, "the parameters are damaged");
+  self->component = anhyst_component_new();
+  if (self->component == NULL) {
+    (void)verdict(self, "not enough memory, or the parameters are damaged");
     free(self);
     return NULL;
   }
   return self;
 }
 
-void fmi3FreeInstance(fmi3Instance c) { free(c); }
+void fmi3FreeInstance(fmi3Instance c)
+{
+  if (c != NULL) {
+    anhyst_component_free(of(c));
+    free(c);
+  }
+}
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean defined, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean ends, fmi3Float64 stop)
 {
-  instance *self = (instance *)c;
   (void)defined;
   (void)tolerance;
   (void)ends;
   (void)stop;
-  self->component.start = start;
-  self->component.time = start;
-  return fmi3OK;
+  return verdict(c, anhyst_component_begin(of(c), start));
 }
 
 /* Modes that this component is always ready to enter or leave. */
 #define NOTHING_TO_DO(name)                                                                        \
   fmi3Status name(fmi3Instance c) { return c == NULL ? fmi3Error : fmi3OK; }
 
-NOTHING_TO_DO(fmi3ExitInitializationMode)
 NOTHING_TO_DO(fmi3EnterEventMode)
 NOTHING_TO_DO(fmi3EnterStepMode)
 NOTHING_TO_DO(fmi3EnterConfigurationMode)
 NOTHING_TO_DO(fmi3ExitConfigurationMode)
 NOTHING_TO_DO(fmi3EvaluateDiscreteStates)
-NOTHING_TO_DO(fmi3Terminate)
 
-fmi3Status fmi3Reset(fmi3Instance c)
+fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
 {
-  instance *self = (instance *)c;
-  return anhyst_component_start(&self->component) == 0 ? fmi3OK : fmi3Error;
+  return verdict(c, anhyst_component_run(of(c)));
 }
 
+fmi3Status fmi3Terminate(fmi3Instance c) { return verdict(c, anhyst_component_end(of(c))); }
+
+fmi3Status fmi3Reset(fmi3Instance c) { return verdict(c, anhyst_component_reset(of(c))); }
+
+/* All variables are single numbers. */
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                           fmi3Float64 value[], size_t values)
 {
-  const instance *self = (const instance *)c;
-  for (size_t i = 0; i < n && i < values; i++) {
-    if (anhyst_component_get(&self->component, at[i], &value[i]) != 0) {
-      return refuse(self, "no such variable");
-    }
-  }
-  return fmi3OK;
+  return verdict(c, values == n ? anhyst_component_get(of(c), at, n, value) : "no array is here");
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference at[], size_t n,
                           const fmi3Float64 value[], size_t values)
 {
-  instance *self = (instance *)c;
-  for (size_t i = 0; i < n && i < values; i++) {
-    if (anhyst_component_set(&self->component, at[i], value[i]) != 0) {
-      return refuse(self, "no such input");
-    }
-  }
-  return fmi3OK;
+  return verdict(c, values == n ? anhyst_component_set(of(c), at, n, value) : "no array is here");
 }
 
 static fmi3Status none(const void *c, size_t n)
 {
-  return n == 0 ? fmi3OK : refuse((const instance *)c, "no such variable");
+  return verdict(c, n == 0 ? NULL : "no such variable");
 }
 
 /* There are no variables of these kinds. */
@@ -215,28 +212,18 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference at, si
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
 {
-  const instance *self = (const instance *)c;
-  if (*state == NULL) {
-    *state = malloc(sizeof self->component);
-  }
-  if (*state == NULL) {
-    return refuse(self, "not enough memory for a state");
-  }
-  (void)memcpy(*state, &self->component, sizeof self->component);
-  return fmi3OK;
+  return verdict(c, anhyst_component_save(of(c), state));
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
 {
-  anhyst_component_restore(&((instance *)c)->component, (const anhyst_component *)state);
-  return fmi3OK;
+  return verdict(c, anhyst_component_restore(of(c), state));
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
 {
   (void)c;
-  free(*state);
-  *state = NULL;
+  anhyst_component_forget(state);
   return fmi3OK;
 }
 
@@ -244,33 +231,19 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t
 {
   (void)c;
   (void)state;
-  *size = sizeof(anhyst_component);
+  *size = anhyst_component_bytes();
   return fmi3OK;
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-  if (size < sizeof(anhyst_component)) {
-    return refuse((const instance *)c, "too few bytes for a state");
-  }
-  (void)memcpy(bytes, state, sizeof(anhyst_component));
-  return fmi3OK;
+  return verdict(c, anhyst_component_write(state, bytes, size));
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size,
                                    fmi3FMUState *state)
 {
-  if (size < sizeof(anhyst_component)) {
-    return refuse((const instance *)c, "too few bytes for a state");
-  }
-  if (*state == NULL) {
-    *state = malloc(sizeof(anhyst_component));
-  }
-  if (*state == NULL) {
-    return refuse((const instance *)c, "not enough memory for a state");
-  }
-  (void)memcpy(*state, bytes, sizeof(anhyst_component));
-  return fmi3OK;
+  return verdict(c, anhyst_component_read(bytes, size, state));
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknown[],
@@ -286,7 +259,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
   (void)seeds;
   (void)answer;
   (void)answers;
-  return refuse((const instance *)c, "a sampled controller has no derivative");
+  return verdict(c, "what is sampled has no derivative");
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknown[],
@@ -392,15 +365,11 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 now, fmi3Float64 step, fmi3Boo
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early,
                       fmi3Float64 *reached)
 {
-  instance *self = (instance *)c;
+  const char *why = anhyst_component_step(of(c), now, step);
   (void)no_return;
-  if (!(step >= 0.0)) {
-    return refuse(self, "a step cannot go back in time");
-  }
-  anhyst_component_advance(&self->component, now + step);
   *event = fmi3False;
   *terminate = fmi3False;
   *early = fmi3False;
-  *reached = now + step;
-  return fmi3OK;
+  *reached = why == NULL ? now + step : now;
+  return verdict(c, why);
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -136,15 +137,36 @@ def make_bearing(
         That on the other side, where it is not like the first one.
     """
     own = magnet or make_magnet(rig)
+    numbers = plant_numbers(rig)
     return Bearing(
-        _mechanics(rig),
-        _amplifier(rig),
-        _load(rig),
-        _sensors(rig),
+        numbers.mechanics,
+        numbers.amplifier,
+        numbers.load,
+        numbers.sensors,
         own,
         (second or own) if len(rig.magnets) > 1 else None,
-        (rig.settings.seed << 32) + seed,
+        noise_seed(rig, seed),
     )
+
+
+def noise_seed(rig: BearingRig, seed: int) -> int:
+    """Return what the noise of all sensors begins with: the seed of the file, and of a run."""
+    return (rig.settings.seed << 32) + seed
+
+
+@dataclass(frozen=True, slots=True)
+class PlantNumbers:
+    """All of a plant but its magnets, by the names of ``plant/include/anhyst_plant/bearing.h``."""
+
+    mechanics: dict[str, float]
+    amplifier: dict[str, float]
+    load: dict[str, float]
+    sensors: dict[str, Mapping[str, float]]
+
+
+def plant_numbers(rig: BearingRig) -> PlantNumbers:
+    """Return the numbers of a plant."""
+    return PlantNumbers(_mechanics(rig), _amplifier(rig), _load(rig), _sensors(rig))
 
 
 def current_loop(rig: BearingRig) -> dict[str, float]:

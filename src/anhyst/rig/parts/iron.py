@@ -94,13 +94,16 @@ class CellSteel:
         """
         if self.cells + 1 > MOST_CELLS:
             raise InputError(f"cells: {self.cells} are too many; use up to {MOST_CELLS - 1}")
-        curve = {
+        return Steel(self.curve(), self.thresholds, self.weights)
+
+    def curve(self) -> dict[str, float]:
+        """Return the curve that nothing pins by the names of ``anhyst_plant/curve.h``."""
+        return {
             "sharp": self.saturation_sharp,
             "knee_sharp": self.knee_sharp,
             "slow": self.saturation_slow,
             "knee_slow": self.knee_slow,
         }
-        return Steel(curve, self.thresholds, self.weights)
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""

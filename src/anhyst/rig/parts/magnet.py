@@ -91,7 +91,12 @@ def iron_magnet(poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: floa
 
 
 def _in_circuit(poles: Poles, steel: Steel, eddy_time: float, gap: float) -> Magnet:
-    numbers = {
+    return Magnet(circuit_numbers(poles, eddy_time, gap), steel)
+
+
+def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, float]:
+    """Return winding and circuit of an iron by the names of ``anhyst_plant/magnet.h``."""
+    return {
         "iron_length": poles.iron_length,
         "iron_area": poles.area,
         "pole_width": poles.width,
@@ -102,7 +107,6 @@ def _in_circuit(poles: Poles, steel: Steel, eddy_time: float, gap: float) -> Mag
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }
-    return Magnet(numbers, steel)
 
 
 class Electromagnet:

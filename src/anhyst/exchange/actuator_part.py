@@ -1,0 +1,166 @@
+"""An identified actuator as a component: the C that runs behind its stepper, in double precision."""
+
+from __future__ import annotations
+
+from anhyst._core import AnyIron
+from anhyst.compilation.core import core_files
+from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, row
+from anhyst.laws.cells import CellWeights
+from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import Model
+from anhyst.model.parameters import CIRCUIT
+from anhyst.support.errors import InputError
+
+_CORE = (
+    *("numeric/elementary.c", "law/langevin.c", "law/circuit.c"),
+    *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
+    *(f"law/{name}.c" for name in ("branch", "operator", "lag_exact", "lag_linear", "lag_1986")),
+    *("law/solver.c", "law/law_lag.c"),
+)
+"""What any law needs: the circuit knows all of them."""
+
+_STEPS = {"effective-field": "ANHYST_STEP_EXACT", "jiles-atherton-1986": "ANHYST_STEP_JA1986"}
+
+
+def actuator_part(model: Model) -> Part:
+    """Return an actuator: drive and scheduling variable in; output, flux density and field out.
+
+    Each step of the tool is one sample, as :meth:`anhyst.model.stepper.Stepper.commit` takes them,
+    from demagnetised iron. A lag of the model is not in it.
+
+    Parameters
+    ----------
+    model : Model
+
+    Raises
+    ------
+    InputError
+        The core does not have its law, or the iron itself varies with the scheduling variable.
+    """
+    if model.fixed_gap_only:
+        raise InputError(
+            f"the iron of this model varies with its {model.schedule.name if model.schedule else ''}"
+            f" ({', '.join(model.varying)}), which no actuator can follow; identify with the gap "
+            "map scaling or reluctance"
+        )
+    middle = _middle(model)
+    if not isinstance(model.iron_at(middle), AnyIron):
+        raise InputError(
+            f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}"
+        )
+    around, rows = _around(model)
+    defined = _law(model) | around | _creep(model)
+    files = {name: text.encode() for name, text in core_files(_CORE).items()}
+    files |= {name: (WRAPPER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")}
+    files["actuator_numbers.h"] = header("actuator_numbers", defined, rows).encode()
+    text = (
+        f"{model.output.name.replace('_', ' ').capitalize()} of a {model.input.name}, hysteresis "
+        f"included: {model.operator_law.title}"
+    )
+    return Part(model.name or "actuator", text, 0.0, _variables(model, middle), files)
+
+
+def _middle(model: Model) -> float:
+    """Return the scheduling variable in the middle of where the model holds."""
+    ends = model.valid.schedule if model.valid else None
+    places = ends or model.nodes or (0.0,)
+    return 0.5 * (float(places[0]) + float(places[-1]))
+
+
+def _law(model: Model) -> dict[str, object]:
+    """Return the numbers of the law."""
+    law = model.operator_law
+    iron = {spec.name: float(model.over_schedule(spec.name, [0.0])[0]) for spec in law.parameters}
+    if law.cells is not None:
+        return _cells(law.cells(iron)) | {"ACTUATOR_INTERACTION": iron["alpha"]}
+    return {
+        "ACTUATOR_HAS_CELLS": 0,
+        "ACTUATOR_STEP": _STEPS[law.name],
+        "ACTUATOR_SATURATION": iron["M_s"],
+        "ACTUATOR_WIDTH": iron["a"],
+        "ACTUATOR_PINNING": iron["k"],
+        "ACTUATOR_REVERSIBILITY": iron["c"],
+        "ACTUATOR_INTERACTION": iron["alpha"],
+        "ACTUATOR_PLAY": iron["r_d"],
+    }
+
+
+def _cells(cells: CellWeights) -> dict[str, object]:
+    return {
+        "ACTUATOR_HAS_CELLS": 1,
+        "ACTUATOR_CELLS": cells.thresholds.size,
+        "ACTUATOR_CURVES": cells.widths.size,
+        "ACTUATOR_SHAPE": f"ANHYST_SHAPE_{cells.shape.upper()}",
+        "ACTUATOR_THRESHOLDS": row(cells.thresholds),
+        "ACTUATOR_WIDTHS": row(cells.widths),
+        "ACTUATOR_WEIGHTS": row(cells.weights.ravel()),
+    }
+
+
+def _around(model: Model) -> tuple[dict[str, object], str]:
+    """Return what surrounds the iron: a curve for each of its parameters, and their rows."""
+    curves, rows = [], []
+    for spec in CIRCUIT:
+        curve = model.curves.get(spec.name)
+        if curve is None or curve.nodes.size < 2:
+            value = model.over_schedule(spec.name, [0.0])
+            coordinate, parts = "PLAIN", (value, value, value, value)
+        else:
+            heights, slopes = curve.straight()
+            coordinate = spec.coordinate.upper()
+            parts = (curve.nodes, curve.values, heights, slopes)
+        names = [f"{spec.name}_{part}" for part in ("nodes", "values", "heights", "slopes")]
+        rows += [array(name, part) for name, part in zip(names, parts, strict=True)]
+        curves.append(f"{{{len(parts[0])}, ANHYST_CURVE_{coordinate}, {', '.join(names)}}}")
+    return {
+        "ACTUATOR_POWER": model.power,
+        "ACTUATOR_HAS_SCHEDULE": int(model.schedule is not None),
+        "ACTUATOR_SURROUNDINGS": "{" + ", ".join(curves) + "}",
+    }, "".join(rows)
+
+
+def _creep(model: Model) -> dict[str, object]:
+    late = model.dynamics
+    times, shares = (late.times, late.shares) if late is not None else ((), ())
+    return {
+        "ACTUATOR_CREEPS": len(times),
+        "ACTUATOR_TIMES": row(times or (1.0,)),
+        "ACTUATOR_SHARES": row(shares or (0.0,)),
+    }
+
+
+def _variables(model: Model, middle: float) -> list[Variable]:
+    low, high = model.valid.input if model.valid else (None, None)
+    start = 0.0 if low is None or high is None else min(max(0.0, low), high)
+    text = "drives it, from the beginning of a step"
+    found = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
+    if model.schedule is not None:
+        ends = model.valid.schedule if model.valid else None
+        low, high = ends or (None, None)
+        text = "beyond the nodes of the model its curves go on straight"
+        name, unit = model.schedule.name, model.schedule.unit
+        found.append(Variable(name, "input", unit, text, middle, low, high))
+    text = "at the end of a step"
+    found.append(Variable(model.output.name, "output", model.output.unit, text))
+    found.append(Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge"))
+    found.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
+    return [*found, *_constants(model)]
+
+
+def _constants(model: Model) -> list[Variable]:
+    """Return the parameters that do not run over the scheduling variable, to be read.
+
+    Their names are the keys of a model file; what is around the iron has its unit in there.
+    """
+    units: dict[str, str] = {spec.name: spec.unit for spec in model.operator_law.parameters}
+    return [
+        Variable(
+            model.keys[name][1],
+            "constant",
+            units.get(name),
+            spec.meaning,
+            float(model.over_schedule(name, [0.0])[0]),
+        )
+        for name, spec in model.specs.items()
+        if name not in model.varying
+    ]

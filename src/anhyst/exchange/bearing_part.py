@@ -1,0 +1,208 @@
+"""A whole virtual bearing as a component: the plant of ``anhyst simulate`` and the compiled controller."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from anhyst.compilation.core import core_files
+from anhyst.compilation.verb import compile_actuator
+from anhyst.control.controller_file import ControllerFile
+from anhyst.control.states import Command
+from anhyst.exchange.part import WRAPPER, Part, Variable, header, row
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import current_loop, noise_seed, plant_numbers
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.magnet import circuit_numbers
+from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.support.atomic import PathLike
+from anhyst.support.core_folder import plant_folder
+from anhyst.support.errors import InputError
+
+_FORMATS = ("f32", "f64")
+_CORE = (
+    *("numeric/elementary.c", "numeric/factor.c"),
+    *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver", "circuit")),
+    *(f"law/{name}.c" for name in ("lag_exact", "lag_linear", "lag_1986", "law_lag")),
+    *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
+    *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in _FORMATS),
+    *(f"compensator/compensator_{of}.c" for of in _FORMATS),
+    *(f"compensator/{name}.c" for name in ("map_real", "play_map", "play_map_real")),
+    *("compensator/force_controller_real.c", "control/pidd2_real.c", "control/position_real.c"),
+)
+"""What the plant and its adapters name beyond a compiled controller."""
+
+
+def bearing_part(rig_path: PathLike) -> Part:
+    """Return a bearing with its position controller: wanted gap and load in; gap, force, currents out.
+
+    It ticks at the rate of the controller, whose file lies beside the rig's.
+
+    Parameters
+    ----------
+    rig_path : path-like
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read or does not fit the others; an iron that is not of cells; a
+        controller that is no compensator in fixed point.
+    """
+    rig, controller = read_files(rig_path, None)
+    ready = make_ready(rig, controller)
+    _refuse(ready.rig, controller)
+    wanted = controller.settings.compensation
+    with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
+        folder = Path(scratch) / "controller"
+        compile_actuator(
+            ready.knowledge().model,
+            folder,
+            kind="full" if wanted.variant == "full" else "simplified",
+            io="q31",
+            controller=controller.path,
+        )
+        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        name = manifest["name"]
+        own = [path for place in ("include", "src") for path in (folder / place).rglob("*.[ch]")]
+        own += [
+            folder / f"{name}_{of}.{end}" for of in ("parameters", "controller") for end in "ch"
+        ]
+        sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
+    sources |= {path: text.encode() for path, text in core_files(_CORE).items()}
+    sources |= _plant_sources()
+    for own_file in ("bearing.c", "bearing_controller.c", "bearing_controller.h"):
+        sources[own_file] = (WRAPPER / own_file).read_bytes()
+    sources["bearing_numbers.h"] = _numbers(ready.rig).encode()
+    sources["controller_numbers.h"] = _names(name).encode()
+    title = rig.settings.name
+    text = f"{title}, controlled by '{controller.settings.name}', {wanted.variant} in fixed point"
+    rate = rig.settings.timing.rate_Hz
+    return Part(title, text, rate, _variables(ready.rig, controller, manifest), sources)
+
+
+def _refuse(rig: BearingRig, controller: ControllerFile) -> None:
+    wanted = controller.settings.compensation
+    if wanted.variant not in {"full", "simplified"} or wanted.format != "fixed":
+        raise InputError(
+            f"{controller.path}: an FMU holds the compiled controller: variant full or simplified "
+            f"in format fixed, not {wanted.variant} in {wanted.format}; change [compensation]"
+        )
+    magnet = rig.settings.magnet
+    if magnet.force != "cells" or not isinstance(magnet.steel.steel(), CellSteel):
+        raise InputError(
+            f'{rig.path}: an FMU of a bearing knows an iron of cells; give force = "cells" with '
+            "[magnet.iron]"
+        )
+
+
+def _plant_sources() -> dict[str, bytes]:
+    folder = plant_folder()
+    found = {}
+    for path in sorted(folder.rglob("*.[ch]")):
+        place = path.relative_to(folder).as_posix()
+        if path.name not in {"bus.c", "tracking.c"} and "tracking" not in place:
+            found[place.replace("src/", "plant/", 1)] = path.read_bytes()
+    return found
+
+
+def _fields(numbers: Mapping[str, object]) -> str:
+    """Return a structure by the names of its fields."""
+    return "{" + ", ".join(f".{name} = {value}" for name, value in numbers.items()) + "}"
+
+
+def _iron(rig: BearingRig) -> str:
+    steel = rig.settings.magnet.steel.steel()
+    assert isinstance(steel, CellSteel)
+    curve = _fields(steel.curve())
+    thresholds, weights = row(steel.thresholds), row(steel.weights)
+    cells = {"cells": steel.cells + 1, "threshold": thresholds, "weight": weights, "curve": curve}
+    steels = _fields({"cells": _fields(cells)})
+    return _fields({"family": "&anhyst_plant_of_cells", "slack": 0.0, "steel": steels})
+
+
+def _names(name: str) -> str:
+    """Return the header that gives the component the names of its controller."""
+    macro = name.upper()
+    scales = [
+        f"{macro}_CONTROLLER_GAP_MIDDLE_M",
+        *(
+            f"{macro}_CONTROLLER_FULL_SCALE_{one}"
+            for one in ("POSITION_M", "CURRENT_A", "DEMAND_N")
+        ),
+    ]
+    defined = {
+        "CONTROLLER_SCALES": "{" + ", ".join([*scales, "1.0", "1.0"]) + "}",
+        "CONTROLLER": f"{name}_controller",
+        "CONTROLLER_INIT": f"{name}_controller_init",
+        "CONTROLLER_LIMITS": f"{name}_controller_limits",
+        "CONTROLLER_SETTINGS": f"{name}_controller_settings",
+        "CONTROLLER_KERNEL": f"{macro}_KERNEL",
+        "CONTROLLER_PARAMETERS": f"{name}_parameters",
+    }
+    return header("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
+
+
+def _numbers(rig: BearingRig) -> str:
+    """Return the plant as structures."""
+    settings, numbers = rig.settings, plant_numbers(rig)
+    circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
+                              settings.simulate.gap_m)  # fmt: skip
+    winding = {key: circuit.pop(key) for key in ("turns", "resistance")}
+    magnet = _fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
+    sensors = numbers.sensors
+    bearing = {
+        **numbers.mechanics,
+        "magnets": len(rig.magnets),
+        "magnet": "{" + ", ".join([magnet] * len(rig.magnets)) + "}",
+        "amplifier": _fields(numbers.amplifier),
+        "load": _fields(numbers.load),
+        "gap_sensor": _fields(sensors["gap"]),
+        "current_sensor": _fields(sensors["current"]),
+        "force_sensor": _fields(sensors["force"]),
+        "hall_probe": _fields(sensors["hall"]),
+    }
+    text = (
+        '#include "anhyst_plant/bearing.h"\n\n'
+        "static const anhyst_plant_circuit bearing_circuit = "
+        f"{_fields({'iron': _iron(rig), **circuit})};\n"
+        f"static const anhyst_plant_bearing bearing = {_fields(bearing)};\n\n"
+    )
+    defined = {
+        "BEARING_MAGNETS": len(rig.magnets),
+        "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
+        "BEARING_HAS_HALL": int(settings.hall_probe is not None),
+        "BEARING_CURRENT_LOOP": _fields(current_loop(rig)),
+    }
+    return header("bearing_numbers", defined, text)
+
+
+def _variables(
+    rig: BearingRig, controller: ControllerFile, manifest: Mapping[str, Any]
+) -> list[Variable]:
+    limits, load = controller.settings.limits, rig.settings.load
+    codes = ", ".join(f"{one.value} {one.name.lower()}" for one in Command)
+    middle, ends = rig.settings.simulate.gap_m, (limits.gap_low_m, limits.gap_high_m)
+    found = [
+        Variable("target_gap", "input", "m", "wanted gap", middle, *ends),
+        Variable("load", "input", "N", "of the load drive; opens the gap", load.force_N),
+        Variable("command", "input", "1", f"acts when it changes: {codes}", 0.0, 0.0, 6.0),
+        Variable("gap_read", "output", "m", "as the position sensor said at the last tick"),
+        Variable("reference_gap", "output", "m", "to which is controlled"),
+        Variable("demand", "output", "N", "wanted net force"),
+        Variable("state", "output", "1", "of the controller: 16*state + phase"),
+        Variable("flags", "output", "1", "of the controller"),
+        Variable("gap", "output", "m", "true gap"),
+        Variable("velocity", "output", "m/s", "of the armature; the gap opens"),
+        Variable("force", "output", "N", "of the magnets, net"),
+    ]
+    for number in range(1, manifest["controller"]["magnets"] + 1):
+        which = f"of magnet {number}"
+        found += [
+            Variable(f"current_{number}", "output", "A", which),
+            Variable(f"flux_density_{number}", "output", "T", f"in the gap, {which}"),
+            Variable(f"command_current_{number}", "output", "A", f"reference {which}"),
+        ]
+    return found

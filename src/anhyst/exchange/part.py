@@ -1,0 +1,119 @@
+"""What an FMU or an S-function is made of, whichever kind of component is in it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+WRAPPER = Path(__file__).with_name("fmu")
+
+Causality = Literal["input", "output", "constant"]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A real variable of a component.
+
+    Parameters
+    ----------
+    name : str
+    causality : str
+        ``input``, ``output`` or ``constant``: a parameter, to be read.
+    unit : str or None
+        SI; None where the name says it.
+    text : str
+        What it is.
+    start : float
+        Of an input; what a constant is; of an output nothing.
+    low, high : float, optional
+        Range.
+    """
+
+    name: str
+    causality: Causality
+    unit: str | None
+    text: str
+    start: float = 0.0
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A component: its variables, and the C that computes them.
+
+    Parameters
+    ----------
+    name, text : str
+        Of the model, and what it is.
+    rate : float
+        Ticks a second; 0 where each step of the tool is one.
+    variables : sequence of Variable
+        Inputs, then outputs, then constants; the reference of each is its place, from 1.
+    sources : mapping of str to bytes
+        C files and headers by their path.
+    """
+
+    name: str
+    text: str
+    rate: float
+    variables: Sequence[Variable]
+    sources: Mapping[str, bytes]
+
+    def named(self, causality: Causality) -> list[Variable]:
+        """Return the variables of one kind."""
+        return [one for one in self.variables if one.causality == causality]
+
+    def complete(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
+        """Return the token that tells this component from any other, and everything to compile.
+
+        Parameters
+        ----------
+        wrapper : iterable of str
+            Files of :data:`WRAPPER` through which a tool reaches the component.
+
+        Returns
+        -------
+        token : str
+        sources : dict of str to bytes
+        """
+        common = ("part.h", "component.h", "component.c", *wrapper)
+        found = dict(self.sources) | {name: (WRAPPER / name).read_bytes() for name in common}
+        content = b"".join(found[name] for name in sorted(found))
+        token = hashlib.sha256(content + repr(self.variables).encode()).hexdigest()[:32]
+        found["part_values.h"] = self._values(token).encode()
+        return token, dict(sorted(found.items()))
+
+    def _values(self, token: str) -> str:
+        first = [0.0, *(0.0 if v.causality == "output" else v.start for v in self.variables)]
+        return header(
+            "part_values",
+            {
+                "PART_TOKEN": f'"{token}"',
+                "PART_RATE": repr(float(self.rate)),
+                "PART_INPUTS": len(self.named("input")),
+                "PART_OUTPUTS": len(self.named("output")),
+                "PART_VALUES": len(first),
+                "PART_FIRST_VALUES": row(first),
+            },
+        )
+
+
+def row(values: Iterable[float]) -> str:
+    """Return numbers as C reads them back, bit for bit."""
+    return "{" + ", ".join(repr(float(value)) for value in values) + "}"
+
+
+def array(name: str, values: Iterable[float]) -> str:
+    """Return a line that defines a row of numbers."""
+    return f"static const double {name}[] = {row(values)};\n"
+
+
+def header(name: str, defined: Mapping[str, object], before: str = "") -> str:
+    """Return a header: lines before, then definitions."""
+    guard = f"{name.upper()}_H"
+    lines = "".join(f"#define {key} {value}\n" for key, value in defined.items())
+    return f"/* Generated. */\n#ifndef {guard}\n#define {guard}\n\n{before}{lines}\n#endif\n"

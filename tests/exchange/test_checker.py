@@ -1,0 +1,53 @@
+"""What a second checker says of every kind of FMU: the schemas and rules of the standard."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import anhyst
+from anhyst.exchange.description import FmiVersion
+from anhyst.exchange.fmu_file import Of, export_fmu
+from tests.exchange.test_actuator import magnet
+
+toolbox = pytest.importorskip("fmu_manipulation_toolbox.operations")
+checker = pytest.importorskip("fmu_manipulation_toolbox.checker")
+
+
+def findings(path: Path) -> tuple[str | None, list[str]]:
+    """Return the version that the description complies with, and the rules that it breaks."""
+    fmu = toolbox.FMU(str(path))
+    schema, rules = checker.OperationGenericCheck(), checker.OperationSemanticCheck()
+    fmu.apply_operation(schema)
+    fmu.apply_operation(rules)
+    return schema.compliant_with_version, rules.errors
+
+
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+@pytest.mark.parametrize("of", ["compensator", "actuator"])
+def test_models_break_no_rule(of: Of, fmi: FmiVersion, tmp_path: Path) -> None:
+    rate = 2e4 if of == "compensator" else None
+    model = magnet("effective-field", "reluctance")
+    path = export_fmu(model, tmp_path / "m.fmu", of=of, rate=rate, fmi=fmi, platforms=[])
+    assert findings(path) == (fmi, [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_bearings_break_no_rule(fmi: FmiVersion, tmp_path: Path) -> None:
+    rig = anhyst.example_files("bearing")["rig.toml"]
+    assert findings(export_fmu(rig, tmp_path / "b.fmu", fmi=fmi, platforms=[])) == (fmi, [])
+
+
+def test_a_broken_description_is_found(tmp_path: Path) -> None:
+    model = magnet("effective-field", "reluctance")
+    path = export_fmu(model, tmp_path / "m.fmu", of="actuator", platforms=[])
+    for old, new in (('name="iron_field"', 'name="force"'), ('causality="input"', 'causality="x"')):
+        broken = tmp_path / "broken.fmu"
+        with zipfile.ZipFile(path) as given, zipfile.ZipFile(broken, "w") as made:
+            text = given.read("modelDescription.xml").decode()
+            assert old in text
+            made.writestr("modelDescription.xml", text.replace(old, new))
+        assert findings(broken) != ("2.0", [])
