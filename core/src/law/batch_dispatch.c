@@ -28,33 +28,23 @@ DECLARE(_avx512)
 #define KEEPS_512 (KEEPS_256 | 7u << 5)
 
 /* Not __builtin_cpu_supports: linked by zig it knows no processor and says no to everything. */
-static anhyst_batch_level ask(void)
+anhyst_batch_level anhyst_batch_best(void)
 {
   unsigned a, b, c, d;
-  if (!__get_cpuid(1, &a, &b, &c, &d) || (c & FMA_XSAVE_AVX) != FMA_XSAVE_AVX) {
+  __cpuid(1, a, b, c, d); /* every processor of 64 bits has it, and with XSAVE leaf 7 too */
+  if ((c & FMA_XSAVE_AVX) != FMA_XSAVE_AVX) {
     return ANHYST_BATCH_BASE;
   }
   unsigned kept, high;
+  // NOLINTNEXTLINE(portability-no-assembler): the intrinsic would need -mxsave
   __asm__("xgetbv" : "=a"(kept), "=d"(high) : "c"(0));
-  if (!__get_cpuid_count(7, 0, &a, &b, &c, &d) || !(b & AVX2) || (kept & KEEPS_256) != KEEPS_256) {
+  __cpuid_count(7, 0, a, b, c, d);
+  if (!(b & AVX2) || (kept & KEEPS_256) != KEEPS_256) {
     return ANHYST_BATCH_BASE;
   }
   return (b & AVX512_F_DQ_VL) == AVX512_F_DQ_VL && (kept & KEEPS_512) == KEEPS_512
              ? ANHYST_BATCH_AVX512
              : ANHYST_BATCH_AVX2;
-}
-
-/* Asked once: on a virtual machine an answer takes up to 20 us. Whoever asks at the same time gets
-   the same. */
-anhyst_batch_level anhyst_batch_best(void)
-{
-  static int known = -1;
-  int best = __atomic_load_n(&known, __ATOMIC_RELAXED);
-  if (best < 0) {
-    best = (int)ask();
-    __atomic_store_n(&known, best, __ATOMIC_RELAXED);
-  }
-  return (anhyst_batch_level)best;
 }
 #else
 anhyst_batch_level anhyst_batch_best(void) { return ANHYST_BATCH_BASE; }
@@ -64,7 +54,7 @@ anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_level
                                anhyst_batch_mode mode, size_t n, const double *drive, double *x,
                                double *y, double *m_out, double *x_out)
 {
-  if (level > anhyst_batch_best()) {
+  if (level != ANHYST_BATCH_BASE && level > anhyst_batch_best()) {
     return ANHYST_BAD_PARAMETER;
   }
   for (size_t i = 0; i < sets->sets; i++) {
@@ -88,7 +78,7 @@ anhyst_status anhyst_batch_f64(const anhyst_batch_sets *sets, anhyst_batch_level
 anhyst_status anhyst_batch_functions_f64(anhyst_batch_level level, size_t n, const double *t,
                                          double *exp_minus, double *langevin)
 {
-  if (level > anhyst_batch_best()) {
+  if (level != ANHYST_BATCH_BASE && level > anhyst_batch_best()) {
     return ANHYST_BAD_PARAMETER;
   }
 #ifdef ANHYST_BATCH_X86

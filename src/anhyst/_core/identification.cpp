@@ -105,10 +105,17 @@ private:
 // From the base level to the best that the processor has.
 const char *const LEVELS[] = {"base", "avx2", "avx512"};
 
+// Asked once: the answer is slow on a virtual machine.
+anhyst_batch_level best_level()
+{
+  static const anhyst_batch_level best = anhyst_batch_best();
+  return best;
+}
+
 nb::list batch_levels()
 {
   nb::list found;
-  for (int level = 0; level <= anhyst_batch_best(); level++) {
+  for (int level = 0; level <= best_level(); level++) {
     found.append(LEVELS[level]);
   }
   return found;
@@ -116,7 +123,7 @@ nb::list batch_levels()
 
 anhyst_batch_level to_level(const std::string &name)
 {
-  for (int level = 0; level <= anhyst_batch_best(); level++) {
+  for (int level = 0; level <= best_level(); level++) {
     if (name == LEVELS[level]) {
       return static_cast<anhyst_batch_level>(level);
     }
@@ -165,7 +172,7 @@ nb::tuple batch_functions(const In &t, const std::string &level)
 
 void bind_identification(nb::module_ &m)
 {
-  const std::string best = LEVELS[anhyst_batch_best()];
+  const std::string best = LEVELS[best_level()];
   nb::class_<Operator>(m, "Operator")
       .def(nb::init<double, double, double, double, const std::string &, const std::string &>(),
            "kappa"_a, "c"_a, "play"_a = 0.0, "eps"_a = 0.0, "law"_a = "effective-field",

@@ -41,7 +41,7 @@ typedef enum {
   ANHYST_BATCH_AVX512 = 2
 } anhyst_batch_level;
 
-/* The last one that this processor has. */
+/* The last one that this processor has. Asking takes up to 40 us on a virtual machine. */
 anhyst_batch_level anhyst_batch_best(void);
 
 /* Follows n samples of one drive with every set, without play. x and y (one entry a set) are the
