@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
+from anhyst.model.compilable import obstacle
 from anhyst.rig.piezo.file import read_piezo_rig
 from anhyst.rig.piezo.stack import StageMotion
 from tests.cli.command import quick
+from tests.identification.truths import noisy
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PIEZO = EXAMPLES / "piezo"
@@ -82,10 +85,19 @@ def test_a_triangle_is_followed_with_a_fifth_of_the_error(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_prestress_between_is_predicted() -> None:
+@pytest.mark.parametrize("noise", [0.0, 4e-4])
+def test_the_bias_of_a_rod_is_found_and_a_prestress_between_predicted(noise: float) -> None:
     here = EXAMPLES / "magnetostrictive"
-    model = identify(read_loops(here / "loops.csv")).model
+    rng = np.random.default_rng(1)
+    loops = noisy(read_loops(here / "loops.csv"), noise, seed=0)
+    restless = [
+        replace(one, input=one.input + 7.0 * (noise > 0.0) * rng.standard_normal(one.n))
+        for one in loops.loops
+    ]
+    model = identify(loops.with_loops(restless)).model
     assert model.output.name == "magnetostriction"
+    assert model.parameters["in_0"] == pytest.approx(-30e3, rel=0.06)
+    assert obstacle(model) is None  # over the prestress too
     off, largest = [], 0.0
     for loop in read_loops(here / "unseen.csv").loops:
         made = model.predict(loop.input, loop.schedule, None, loop.history).output

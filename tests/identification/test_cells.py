@@ -186,3 +186,12 @@ def test_the_bundled_magnet_is_met_at_gaps_that_were_not_measured() -> None:
     assert model.law.startswith("play-cells")
     assert off.mean() < 1.2e-3
     assert off.max() < 8e-3
+
+
+def test_noise_does_not_decide_in_which_valley_a_fit_of_cells_ends() -> None:
+    loops = read_loops(FOLDER.parent / "stage" / "loops.csv").at([0.48e-3])
+    left = []
+    for seed in (2, 6):
+        model = identify(noisy(loops, 4e-4, seed), law="play-cells", dead_band=False).model
+        left.append(float(np.sqrt(np.mean(np.square(error(model, loops))))))
+    assert max(left) < 1.04 * min(left)

@@ -270,17 +270,18 @@ def one_gap(records: FitRecords) -> FitRecords:
     return records.at(0)
 
 
-def test_the_screening_ranks_as_the_objective_does() -> None:
+@pytest.mark.parametrize("biased", [False, True])
+def test_the_screening_ranks_as_the_objective_does(biased: bool) -> None:
     truth = magnet("reluctance", gaps=TWO)
     loops = loops_of(truth, "demagnetised")
     form = form_of(loops.input, loops.output, truth.law)
     space = CoordinateSpace("none", one_gap(records_of(loops)), form)
-    sets = sample_sets(space.records, 64, seed=5)
+    sets = sample_sets(space.records, 64, seed=5, biased=biased)
     cost, gain, out_0 = screen(form, space.records, sets)
     objective = Objective(space)
     exact = []
-    for kappa, c, omega, scale, size, lift in np.vstack([sets, gain, out_0]).T:
-        local = form.with_h(Local((kappa, c), omega, scale, size, 0.0, lift, 0.0))
+    for kappa, c, omega, scale, in_0, size, lift in np.vstack([sets, gain, out_0]).T:
+        local = form.with_h(Local((kappa, c), omega, scale, size, in_0, lift, 0.0))
         off = (objective.outputs([local]) - objective.measured) * objective.weights
         exact.append(float(off @ off))
     usable = np.isfinite(cost)

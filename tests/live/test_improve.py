@@ -95,14 +95,14 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     assert measured["warmth"] < 1.0
     assert max(measured["played"]["current"]) <= measured["limits"]["current_A"]["value"]
     found = done(session, "identify")
-    assert found["new"]["rms_N"] < 0.2 * found["old"]["rms_N"]
+    assert found["new"]["rms_N"] < 0.4 * found["old"]["rms_N"]
     assert found["new"]["worst_N"] < found["old"]["worst_N"]
     compiled = done(session, "compile")
     assert compiled["worst_N"] < 0.01 * compiled["largest_N"]
     answer = order(session, "swap")
     assert answer["applied"] == session.bench.tick + 1
     after = force_error(session)
-    assert after < 0.2 * before
+    assert after < 0.4 * before
     assert [one.kind for one in session.curves[:2]] == ["measured", "model"]
     for one, other in zip(session.curves[0::2], session.curves[1::2], strict=True):
         assert np.abs(np.subtract(one.force, other.force)).max() < 0.05 * max(one.force)

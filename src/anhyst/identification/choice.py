@@ -44,6 +44,7 @@ from anhyst.identification.default import (
 )
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fitting import Evaluation
+from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local
@@ -57,6 +58,9 @@ _NOTHING_MORE = 1.05
 
 _EXACT = 1e-4
 """Deviation, in parts of the largest output, that no sensor sees."""
+
+_COMPARABLE = 5.0
+"""Cross-validation error over the least one's, up to which passing the acceptance test is worth it."""
 
 CARRIED = 24
 """Sets of the screening that are tried at the other gaps beside the optimum of one gap."""
@@ -164,9 +168,16 @@ def _compared_maps(
     left_out: list[Fold],
 ) -> Contest:
     """Fit every gap map, to all gaps and without some."""
-    fits = {one: _joined(run, one, known) for one in tried}
-    usable = [one for one in tried if _is_usable(fits[one].found, loopset)]
-    contest = Contest(list(usable or tried), fits, {}, inner(run.searched.gaps))
+    fits: dict[ModelCandidate, Fits] = {}
+    for one in tried:
+        try:
+            fits[one] = _joined(run, one, known)
+        except NowhereNearError:
+            run.total -= 1
+            if one is tried[-1] and not fits:
+                raise
+    usable = [one for one in fits if _is_usable(fits[one].found, loopset)]
+    contest = Contest(usable or list(fits), fits, {}, inner(run.searched.gaps))
     for fold in left_out:
         contest.refits[fold] = _without(run, contest, loopset, fold)
     return contest
@@ -190,7 +201,8 @@ def _compare_cells(
     for shape in run.cells:
         of_shape = [one for one in new if one.cells and one.cells.shape == shape]
         wide = contest.fits[base].wide
-        contest.fits.update(run.step(partial(search_cells, wide, run.searched, of_shape)))
+        leaves = partial(_leaves_something, loopset=loopset)
+        contest.fits.update(run.step(partial(search_cells, wide, run.searched, of_shape, leaves)))
     new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
     if contest.places and base.gap_map != "free":
@@ -271,13 +283,17 @@ def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
 
 
 def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
-    """Choose; what fails the acceptance test drops out as long as anything else is there."""
+    """Choose; what fails the acceptance test drops out as long as anything comparable is there."""
     every = list(contest.entrants)
+    worst = _COMPARABLE * min(contest.error(one) or 0.0 for one in every)
     while contest.entrants:
         best = contest.winner()
         if len(every) == 1 or _passes(contest.fits[best].found, loopset):
-            return best
+            if (contest.error(best) or 0.0) <= worst:
+                return best
+            break
         contest.entrants.remove(best)
+    contest.entrants.clear()
     contest.entrants.extend(every)
     return contest.winner()
 

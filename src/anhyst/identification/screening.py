@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from anhyst._core import batch
 from anhyst.identification.dispatch import batch_level
 from anhyst.identification.fit_records import FitRecord, FitRecords, thinned
+from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.response import LOCAL, Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 
 OMEGA_JUMP = 3.0
 """At omega = -3 the law may begin to jump; the batch does not follow it there."""
@@ -30,6 +30,12 @@ _SCAN = 32
 
 _WARM_UP = 2
 """Repetitions before a settled cycle is compared; enough to rank sets."""
+
+_BIAS = 1.5
+"""Largest offset of the input that is drawn, in parts of the largest input."""
+
+_BOTH_SIDES = 0.3
+"""How far the other way an input goes at least, in parts of the way that it goes further."""
 
 _THIN = 64
 """Samples a loop at the screening, at most."""
@@ -50,20 +56,27 @@ def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
     return np.asarray((begin[:, None] + steps[:, None] * np.arange(count)) % 1.0)
 
 
-def sample_sets(records: FitRecords, count: int, seed: int, interacting: bool = True) -> FloatArray:
-    """Draw kappa, c, omega, scale by an additive sequence of low discrepancy (:func:`evenly`).
+def sample_sets(
+    records: FitRecords,
+    count: int,
+    seed: int,
+    interacting: bool = True,
+    biased: bool = False,
+) -> FloatArray:
+    """Draw kappa, c, omega, scale and in_0 by an additive sequence of low discrepancy (:func:`evenly`).
 
     What is drawn evenly is what can be seen in a loop: how far the law is driven (largest
     effective field, 0.3 to 30 on a logarithmic scale), pinning relative to that (0.01 to 3,
     logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is
-    to be zero.
+    to be zero. in_0 is zero unless biased; then it goes to 1.5 times the largest input either way,
+    most densely about zero.
 
     Returns
     -------
-    ndarray, shape (4, count)
-        Rows in the order above; ``scale`` in units of the input.
+    ndarray, shape (5, count)
+        Rows in the order above; ``scale`` and ``in_0`` in units of the input.
     """
-    draw = evenly(4, count, seed)
+    draw = evenly(5 if biased else 4, count, seed)
     reach = 0.3 * 100.0 ** draw[0]
     kappa = np.clip(reach * 0.01 * 300.0 ** draw[1], 5e-3, 2e2)
     c = 0.95 * draw[2]
@@ -71,7 +84,8 @@ def sample_sets(records: FitRecords, count: int, seed: int, interacting: bool = 
     saturated = 1.0 / np.tanh(reach) - 1.0 / reach
     drive = np.maximum(reach + omega * saturated, 0.1 * reach)
     largest = max(float(np.max(np.abs(record.input))) for record in records.loops)
-    return np.stack([kappa, c, omega, largest / drive])
+    in_0 = _BIAS * largest * (2.0 * draw[4] - 1.0) ** 3 if biased else np.zeros(count)
+    return np.stack([kappa, c, omega, largest / drive, in_0])
 
 
 def screen(
@@ -85,7 +99,7 @@ def screen(
         Equations of the measured quantities; ``h`` is taken as its fixed value.
     records : FitRecords
         Loops at a single gap.
-    sets : ndarray, shape (4, count)
+    sets : ndarray, shape (5, count)
         As :func:`sample_sets` draws them.
 
     Returns
@@ -93,7 +107,7 @@ def screen(
     cost, gain, out_0 : ndarray, shape (count,)
         Weighted sum of squares as the objective's; infinite where gain comes out negative.
     """
-    moments, total = _moments(form, records, sets, np.zeros(sets.shape[1]))
+    moments, total = _moments(form, records, sets[:4], sets[4])
     ones, first, second, mean, cross = moments
     spread = ones * second - first**2
     gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
@@ -114,7 +128,7 @@ def follow_sets(
     kept : ndarray, shape (n,)
         Samples to stop at (:func:`thinned`).
     sets : ndarray, shape (4, count)
-        As :func:`sample_sets` draws them; omega above -3.
+        The first rows as :func:`sample_sets` draws them; omega above -3.
     offset : ndarray, shape (count,)
         Input offset of each set, SI.
 
@@ -189,10 +203,11 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
 
     Raises
     ------
-    InputError
+    NowhereNearError
         No set comes near the loops at all.
     """
-    sets = sample_sets(space.records, count, seed, interacting="omega" not in space.held)
+    biased = "in_0" not in space.held and _may_be_biased(space.form, space.records)
+    sets = sample_sets(space.records, count, seed, "omega" not in space.held, biased)
     cost, gain, out_0 = screen(space.form, space.records, sets)
     apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
     chosen: list[int] = []
@@ -202,17 +217,24 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
         if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
             chosen.append(int(place))
     if not chosen:
-        raise InputError(
+        raise NowhereNearError(
             "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
             "or columns with 'anhyst inspect --plot'"
         )
     found = []
     for place in chosen:
-        kappa, c, omega, scale = (float(value) for value in sets[:, place])
+        kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, place])
         offset = 0.0 if "out_0" in space.held else float(out_0[place])
-        local = Local((kappa, c), omega, scale, float(gain[place]), 0.0, offset, 0.0)
+        local = Local((kappa, c), omega, scale, float(gain[place]), in_0, offset, 0.0)
         found.append(space.form.with_h(local))
     return found
+
+
+def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:
+    """Whether a bias would show: an output that is even in the flux, driven to both sides."""
+    ends = [(float(one.input.min()), float(one.input.max())) for one in records.loops]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    return form.power == 2 and low < -_BOTH_SIDES * high and high > -_BOTH_SIDES * low
 
 
 def scan_gap(

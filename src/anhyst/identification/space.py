@@ -38,7 +38,7 @@ AROUND = (
     FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
     FitNumber("scale", "a/c_H", 1e-5, 1e2, "log", "input"),
     FitNumber("gain", "output at saturation", 1e-3, 1e4, "log", "output"),
-    FitNumber("in_0", "input offset", -1.0, 1.0, of="input"),
+    FitNumber("in_0", "input offset", -2.0, 2.0, of="input"),
     FitNumber("out_0", "output offset", -2.0, 2.0, of="output"),
 )
 """What a fit moves of what surrounds the law."""

@@ -273,10 +273,20 @@ def check_over_gap(
     return _judge(gaps, drive, output, offset, towards)
 
 
+_FURTHER = 1.05
+"""By what factor the negative end must be further out for drives to rise towards it."""
+
+
 def _largest_drive(model: ActuatorRecord) -> float:
+    """Return the end of the valid range that is further from where nothing magnetises.
+
+    That is zero, or where an actuator has a bias, the offset of the input. Of ends that are as far,
+    the positive one: noise of the sensors does not decide.
+    """
     assert model.valid is not None
     low, high = model.valid.input
-    return high if abs(high) >= abs(low) else low
+    bias = float(np.mean(model.parameters["in_0"]))
+    return low if abs(low - bias) > _FURTHER * abs(high - bias) else high
 
 
 def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
