@@ -17,9 +17,6 @@ EMPTY = {"tutorial.md"}
 FOLLOWED = {"README.md", "contributing.md"}
 """Pages whose code test_readme.py and tests/house/test_openness.py run."""
 
-ELSEWHERE = {"exchange.md", "fleet.md", "install.md"}
-"""Pages whose blocks tests of their own run."""
-
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 SLOW = [
     name
@@ -29,7 +26,7 @@ SLOW = [
 RUNNING = [
     name
     for name, page in zip(NAMES, PAGES, strict=True)
-    if page.name not in FOLLOWED | ELSEWHERE
+    if page.name not in FOLLOWED
     and any(one.language in RUN and not one.marker for one in blocks(page.read_text("utf-8")))
 ]
 
@@ -76,7 +73,7 @@ def test_slow_blocks_of_the_page_run(
     run(name, place, monkeypatch, {"", "slow"})
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if Path(name).name not in ELSEWHERE])
+@pytest.mark.parametrize("name", NAMES)
 def test_every_block_says_what_it_is(name: str) -> None:
     text = text_of(name)
     assert indented(text) == [], "fence code, and say its language"
