@@ -16,7 +16,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 # another has left.
 PARALLEL := --numprocesses auto --maxprocesses 8 --dist worksteal
 
-C_SOURCES := $(shell find core plant firmware tests/core tests/firmware tests/plant -name '*.c' -o -name '*.h') \
+C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/firmware tests/plant -name '*.c' -o -name '*.h') \
 	$(wildcard src/anhyst/_core/*.cpp src/anhyst/_core/*.h src/anhyst/exchange/fmu/*.[ch])
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')

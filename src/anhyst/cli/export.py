@@ -17,6 +17,7 @@ class ExportChoice(StrEnum):
     """What a model is exported as."""
 
     FMU = "fmu"
+    SIMULINK = "simulink"
     LUT = "lut"
 
 
@@ -28,14 +29,14 @@ class FmiChoice(StrEnum):
 
 
 class OfChoice(StrEnum):
-    """What of a model an FMU holds."""
+    """What of a model is exported."""
 
     COMPENSATOR = "compensator"
     ACTUATOR = "actuator"
 
 
 class ExportKind(StrEnum):
-    """Kinds of compensator that an FMU holds."""
+    """Kinds of compensator."""
 
     FULL = "full"
     SIMPLIFIED = "simplified"
@@ -44,13 +45,17 @@ class ExportKind(StrEnum):
 def export(
     model: ModelPath,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE", help="'.fmu', or '.csv' or '.json'.")
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="'.fmu', a folder for Simulink, '.csv' or '.json'."
+        ),
     ],
     as_: Annotated[
         ExportChoice,
         typer.Option(
             "--as",
-            help="'fmu': for co-simulation; 'lut': settled loops over the gap as tables.",
+            help="'fmu': for co-simulation; 'simulink': a C S-function; 'lut': settled loops over "
+            "the gap as tables.",
         ),
     ] = ExportChoice.FMU,
     of: Annotated[
@@ -83,12 +88,13 @@ def export(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Export a model for other tools: an FMU of its compensator or of the actuator, or tables.
+    """Export a model for other tools: its compensator or the actuator as FMU or S-function; tables.
 
     A compensator computes what the compiled fixed-point C computes on a controller, an actuator
     what the model does; the rig file of a bearing gives plant and controller in one. An FMU holds
     the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
-    Dymola, OpenModelica and fmpy read it. For C alone: anhyst compile.
+    Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the script
+    beside it. For C alone: anhyst compile.
 
     Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
 
@@ -96,14 +102,21 @@ def export(
 
     Example: anhyst export rig.toml --as fmu --out bearing.fmu
 
+    Example: anhyst export model.toml --as simulink --rate 20000 --out simulink
+
     Example: anhyst export model.toml --as lut --out magnet.csv
     """
     from anhyst.exchange.fmu_file import PLATFORMS_ALL, export_fmu
+    from anhyst.exchange.sfunction import export_sfunction
     from anhyst.exchange.tables import export_tables
     from anhyst.model.file import read_model
 
     if as_ is ExportChoice.LUT:
         export_tables(read_model(model), out)
+    elif as_ is ExportChoice.SIMULINK:
+        export_sfunction(
+            model, out, of=of.value if of else None, rate=rate, kind=kind.value if kind else None
+        )
     else:
         wanted = PLATFORMS_ALL if platforms is None else tuple(platforms.split(","))
         with progress_bar("fmu") as progress:
@@ -112,6 +125,8 @@ def export(
                 fmi=fmi.value, platforms=wanted, progress=progress,
             )  # fmt: skip
     if as_json:
-        print_json({"out": str(out), "as": as_.value, "bytes": out.stat().st_size})
+        files = [out] if out.is_file() else [path for path in out.rglob("*") if path.is_file()]
+        size = sum(path.stat().st_size for path in files)
+        print_json({"out": str(out), "as": as_.value, "bytes": size})
     else:
         show(f"written: {out}")

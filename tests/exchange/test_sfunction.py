@@ -1,0 +1,137 @@
+"""S-functions: built with the interface that Simulink calls, and stepped as a fixed-step solver does."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import anhyst
+from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
+from anhyst.exchange.sfunction import export_sfunction
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from tests.cli.command import anhyst as run
+from tests.core.test_c_core import quietly, tool
+from tests.exchange.slave import HERE, needs_binary, slave
+from tests.exchange.test_actuator import STEP, drives, gaps, magnet
+from tests.exchange.test_fmu import GAP, RATE, demands, expected
+
+INTERFACE = Path(__file__).with_name("simulink")
+"""As much of Simulink's interface as is used, and a solver of fixed step."""
+
+
+def built(folder: Path) -> Path:
+    """Compile what MATLAB would, as the script says."""
+    (script,) = folder.glob("build_sfun_*.m")
+    text = script.read_text()
+    files = re.findall(r"^    '(\S+\.c)'$", text, re.MULTILINE)
+    assert sorted(files) == sorted(
+        path.relative_to(folder / "src").as_posix() for path in folder.rglob("*.c")
+    )
+    name: str = re.findall(r"-DS_FUNCTION_NAME=(\w+)", text)[0]
+    assert script.stem == f"build_{name}"
+    program = folder / name
+    warnings = ("-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")
+    quietly(
+        *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *SAME_BITS, *warnings),
+        *("-DMATLAB_MEX_FILE", f"-DS_FUNCTION_NAME={name}", "-o", str(program)),
+        *(f"-I{place}" for place in (INTERFACE, folder / "src", folder / "src" / "include")),
+        *(str(folder / "src" / file) for file in files),
+        "-lm",
+    )
+    return program
+
+
+def simulated(program: Path, rows: FloatArray, *parameters: float) -> tuple[str, FloatArray]:
+    """Return the first line and the rows of outputs."""
+    said = subprocess.run(
+        [program, *map(repr, parameters)],
+        input="\n".join(" ".join(map(repr, row)) for row in rows.tolist()),
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.splitlines()
+    return said[0], np.array([[float(one) for one in line.split()] for line in said[1:]])
+
+
+def refused(program: Path, text: str, *parameters: str) -> str:
+    done = subprocess.run(
+        [program, *parameters], input=text, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    return done.stdout.splitlines()[-1]
+
+
+def beside(*columns: Sequence[float] | FloatArray) -> FloatArray:
+    return np.stack([np.asarray(one, dtype=np.float64) for one in columns], axis=1)
+
+
+@pytest.fixture(scope="module")
+def model() -> anhyst.Model:
+    return magnet("effective-field", "reluctance")
+
+
+def test_a_compensator_gives_the_currents_of_the_controller_a_sample_later(
+    model: anhyst.Model, tmp_path: Path
+) -> None:
+    program = built(export_sfunction(model, tmp_path / "s", rate=RATE))
+    demand = demands(400)
+    head, found = simulated(program, beside(demand, np.full(demand.size, GAP)))
+    assert head.split()[:2] == ["2", "1"]
+    assert float(head.split()[2]) == 1.0 / RATE
+    assert found[0, 0] == 0.0
+    assert found[1:, 0].tolist() == expected(model, demand)[:-1]
+    assert found.max() > 0.3
+
+
+def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path: Path) -> None:
+    program = built(export_sfunction(model, tmp_path / "s", of="actuator"))
+    drive = drives(model)
+    gap = gaps(model, drive.size)
+    _, found = simulated(program, beside(drive, gap), STEP)
+    stepper = model.stepper(0.0, history="demagnetised")
+    expected = [stepper.commit(one, at, dt=STEP) for one, at in beside(drive, gap).tolist()]
+    assert np.abs(found[1:, 0] - expected[:-1]).max() <= 1e-12 * max(expected)
+
+
+@pytest.mark.slow
+@needs_binary
+def test_a_bearing_flies_as_its_fmu_does(tmp_path: Path) -> None:
+    for name, path in anhyst.example_files("bearing").items():
+        (tmp_path / name).write_bytes(path.read_bytes())
+    rig = tmp_path / "rig.toml"
+    program = built(export_sfunction(rig, tmp_path / "s"))
+    inputs = {"target_gap": [0.45e-3] * 400, "load": [120.0] * 400, "command": [1.0] * 400}
+    head, found = simulated(program, beside(*inputs.values()))
+    outputs = int(head.split()[1])
+    with slave(export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE]), tmp_path / "u") as made:
+        names = [name for name, at in made.references.items() if 4 <= at < 4 + outputs]
+        rows = np.array(made.run(inputs, names, float(head.split()[2])))
+    assert np.array_equal(found[1:], rows[:-1])
+
+
+def test_what_a_block_is_given_wrongly_is_said(model: anhyst.Model, tmp_path: Path) -> None:
+    program = built(export_sfunction(model, tmp_path / "s", of="actuator"))
+    assert "not a finite number" in refused(program, "nan 4e-4\n", "1e-4")
+    assert "sample time" in refused(program, "", "0")
+    assert "number of parameters" in refused(program, "")
+
+
+def test_the_command_writes_a_folder_and_no_folder_of_others_is_lost(
+    model: anhyst.Model, tmp_path: Path
+) -> None:
+    model.save(tmp_path / "model.toml")
+    command = ("export", "model.toml", "--as", "simulink", "--rate", "20000", "--out", "s")
+    for _ in range(2):
+        assert run(*command, cwd=tmp_path).returncode == 0
+    assert (tmp_path / "s" / "build_sfun_magnet.m").is_file()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("x")
+    with pytest.raises(InputError, match="holds other files"):
+        export_sfunction(model, tmp_path / "mine", rate=RATE)
+    assert (tmp_path / "mine" / "thesis.tex").is_file()
