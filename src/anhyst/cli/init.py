@@ -59,8 +59,8 @@ def init(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Instead, copy an example that comes with anhyst: 'bearing', 'electromagnet' or "
-            "'solenoid'.",
+            help="Instead, copy an example that comes with anhyst: 'bearing', 'electromagnet', "
+            "'magnetostrictive', 'piezo', 'solenoid' or 'stage'.",
         ),
     ] = None,
     columns: Columns = None,
