@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.data import Loops
+from anhyst.data import Loop, Loops
+from anhyst.data.history import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.identification.bare import model_of
@@ -22,6 +23,7 @@ from anhyst.identification.past import Past
 from anhyst.identification.space import CoordinateSpace
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import Model
+from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
 from tests.identification.truths import HISTORIES, loops_of, magnet, noisy
 
@@ -195,3 +197,24 @@ def test_noise_does_not_decide_in_which_valley_a_fit_of_cells_ends() -> None:
         model = identify(noisy(loops, 4e-4, seed), law="play-cells", dead_band=False).model
         left.append(float(np.sqrt(np.mean(np.square(error(model, loops))))))
     assert max(left) < 1.04 * min(left)
+
+
+@pytest.mark.slow
+def test_a_magnet_that_is_driven_to_both_sides_is_found_without_a_bias() -> None:
+    made: dict[str, Parameter] = {
+        **{"M_0": 4e4, "a_0": 400.0, "M_1": 9e5, "a_1": 90.0, "k_1": 40.0, "s_1": 2.5},
+        **{"M_2": 4e5, "a_2": 1500.0, "k_2": 150.0, "s_2": 1.5, "alpha": 1e-5},
+        **{"rho": (2.7e-3, 3.5e-3, 4.3e-3, 5.2e-3), "c_H": 1250.0, "c_out": 170.0},
+    }
+    gaps = (3e-4, 4e-4, 5e-4, 6e-4)
+    truth = replace(cells_magnet(), parameters=made, nodes=gaps)
+    wave = np.sin(np.linspace(0.0, 2.0 * np.pi, 201))
+    loops = []
+    for gap, largest in ((gap, top) for gap in gaps for top in (4.0, 2.0)):
+        force = truth.predict(largest * wave, gap, None, "settled").output
+        at, history = np.full(wave.size, gap), History.parse("settled")
+        loops.append(Loop(f"{gap} {largest}", largest * wave, force, at, history=history))
+    both_sides = loops_of(truth).with_loops(loops)
+    model = identify(noisy(both_sides, 5e-4, 0)).model
+    assert model.parameters["in_0"] == pytest.approx(0.0, abs=0.04)
+    assert np.abs(error(model, both_sides)).mean() < 1.2e-3

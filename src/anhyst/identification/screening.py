@@ -192,22 +192,38 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
     space : CoordinateSpace
         Its records must hold a single gap.
     count, keep : int
-        Sets drawn, and starts wanted.
+        Sets drawn, and starts wanted, of each kind.
     seed : int
         Seed of the drawing.
 
     Returns
     -------
     list of Local
-        Best first.
+        Best first; where a bias would show, those without one, then as many with one.
 
     Raises
     ------
     NowhereNearError
         No set comes near the loops at all.
     """
-    biased = "in_0" not in space.held and _may_be_biased(space.form, space.records)
-    sets = sample_sets(space.records, count, seed, "omega" not in space.held, biased)
+    free = "omega" not in space.held
+    ways = [False]
+    if "in_0" not in space.held and _may_be_biased(space.form, space.records):
+        ways.append(True)
+    found = [
+        one
+        for biased in ways
+        for one in _best_of(space, sample_sets(space.records, count, seed, free, biased), keep)
+    ]
+    if not found:
+        raise NowhereNearError(
+            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
+            "or columns with 'anhyst inspect --plot'"
+        )
+    return found
+
+
+def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]:
     cost, gain, out_0 = screen(space.form, space.records, sets)
     apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
     chosen: list[int] = []
@@ -216,11 +232,6 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
             break
         if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
             chosen.append(int(place))
-    if not chosen:
-        raise NowhereNearError(
-            "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
-            "or columns with 'anhyst inspect --plot'"
-        )
     found = []
     for place in chosen:
         kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, place])
