@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import platform
 import subprocess
 import zipfile
 from collections.abc import Iterator
@@ -19,19 +18,16 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
 from anhyst.exchange.description import FmiVersion
-from anhyst.exchange.fmu_file import PLATFORMS, Of, export_fmu
+from anhyst.exchange.fmu_file import Of, export_fmu
 from anhyst.exchange.tables import export_tables
 from anhyst.support.arrays import FloatArray
 from tests.cli.command import anhyst as run
 from tests.core.test_c_core import tool
-
-fmpy = pytest.importorskip("fmpy")
-fmi2, fmi3 = pytest.importorskip("fmpy.fmi2"), pytest.importorskip("fmpy.fmi3")
+from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 
 RATE = 2e4
 GAP = 4e-4
-HERE = f"{platform.machine().replace('AMD64', 'x86_64')}-linux"
-pytestmark = pytest.mark.skipif(HERE not in PLATFORMS, reason=f"no FMU is built for {HERE}")
+pytestmark = needs_binary
 
 Versions = dict[FmiVersion, Path]
 
@@ -55,22 +51,8 @@ def files(model: anhyst.Model, tmp_path_factory: pytest.TempPathFactory) -> Vers
 @contextmanager
 def instance(path: Path, folder: Path) -> Iterator[Any]:
     """Give an initialised instance of an FMU; reals are read and written by reference."""
-    about = fmpy.read_model_description(path)
-    kind = fmi2.FMU2Slave if about.fmiVersion == "2.0" else fmi3.FMU3Slave
-    made = kind(
-        guid=about.guid,
-        unzipDirectory=fmpy.extract(str(path), str(folder)),
-        modelIdentifier=about.coSimulation.modelIdentifier,
-        instanceName="one",
-    )
-    made.instantiate()
-    if about.fmiVersion == "2.0":
-        made.setupExperiment(startTime=0.0)
-    made.enterInitializationMode()
-    made.exitInitializationMode()
-    yield made
-    made.terminate()
-    made.freeInstance()
+    with slave(path, folder) as made:
+        yield made.raw
 
 
 def write(made: Any, references: list[int], values: list[float]) -> None:
