@@ -24,9 +24,9 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from anhyst.laws.oracle.operator import LawState, LawStep, Operator
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.operator import LawState, LawStep, Operator
 
 _RTOL = 4.0 * 2.220446049250313e-16
 _SHORTEST_STRIDE = 1e-3

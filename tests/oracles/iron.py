@@ -14,13 +14,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.laws.oracle.effective_field import EffectiveField, StepKind
-from anhyst.laws.oracle.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
-from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.effective_field import EffectiveField, StepKind
+from tests.oracles.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
+from tests.oracles.jiles_atherton_1986 import JilesAtherton1986
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 LawName = Literal["effective-field", "jiles-atherton-1986"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 
-from anhyst.laws.oracle.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import LawState, LawStep
 from anhyst.support.errors import InputError
+from tests.oracles.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
+from tests.oracles.operator import LawState, LawStep
 
 _ROUNDING = 1e-9
 

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import lambertw
 
-from anhyst.laws.oracle.operator import LawState, LawStep
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.operator import LawState, LawStep
 
 _ROUNDING = 1e-9
 
@@ -31,7 +31,7 @@ _ROUNDING = 1e-9
 class LinearAnhysteretic:
     """The simplified law, in physical units.
 
-    It is also an operator for :func:`anhyst.laws.oracle.equation.solve`, with ``M_s = a = 1``: then
+    It is also an operator for :func:`tests.oracles.equation.solve`, with ``M_s = a = 1``: then
     ``omega`` is ``w`` and ``r`` in A/m, and the state holds ``x`` and ``M_irr`` in A/m.
 
     Parameters

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from anhyst.laws.oracle.lagging import LaggingLaw
-from anhyst.laws.oracle.langevin import (
+from anhyst.support.errors import InputError
+from tests.oracles.lagging import LaggingLaw
+from tests.oracles.langevin import (
     LARGEST_SLOPE,
     inverse_langevin_scalar,
     langevin_scalar,
     langevin_slope_scalar,
 )
-from anhyst.support.errors import InputError
 
 _TOLERANCE = 1e-14
 _MEMORY_LENGTHS = 40.0
