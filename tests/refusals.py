@@ -33,6 +33,7 @@ def refused(
     found = caught.value
     assert (found.code, found.key if key else "") == (code, key), f"{found.key}: {found}"
     assert [part for part in held if part not in str(found)] == [], found
+    assert "\n" not in str(found)
 
 
 def says(said: str, what: str) -> bool:
