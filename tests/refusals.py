@@ -54,10 +54,11 @@ def _parts(what: str) -> tuple[str, str, list[str]]:
 
 @cache
 def _wordings(code: str) -> list[re.Pattern[str]]:
-    """Patterns for what an error of this code says, its place before it and more behind."""
+    """Patterns for what an error of this code says, whatever stands before and behind it."""
     texts = tomllib.loads(MESSAGES.read_text(encoding="utf-8")).get(code, [])
     if not texts and code.replace("-", "_") in get_args(ErrorType):
         texts = ["{what pydantic says}"]
     assert texts, f"there is no error with the code {code}"
-    holes = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in texts]
+    clauses = [re.sub(r"^[^ :]*: ", "", text) for text in texts]  # without a place or a key
+    holes = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in clauses]
     return [re.compile(rf"(^|: ){hole}($|; )") for hole in holes]
