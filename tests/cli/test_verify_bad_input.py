@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.refusals import says
+
 from .command import ENVIRONMENT, anhyst, contents, quick, refused, said_in_one_line
 from .records import model
 
@@ -32,8 +34,8 @@ def folder(compiled: Path, tmp_path: Path) -> Path:
 
 def test_an_unknown_target(folder: Path) -> None:
     said = refused("verify", "c", "--on", "host,cortex-m5", cwd=folder)
-    assert said.startswith("--on: unknown target cortex-m5; known are host, cortex-m0plus,")
-    assert refused("verify", "c", "--on", ",", cwd=folder).startswith("--on: no target; known")
+    assert says(said, "unknown-target")
+    assert says(refused("verify", "c", "--on", ",", cwd=folder), "no-target")
 
 
 @pytest.mark.parametrize(
@@ -59,8 +61,8 @@ def test_a_folder_that_compile_did_not_write(folder: Path) -> None:
     (folder / "other").mkdir()
     advice = "name the folder 'anhyst compile --out' made"
     assert refused("verify", "other", cwd=folder) == f"other: has no manifest.json; {advice}"
-    assert refused("verify", "none", cwd=folder).startswith("none: no such folder; name the one")
-    assert refused("verify", "model.toml", cwd=folder).startswith("model.toml: no such folder;")
+    assert says(refused("verify", "none", cwd=folder), "no-such-folder: none")
+    assert says(refused("verify", "model.toml", cwd=folder), "no-such-folder: model.toml")
 
 
 def test_a_manifest_that_was_edited(folder: Path) -> None:
@@ -87,4 +89,4 @@ def test_c_that_was_edited_is_not_verified(folder: Path) -> None:
     parameters = folder / "c" / "magnet_parameters.c"
     parameters.write_text(parameters.read_text() + "\n")
     said = refused("verify", "c", cwd=folder)
-    assert said == f"c/magnet_parameters.c: was changed since it was written (sha256); {AGAIN}"
+    assert says(said, "changed-since: c/magnet_parameters.c")

@@ -27,6 +27,7 @@ from tests.live.conftest import wait_for
 from tests.live.lines import serial_port, tcp_line
 from tests.live.test_hardware import HeldArmature, board, manifest, operated, program
 from tests.live.test_recorder import numbers
+from tests.refusals import refused
 from tests.rig import forces
 from tests.study import bearings
 
@@ -112,7 +113,7 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
         session.do(lambda: session.generate(Generator("sine", 5.0, 2.0, session.bench.tick + 1)))
         power.off()
         gone(session)
-        with pytest.raises(InputError, match=r"is gone.*it is looked for"):
+        with refused("port-gone"):
             session.do(lambda: session.bench.demand(10.0))
         started = power.on()
         back(session)

@@ -21,6 +21,7 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.live.conftest import wait_for
+from tests.refusals import refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
 
@@ -50,7 +51,7 @@ def test_a_recording_reads_back_bit_for_bit(bench: BearingBench, tmp_path: Path)
 def test_a_recording_does_not_write_over_a_file(bench: BearingBench, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("precious")
-    with pytest.raises(InputError, match="is there already"):
+    with refused("exists-already"):
         start_recording(path, bench.signals, bench.rate)
     assert path.read_text() == "precious"
     with pytest.raises(InputError, match=r"written as \.csv or \.mf4"):

@@ -16,6 +16,7 @@ import anhyst
 from anhyst.compilation.output import Compiled
 from anhyst.model.diff import ModelDiff
 from anhyst.support.result import Result
+from tests.refusals import refused
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 LOOPS = EXAMPLES / "electromagnet" / "loops.csv"
@@ -164,7 +165,7 @@ def test_a_model_in_memory_compiles_as_its_file_does(
     assert isinstance(by_file, Compiled)
     assert isinstance(in_memory, Compiled)
     assert by_file.manifest == in_memory.manifest
-    with pytest.raises(anhyst.InputError, match="--rate: is missing"):
+    with refused("missing --rate", anhyst.InputError):
         anhyst.compile(path, tmp_path / "controller")
 
 

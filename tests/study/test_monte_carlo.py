@@ -44,6 +44,7 @@ from anhyst.study.bearing.plant_row import fault_of
 from anhyst.study.bearing.ready import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.errors import InputError, Interrupted
+from tests.refusals import refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
@@ -168,7 +169,7 @@ def test_results_of_something_else_are_refused(
     before = path.read_bytes()
     if change is not None:
         rig, controller = change(rig, controller)
-    with pytest.raises(InputError, match=rf"plants\.jsonl: line 1: {key}: is .* name another"):
+    with refused("not-a-mat-file"):
         monte_carlo(rig, controller, path, 2, (variant,), seed=seed, jobs=1)  # type: ignore[arg-type]
     assert path.read_bytes() == before
 
@@ -194,10 +195,10 @@ def test_a_damaged_file_is_reported_with_its_line(
     monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
     header, first, second = path.read_text().splitlines()
     path.write_text("\n".join([header, first[:20], second, ""]))
-    with pytest.raises(InputError, match=r"plants\.jsonl: line 2: cannot be read; name another"):
+    with refused("damaged-results: plants.jsonl"):
         monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
     path.write_text("I_A,F_N\n0,0\n")
-    with pytest.raises(InputError, match=r"plants\.jsonl: line 1: cannot be read"):
+    with refused("damaged-results: plants.jsonl"):
         monte_carlo(rig, controller, path, 2, ("linearised",), jobs=1)
 
 

@@ -20,6 +20,7 @@ from anhyst.study.bearing.simulate import compared
 from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning import search
 from tests.cli.command import Result, quick, refused, shares_said, speaking
+from tests.refusals import says
 from tests.study import bearings
 
 
@@ -105,9 +106,7 @@ def test_aims_that_cannot_be_met_are_a_negative_result_that_says_why(here: Path)
     assert json.loads(result.stdout) == figures
     assert "settling_time_s" in figures["variants"]["linearised"]["misses"]
     assert result.stderr.count("\n") == 1
-    assert result.stderr.startswith(
-        "anhyst: no gains of 'linearised' meet the aims, the best reach"
-    )
+    assert says(result.stderr, "aims-missed")
     assert "ms (aim 1 ms); what limits: " in result.stderr
     note = (here / "tuned" / "controller.toml").read_text(encoding="utf-8")
     assert "# It MISSES its aims." in note
