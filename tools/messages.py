@@ -165,7 +165,7 @@ class Reader:
             texts += _product(self.wordings(part, depth) for part in parts)
         if not texts and name in self.module.constants:
             return self.wordings(self.module.constants[name], depth)
-        return [text for text in texts if text] if any(text != HOLE for text in texts) else []
+        return texts if any(text not in {HOLE, ""} for text in texts) else []
 
     def _returned(self, name: str, depth: int) -> list[str]:
         """Return what a function of this module, or one of that name elsewhere, returns."""
@@ -216,7 +216,7 @@ def _site(call: ast.Call, module: Module, reader: Reader) -> Site | None:
         return None
     at = 1 if name in TEXT_SECOND else 0
     named = given is not None or len(call.args) > at + 1
-    return Site(place, str(code or ""), named, tuple(reader.wordings(call.args[at])))
+    return Site(place, str(code or ""), named, tuple(filter(None, reader.wordings(call.args[at]))))
 
 
 def golden(found: Iterable[Site]) -> str:

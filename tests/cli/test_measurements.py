@@ -146,39 +146,39 @@ def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, sa
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        pytest.param(table().encode("utf-16"), "is UTF-16 text; save it again as UTF-8", id="bom"),
-        pytest.param(table().encode("utf-16-le"), "is UTF-16 text; save it again", id="no bom"),
-        pytest.param(table().encode("utf-16-be"), "is UTF-16 text; save it again", id="other end"),
+        pytest.param(table().encode("utf-16"), "not-utf8", id="bom"),
+        pytest.param(table().encode("utf-16-le"), "not-utf8", id="no bom"),
+        pytest.param(table().encode("utf-16-be"), "not-utf8", id="other end"),
         pytest.param(
             np.random.default_rng(1).bytes(50_000),
-            "is a binary file, no text table; export it as CSV",
+            "not-a-text",
             id="noise",
         ),
-        pytest.param(gzip.compress(table().encode()), "is a binary file", id="gzip"),
+        pytest.param(gzip.compress(table().encode()), "not-a-text", id="gzip"),
         pytest.param(
             b"PK\x03\x04" + bytes(200),
-            "is a zip archive or a workbook, no text; export it as CSV",
+            "not-a-text",
             id="workbook",
         ),
         pytest.param(
             table().encode() + np.random.default_rng(2).bytes(50_000),
-            "loops.csv: line 160",
+            "fields-missing: loops.csv; line 160",
             id="rubbish behind good lines",
         ),
         pytest.param(
             b"I_A,F_N\n" + b"1" * 5_000_000,
-            "the first 4 MiB hold no row of data",
+            "no-table",
             id="endless line",
         ),
         pytest.param(
             b"I_A,F_N\n0,0\n" + b"1" * 9_000_000,
-            "holds a line of more than 4 MiB",
+            "line-too-long",
             id="endless line behind good ones",
         ),
     ],
 )
 def test_what_is_no_text_table_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
-    assert said in identify(write(tmp_path, content))
+    assert says(identify(write(tmp_path, content)), said)
 
 
 def test_escapes_in_a_file_do_not_reach_the_terminal(tmp_path: Path) -> None:
@@ -256,8 +256,7 @@ def test_the_same_record_at_two_gaps_is_refused(tmp_path: Path) -> None:
     lines = rows(GAPS[:1])
     twice = lines + [[*row[:3], "0.5e-3"] for row in lines]
     said = identify(write(tmp_path, table(twice)))
-    assert says(said, "same-data-twice: 0.0005 as; loops.csv; 0.0003")
-    assert "mislabelled" in said
+    assert says(said, "same-data-twice: 0.0005; loops.csv; 0.0003")
 
 
 def test_the_same_file_twice_counts_once(tmp_path: Path) -> None:
