@@ -61,13 +61,13 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
 ) -> None:
     path = recordings.with_time(tmp_path / "run.mat")
     for arguments, said in (
-        ((path, tmp_path / "run.xlsx"), "is written as .csv, .mat, .mf4, .tdms, .h5"),
-        ((path, path), "is read by this command; write to another file"),
-        ((path, tmp_path / "no" / "run.csv"), "create the folder first"),
-        ((tmp_path / "none.mat", tmp_path / "run.csv"), "no such file"),
+        ((path, tmp_path / "run.xlsx"), "wrong-ending: .csv, .mat, .mf4, .tdms, .h5"),
+        ((path, path), "writes-over-input: run.mat"),
+        ((path, tmp_path / "no" / "run.csv"), "cannot-be-written"),
+        ((tmp_path / "none.mat", tmp_path / "run.csv"), "no-such-file: none.mat"),
     ):
         assert main(["convert", *map(str, arguments)]) == 2
-        assert said in capsys.readouterr().err
+        assert says(capsys.readouterr().err, said)
     assert [one.name for one in tmp_path.iterdir()] == ["run.mat"]
 
 

@@ -183,13 +183,13 @@ def test_numbers_that_cannot_be_are_refused(
 
 def test_loops_that_are_none_of_a_rig_are_refused(tmp_path: Path) -> None:
     cases = {
-        "one.csv": (loops_text(0.3e-3), "loops at one gap only, 0.0003 m"),
-        "down.csv": (loops_text(0.3e-3, 0.5e-3, sign=-1.0), "turn the sign of the current"),
-        "bh.csv": ("H_A_per_m,B_T\n0,0\n1,1\n2,2\n0,0\n", "needs columns I_A, F_N and gap_m"),
+        "one.csv": (loops_text(0.3e-3), "single-gap: 0.0003 m"),
+        "down.csv": (loops_text(0.3e-3, 0.5e-3, sign=-1.0), "current-negative"),
+        "bh.csv": ("H_A_per_m,B_T\n0,0\n1,1\n2,2\n0,0\n", "columns-missing"),
     }
     for name, (text, said) in cases.items():
         (tmp_path / name).write_text(text)
-        assert said in refused("init", name, "--out", "my", cwd=tmp_path)
+        assert says(refused("init", name, "--out", "my", cwd=tmp_path), said)
     assert says(refused("init", "--out", "my", cwd=tmp_path), "no-loops")
     assert says(refused("init", BEARING, "--out", "one.csv", cwd=tmp_path), "is-a-file: one.csv")
 

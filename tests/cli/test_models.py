@@ -132,22 +132,16 @@ def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, said: str) ->
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        pytest.param("", 'model.toml: format: must be "anhyst-model"; is this a model', id="empty"),
-        pytest.param(
-            GOOD.encode("utf-16"), "model.toml: is no UTF-8 text; name a TOML file", id="UTF-16"
-        ),
-        pytest.param(
-            bytes(range(256)) * 9, "model.toml: is no UTF-8 text; name a TOML file", id="binary"
-        ),
-        pytest.param(table(), "model.toml:1: damaged TOML: expected '='", id="measurements"),
+        pytest.param("", "wrong-format format: model.toml", id="empty"),
+        pytest.param(GOOD.encode("utf-16"), "not-utf8: model.toml", id="UTF-16"),
+        pytest.param(bytes(range(256)) * 9, "not-utf8: model.toml", id="binary"),
+        pytest.param(table(), "damaged-toml: model.toml:1:", id="measurements"),
         pytest.param(
             "a = " + "[" * 9000,
-            "model.toml: damaged TOML: maximum recursion",
+            "damaged-toml: model.toml",
             id="endless brackets",
         ),
-        pytest.param(
-            "a = " + "9" * 9000, "model.toml: damaged TOML: exceeds the limit", id="endless number"
-        ),
+        pytest.param("a = " + "9" * 9000, "damaged-toml: model.toml", id="endless number"),
     ],
 )
 def test_what_is_no_model_is_refused(folder: Path, content: str | bytes, said: str) -> None:
@@ -164,9 +158,7 @@ def test_a_truncated_model_is_refused_wherever_it_ends(folder: Path) -> None:
 def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
     text = edited("c", "1.5")
     said = refused(*VERBS[verb], cwd=damage(folder, text))
-    assert (
-        said == f"model.toml:{line_of(text, 'c = ')}: parameters.c: must lie within 0 and 1, is 1.5"
-    )
+    assert says(said, f"out-of-range parameters.c: model.toml:{line_of(text, 'c = ')}:; 1.5")
     (folder / "model.toml").unlink()
     assert says(refused(*VERBS[verb], cwd=folder), "no-such-file: model.toml")
 

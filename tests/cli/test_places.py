@@ -155,16 +155,11 @@ def test_a_disk_that_is_really_full_is_reported(folder: Path) -> None:
         [*COMMAND, "predict", "good.toml", "long.csv", "--out", "disk/force.csv", *options],
         read_only=False,
     )
-    assert said == (
-        "anhyst: error: disk/force.csv: cannot be written: No space left on device; make room"
-    )
+    assert says(said, "cannot-be-written: disk/force.csv; No space left on device; make room")
 
 
 def test_a_read_only_disk_is_reported(folder: Path) -> None:
     said = on_a_small_disk(
         folder, [*COMMAND, "identify", "loops.csv", "--out", "disk/model.toml"], read_only=True
     )
-    assert said == (
-        "anhyst: error: disk/model.toml: cannot be written: Read-only file system; choose "
-        "another place"
-    )
+    assert says(said, "cannot-be-written: disk/model.toml; Read-only file system")

@@ -28,7 +28,6 @@ from anhyst.link.frames import (
 from anhyst.link.process import Running, run_host
 from anhyst.link.recorder import When, read_recording, recorder_state, start_recording
 from anhyst.link.status import Status
-from anhyst.support.errors import InputError
 from tests.refusals import refused
 
 from .conftest import RATE
@@ -89,7 +88,7 @@ def test_settings_are_read_and_written(controller: ControllerLink) -> None:
     assert controller.read_setting(Setting.HEARTBEAT_TICKS) == RATE // 10
     assert controller.write_setting(Setting.DEMAND_SLEW, 12345) == 12345
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
-    with pytest.raises(Refused, match="out of its range"):
+    with refused("refused range", Refused):
         controller.write_setting(Setting.DEMAND_SLEW, 0)
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
 
@@ -154,9 +153,9 @@ def test_a_recording_holds_the_ticks_around_its_trigger(
     start_recording(controller, [RecorderSignal.DEMAND, RecorderSignal.DRIVE], when, records=100)
     board.bus.step(20)
     assert recorder_state(controller) is Recorder.WAITING
-    with pytest.raises(InputError, match="recorder is waiting"):
+    with refused("recorder-busy: waiting"):
         read_recording(controller)
-    with pytest.raises(Refused, match="not while the recorder is waiting"):
+    with refused("refused state: waiting", Refused):
         controller.request(RecorderReadRequest(0, 1), RecorderDataAnswer)
     begin = controller.demand(2 * TENTH).tick + 1
     board.bus.step(100)
@@ -217,11 +216,11 @@ def test_waiting_for_a_state_reports_of_a_fault(board: Running, controller: Cont
     assert isinstance(plant, NoisyPlant)
     plant.reading = {"gap": float("nan")}
     board.bus.step(10)
-    with refused("controller-in-fault"):
+    with refused("controller-in-fault: gap reserved"):
         controller.wait_for(State.READY, timeout=1.0)
     plant.reading = {}
     board.bus.step(200)
     controller.command(Command.CLEAR)
     board.bus.step(40)
-    with pytest.raises(InputError, match="is in idle, not in ready"):
+    with refused("wrong-state: idle; ready"):
         controller.wait_for(State.READY, timeout=0.05)

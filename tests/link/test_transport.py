@@ -104,8 +104,7 @@ def test_firmware_of_another_protocol_version(answer: bytes) -> None:
     with fake(answer) as url:
         text = refusal(url)
     ours = frames.VERSION
-    assert f"speaks version {ours + 1} of the protocol, this anhyst version {ours}" in text
-    assert says(text, "other-protocol-version")
+    assert says(text, f"other-protocol-version: version {ours + 1}; version {ours}")
 
 
 def test_firmware_reports_a_pc_of_another_version(board: Running, monkeypatch: object) -> None:
@@ -113,7 +112,7 @@ def test_firmware_reports_a_pc_of_another_version(board: Running, monkeypatch: o
     assert isinstance(patch, pytest.MonkeyPatch)
     patch.setattr(frames, "VERSION", its + 7)
     text = refusal(board.url)
-    assert f"speaks version {its} of the protocol, this anhyst version {its + 7}" in text
+    assert says(text, f"other-protocol-version: version {its}; version {its + 7}")
 
 
 @pytest.mark.parametrize("answer", [encode(STATUS, 1), b"\1\2\3\0", b"\0\0\0"])
@@ -123,4 +122,4 @@ def test_answers_that_do_not_belong_to_the_question_are_none(answer: bytes) -> N
 
 
 def test_a_line_that_only_echoes() -> None:
-    assert "an answer of type 0x01" in refusal("loop://")
+    assert says(refusal("loop://"), "other-firmware: 0x01")

@@ -110,7 +110,7 @@ def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path)
         path = tmp_path / f"{name}{endings.get(name, '.json')}"
         assert one.save(path) == path
         assert path.stat().st_size > 100
-        with pytest.raises(anhyst.InputError, match="nowhere"):
+        with refused("cannot-be-written: nowhere"):
             one.save(tmp_path / "nowhere" / path.name)
     back = anhyst.read_loops(tmp_path / "loops.csv")
     assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]

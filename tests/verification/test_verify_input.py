@@ -65,23 +65,23 @@ def test_a_folder_that_is_not_there_or_not_ours(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert says(complaint(capsys, tmp_path / "none"), "no-such-folder")
-    assert "manifest.json" in complaint(capsys, tmp_path)
+    assert says(complaint(capsys, tmp_path), "no-manifest")
 
 
 def test_a_manifest_that_cannot_be_read(copied: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = copied / "manifest.json"
     right = json.loads(place.read_text(encoding="utf-8"))
     for wrong, expected in (
-        ("{", "is not JSON"),
-        ("[]", "'format'"),
-        (json.dumps({**right, "format": 99}), "'format'"),
-        (json.dumps({**right, "files": 3}), "'files'"),
-        (json.dumps({**right, "files": {}}), "does not name"),
-        (json.dumps({**right, "io": "q7"}), "q7"),
-        (json.dumps({**right, "io": None}), "'io'"),
+        ("{", "damaged-manifest"),
+        ("[]", "damaged-manifest format"),
+        (json.dumps({**right, "format": 99}), "damaged-manifest format"),
+        (json.dumps({**right, "files": 3}), "damaged-manifest files"),
+        (json.dumps({**right, "files": {}}), "damaged-manifest files"),
+        (json.dumps({**right, "io": "q7"}), "not-verifiable io: q7"),
+        (json.dumps({**right, "io": None}), "damaged-manifest io"),
     ):
         place.write_text(wrong, encoding="utf-8")
-        assert expected in complaint(capsys, copied)
+        assert says(complaint(capsys, copied), expected)
 
 
 def test_a_file_that_was_changed_or_is_missing(
@@ -91,9 +91,8 @@ def test_a_file_that_was_changed_or_is_missing(
         stream.write("/* mine */\n")
     said = complaint(capsys, copied)
     assert says(said, "changed-since: full.c")
-    assert "anhyst compile" in said
     (copied / "src" / "compensator" / "full.c").unlink()
-    assert "full.c: No such file" in complaint(capsys, copied)
+    assert says(complaint(capsys, copied), "damaged-manifest: full.c")
 
 
 @pytest.mark.parametrize(
