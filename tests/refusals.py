@@ -61,4 +61,4 @@ def _wordings(code: str) -> list[re.Pattern[str]]:
     assert texts, f"there is no error with the code {code}"
     clauses = [re.sub(r"^[^ :]*: ", "", text) for text in texts]  # without a place or a key
     holes = [".*".join(map(re.escape, re.split(r"\{[^{}]*\}", text))) for text in clauses]
-    return [re.compile(rf"(^|: ){hole}($|; )") for hole in holes]
+    return [re.compile(rf"(^|: ){hole}($|; |, is )") for hole in holes]

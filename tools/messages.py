@@ -209,7 +209,12 @@ def _site(call: ast.Call, module: Module, reader: Reader) -> Site | None:
     if name == "PydanticCustomError":
         kind, text = call.args
         assert isinstance(kind, ast.Constant)
-        return Site(place, str(kind.value).replace("_", "-"), True, tuple(reader.wordings(text)))
+        return Site(
+            place,
+            str(kind.value).replace("_", "-"),
+            True,
+            tuple(one.replace("Input should", "must", 1) for one in reader.wordings(text)),
+        )
     given = next((one.value for one in call.keywords if one.arg == "code"), None)
     code = given.value if isinstance(given, ast.Constant) else None
     if not call.args or (name not in ERRORS and not isinstance(code, str)):

@@ -50,7 +50,9 @@ def change(path: Path, old: str, new: str) -> None:
             id="acceleration out of reach",
         ),
         pytest.param("slit_s = 0.01", "slit_s = 0.06", "too-long", id="slit"),
-        pytest.param("stray_m", "stray_mm", "extra-forbidden: magnet.iron", id="misspelt"),
+        pytest.param(
+            "stray_m", "stray_mm", "extra-forbidden tracking.stray_mm: stray_m", id="misspelt"
+        ),
     ],
 )
 def test_a_stage_that_will_not_do_is_named_by_file_and_key(

@@ -178,7 +178,7 @@ def test_what_does_not_fit_a_board_is_refused(quick: PreparedForce, tmp_path: Pa
     manifest["model"]["sha256"] = "0" * 64
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    with refused("not-installed"):
+    with refused("model-file-missing"):
         prepare_board(quick.rig, tmp_path / "other")
 
 

@@ -133,7 +133,7 @@ def test_a_folder_of_another_controller_is_refused(board: Board, manifest: dict[
 
 
 def test_nobody_there_is_said_at_once() -> None:
-    with refused("bad-address"):
+    with refused("port-not-open: socket://127.0.0.1:9"):
         XcpMaster("socket://127.0.0.1:9")
     with refused("port-not-open: socket://here"):
         XcpMaster("socket://here")

@@ -70,7 +70,7 @@ def test_a_table_is_read_in_its_units_and_straight_between_rows() -> None:
         ("t_s,gap_um\n1,0\n2,1\n", "time-not-from-zero"),
         ("t_s,gap_um\n0,nan\n2,1\n", "not-finite"),
         ("t_s,gap_um\n0,1\n", "rows-out-of-range"),
-        ("t_s,gap_um\n0,1\n1e6,2", "out-of-range lasts"),
+        ("t_s,gap_um\n0,1\n1e6,2", "rows-out-of-range"),
     ],
 )
 def test_a_table_that_is_refused_names_the_line(text: str, why: str) -> None:
