@@ -110,7 +110,7 @@ def test_a_model_that_was_edited_wrongly_is_reported_with_its_line(folder: Path)
     fails_in_one_line(result, 2, f"out-of-range parameters.k_A_per_m: model.toml:{line}:")
     (folder / "model.toml").write_text(text[:700])
     result = anhyst("diff", "model.toml", "model.toml", cwd=folder)
-    fails_in_one_line(result, 2, "damaged-toml: model.toml:")
+    fails_in_one_line(result, 2, "missing input: model.toml")
 
 
 def test_a_file_without_the_drive_is_reported(folder: Path) -> None:

@@ -16,7 +16,6 @@ from anhyst.data import read_loops
 from anhyst.data.formats import WRITERS, mat_guard, open_table, workbook_guard
 from anhyst.data.formats.channels import ChannelGroup, Series
 from anhyst.data.listing import list_channels
-from anhyst.support.errors import InputError
 from tests.cli.command import anhyst
 from tests.data import recordings
 from tests.data.recordings import PACKAGES, loop, workbook
@@ -58,9 +57,8 @@ def test_a_file_that_is_cut_off_is_refused_with_its_name(suffix: str, tmp_path: 
             pytest.importorskip(PACKAGES[suffix])
         write(path, Series("I", "A", CURRENT), Series("F", "N", FORCE))
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(InputError, match=f"run{suffix}: ") as refusal:
+    with refused(f"damaged-file: run{suffix}"):
         list_channels(path)
-    assert "\n" not in str(refusal.value)
 
 
 def damaged(content: bytes, seed: int) -> bytes:

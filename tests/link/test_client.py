@@ -88,7 +88,7 @@ def test_settings_are_read_and_written(controller: ControllerLink) -> None:
     assert controller.read_setting(Setting.HEARTBEAT_TICKS) == RATE // 10
     assert controller.write_setting(Setting.DEMAND_SLEW, 12345) == 12345
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
-    with refused("refused range", Refused):
+    with refused("refused value", Refused):
         controller.write_setting(Setting.DEMAND_SLEW, 0)
     assert controller.read_setting(Setting.DEMAND_SLEW) == 12345
 

@@ -64,8 +64,9 @@ def test_a_port_without_a_controller() -> None:
 def test_a_controller_that_vanishes(board: Running) -> None:
     with ControllerLink(board.url, timeout=0.02, attempts=3) as controller:
         board.bus._connection.close()  # the firmware ends when its plant hangs up
-        with pytest.raises(InputError, match=r"no answer|the port is gone"):
+        with pytest.raises(InputError) as caught:
             list(controller.stream(range(100)))
+        assert caught.value.code in {"no-answer", "port-gone"}
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from anhyst.live.waves import Chirp, read_table
 from anhyst.rig.bench.bearing import BearingBench
 from tests.live.conftest import Serve, wait_for
 from tests.live.test_guard import meet, next_message, order
-from tests.refusals import refused
+from tests.refusals import refused, says
 
 RATE = 20_000.0
 
@@ -100,7 +100,7 @@ def test_a_page_starts_both(serve: Serve) -> None:
         fields = {"amplitude": 1e-5, "low": 1.0, "high": 20.0, "lasts": 5.0}
         assert "reason" not in order(line, "generator", shape="chirp", **fields)
         wait_for(lambda: (served.session.status()["generator"] or {}).get("shape") == "chirp")
-        refused = order(line, "generator", shape="own CSV", text="t_s,gap_um\n0,0\nx,1\n")
-        assert refused["reason"] == "own CSV: line 3: 'x' is no number"
+        answer = order(line, "generator", shape="own CSV", text="t_s,gap_um\n0,0\nx,1\n")
+        assert says(answer["reason"], "not-a-number: line 3; 'x'")
         rows = "".join(f"{n / 100},{n % 7}\n" for n in range(1200))
         assert "reason" not in order(line, "generator", shape="own CSV", text=f"t_s,gap_um\n{rows}")

@@ -249,7 +249,7 @@ def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pac
     assert len(rows) == 1000
     with refused("no-answer: tick 1000"):
         pacer.do(lambda bench: bench.tick)
-    assert str(pacer.error) == "the controller did not answer tick 1000"
+    assert str(pacer.error).endswith("tick 1000")
 
 
 def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:

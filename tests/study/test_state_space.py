@@ -47,5 +47,5 @@ def test_behind_its_winding_the_same_bearing_shows_the_same_stiffness() -> None:
 
 
 def test_a_force_that_no_current_gives_is_refused() -> None:
-    with refused("out-of-range: rig.toml"):
+    with refused("load-too-large load.force_N: rig.toml"):
         anhyst.linearise(RIG, force=1e5)
