@@ -4,6 +4,7 @@
 #   make test-all  every test, the slow ones too
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
 #   make bench   the table of figures           make format  lay out Python and C sources
+#   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
 #   make build   compile the core again          make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
@@ -22,7 +23,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/fi
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check docs prove prove-all bench build wheel format clean fuzz truths \
+.PHONY: demo test test-all check docs messages prove prove-all bench build wheel format clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -41,6 +42,9 @@ test-all: build
 
 docs: build
 	@$(BIN)/python tools/docs
+
+messages: build
+	@$(BIN)/python tools/messages.py
 
 prove: build
 	@$(BIN)/python -m tools.prove

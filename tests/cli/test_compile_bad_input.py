@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.refusals import says
+
 from .command import as_ordinary_user, contents, quick, refused
 from .records import model
 
@@ -32,78 +34,83 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        pytest.param({"law": '"jiles-atherton-1986"'}, "law 'jiles-atherton-1986' cannot be "
-                     "compiled: its step has no closed form; identify with --law effective-field",
-                     id="law of 1986"),
-        pytest.param({"gamma_A_s_per_m_T": "1.0"}, "gamma: eddy currents cannot be compiled; "
-                     "identify with gamma = 0", id="eddy currents"),
-        pytest.param({"gap_map": '"free"', "k_A_per_m": "[300.0, 310.0]"}, "gap map 'free' cannot "
-                     "be compiled: the iron itself would change with the gap; identify with",
-                     id="free map"),
-        pytest.param({"alpha": "0.05"}, "alpha: the output jumps at some currents, and no current "
-                     "holds it in between", id="jumps"),
-        pytest.param({"F_N": "[0.0, 5e5]"}, "flux: the full-scale demand is far beyond saturation; "
-                     "narrow the output in the model's [valid]", id="demand beyond saturation"),
-        pytest.param({"F_N": "[0.0, 1e300]"}, "flux: the full-scale demand is far beyond",
-                     id="demand beyond any float of C"),
-        pytest.param({"M_s_A_per_m": "1e-300"}, "flux: the full-scale demand is far beyond",
-                     id="iron without magnetisation"),
-        pytest.param({"F_N": "[0.0, 0.0]"}, "[valid]: the range of the output, 0 to 0, has no room "
-                     "for a compensator; give its ends", id="no room for a demand"),
-        pytest.param({"F_N": "[-5.0, -1.0]"}, "[valid]: the range of the output, 0 to -1, has no",
-                     id="demand below zero"),
-        pytest.param({"I_A": "[0.0, 0.0]"}, "[valid]: the range of the input, 0 to 0, has no room",
-                     id="no room for a current"),
-        pytest.param({"gap_m": "[3e-4, 3e-4]"}, "[valid]: the range of the schedule, 0.0003 to "
-                     "0.0003, has no room", id="no room for the gap"),
-        pytest.param({"I_A": "[0.0, 1e300]"}, "[valid]: the law cannot be computed within these "
-                     "limits (drive: sample 1 (1.66667e+298) the effective field leaves",
-                     id="current beyond the tables"),
-        pytest.param({"rho": "[1e9, 1e9]"}, "[valid]: the law cannot be computed within these "
-                     "limits (drive: sample 1482 (0) the equation of the law did not converge)",
-                     id="no convergence"),
+        pytest.param(
+            {"law": '"jiles-atherton-1986"'},
+            "no-fixed-point-form: 'jiles-atherton-1986'",
+            id="law of 1986",
+        ),
+        pytest.param({"gamma_A_s_per_m_T": "1.0"}, "no-fixed-point-form", id="eddy currents"),
+        pytest.param(
+            {"gap_map": '"free"', "k_A_per_m": "[300.0, 310.0]"},
+            "no-fixed-point-form: 'free'",
+            id="free map",
+        ),
+        pytest.param({"alpha": "0.05"}, "no-fixed-point-form", id="jumps"),
+        pytest.param(
+            {"F_N": "[0.0, 5e5]"}, "demand-beyond-saturation flux", id="demand beyond saturation"
+        ),
+        pytest.param(
+            {"F_N": "[0.0, 1e300]"},
+            "demand-beyond-saturation flux",
+            id="demand beyond any float of C",
+        ),
+        pytest.param(
+            {"M_s_A_per_m": "1e-300"},
+            "demand-beyond-saturation flux",
+            id="iron without magnetisation",
+        ),
+        pytest.param({"F_N": "[0.0, 0.0]"}, "range-too-narrow valid", id="no room for a demand"),
+        pytest.param({"F_N": "[-5.0, -1.0]"}, "range-too-narrow valid", id="demand below zero"),
+        pytest.param({"I_A": "[0.0, 0.0]"}, "range-too-narrow valid", id="no room for a current"),
+        pytest.param(
+            {"gap_m": "[3e-4, 3e-4]"}, "range-too-narrow valid: 0.0003", id="no room for the gap"
+        ),
+        pytest.param(
+            {"I_A": "[0.0, 1e300]"},
+            "not-computed valid: sample 1; 1.66667e+298",
+            id="current beyond the tables",
+        ),
+        pytest.param({"rho": "[1e9, 1e9]"}, "not-computed valid: sample 1482", id="no convergence"),
     ],
-)  # fmt: skip
+)
 def test_a_model_that_cannot_be_compiled(folder: Path, values: dict[str, str], said: str) -> None:
     (folder / "model.toml").write_text(edited(**values))
-    assert refused(*COMPILE, cwd=folder).startswith(f"model.toml: {said}")
+    refusal = refused(*COMPILE, cwd=folder)
+    assert refusal.startswith("model.toml: ")
+    assert says(refusal, said)
 
 
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        pytest.param({"F_0_N": "5000.0"}, "table gap_offset: 8.33 does not fit into its 16 bits, "
-                     "which end at 1; narrow the model's [valid], or correct its parameters",
-                     id="offset"),
-        pytest.param({"rho": "[0.004, 4e5]"}, "current: a unit of flux or field counts for "
-                     "23111111 times the full-scale current, more than 16-bit words can weigh "
-                     "against each other; compile with --io f32", id="arm"),
-        pytest.param({"I_0_A": "-3.0"}, "current: its limits drive the iron to 101 times its shape "
-                     "field a, beyond 95 the tables are too steep for 16 bits; narrow the current, "
-                     "or identify with --law play-cells",
-                     id="field"),
+        pytest.param(
+            {"F_0_N": "5000.0"}, "too-large-for-fixed-point: gap_offset; 8.33", id="offset"
+        ),
+        pytest.param({"rho": "[0.004, 4e5]"}, "weights-too-uneven current: 23111111", id="arm"),
+        pytest.param({"I_0_A": "-3.0"}, "tables-too-steep current: 101", id="field"),
     ],
-)  # fmt: skip
+)
 def test_a_table_that_would_overflow(folder: Path, values: dict[str, str], said: str) -> None:
     (folder / "model.toml").write_text(edited(**values))
     said_ = refused(*COMPILE, "--accuracy", "5", cwd=folder)
-    assert said_.startswith(f"model.toml: {said}")
+    assert said_.startswith("model.toml: ")
+    assert says(said_, said)
 
 
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        pytest.param({"F_0_N": "499.0"}, "[valid]: demands within these limits do not move the "
-                     "flux", id="nothing above the offset"),
-        pytest.param({"c": "1.0"}, "the model has no hysteresis that a simplified law could "
-                     "follow; compile with --kind full", id="no hysteresis"),
+        pytest.param({"F_0_N": "499.0"}, "flux-not-moved valid", id="nothing above the offset"),
+        pytest.param({"c": "1.0"}, "no-hysteresis", id="no hysteresis"),
     ],
-)  # fmt: skip
+)
 def test_a_model_that_no_simplified_law_follows(
     folder: Path, values: dict[str, str], said: str
 ) -> None:
     (folder / "model.toml").write_text(edited(**values))
-    assert refused(*COMPILE, "--kind", "simplified", cwd=folder).startswith(f"model.toml: {said}")
+    refusal = refused(*COMPILE, "--kind", "simplified", cwd=folder)
+    assert refusal.startswith("model.toml: ")
+    assert says(refusal, said)
 
 
 def test_a_damaged_model_is_reported_with_line_and_key(folder: Path) -> None:
@@ -111,17 +118,17 @@ def test_a_damaged_model_is_reported_with_line_and_key(folder: Path) -> None:
     line = next(n for n, row in enumerate(text.split("\n"), 1) if row.startswith("k_A_per_m"))
     (folder / "model.toml").write_text(text)
     said = refused(*COMPILE, cwd=folder)
-    assert said.startswith(f"model.toml:{line}: parameters.k_A_per_m: must be a finite number")
+    assert says(said, f"finite-number: model.toml:{line}; parameters.k_A_per_m")
     (folder / "model.toml").write_text(GOOD[:900])
     assert refused(*COMPILE, cwd=folder).startswith("model.toml:")
     (folder / "model.toml").unlink()
-    assert refused(*COMPILE, cwd=folder) == "model.toml: no such file; check the path"
+    assert says(refused(*COMPILE, cwd=folder), "no-such-file: model.toml")
 
 
 def test_a_model_without_limits(folder: Path) -> None:
     (folder / "model.toml").write_text(GOOD.split("# Smallest and largest")[0])
     said = refused(*COMPILE, cwd=folder)
-    assert said.startswith("model.toml: the model does not say where it holds: without [valid]")
+    assert says(said, "no-valid-range valid: model.toml")
 
 
 @pytest.mark.parametrize(
@@ -143,8 +150,7 @@ def test_an_accuracy_out_of_reach_names_its_cause(
     assert result.returncode == 1, result
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
-    said = rf"% was asked for; the largest part is {culprit}.*: {advice}, or ask for [0-9.]+ %"
-    assert re.search(said, result.stderr), result.stderr
+    assert says(result.stderr, f"accuracy-not-reached: {culprit}; {advice}")
     assert contents(folder) == before
 
 
@@ -153,9 +159,9 @@ def test_an_accuracy_out_of_reach_names_its_cause(
     [
         (("--rate", "0"), "--rate"),
         (("--rate", "nan"), "--rate"),
-        (("--rate", "1e9"), "--rate: is 1e+09 Hz; give 1 to 1000000"),
-        (("--accuracy", "nan"), "--accuracy: is nan %; give 0.001 to 50"),
-        (("--accuracy", "-1"), "--accuracy: is -1 %; give 0.001 to 50"),
+        (("--rate", "1e9"), "--rate"),
+        (("--accuracy", "nan"), "--accuracy"),
+        (("--accuracy", "-1"), "--accuracy"),
         (("--kind", "square"), "'square' is not one of 'full', 'simplified'"),
         (("--io", "q7"), "'q7' is not one of 'q15', 'q31', 'f32'"),
     ],
@@ -171,9 +177,9 @@ def test_a_place_that_is_not_ours(folder: Path) -> None:
     def said(out: str) -> str:
         return refused(*COMPILE[:-1], out, cwd=folder)
 
-    assert said("model.toml") == "model.toml: is a file; name a folder"
-    assert "holds files that anhyst compile has not written; name another" in said("mine")
-    assert "no such folder; create it first" in said("no/where")
+    assert says(said("model.toml"), "is-a-file: model.toml")
+    assert says(said("mine"), "folder-holds-other-files")
+    assert says(said("no/where"), "no-such-folder")
 
 
 def test_a_place_that_may_not_be_written(folder: Path) -> None:
@@ -181,4 +187,4 @@ def test_a_place_that_may_not_be_written(folder: Path) -> None:
     (folder / "locked").chmod(0o555)
     given = (*COMPILE[:-1], "locked/c")
     said = refused(*given, cwd=folder, preexec_fn=as_ordinary_user())
-    assert "cannot be written; name another folder" in said
+    assert says(said, "cannot-be-written")

@@ -12,6 +12,7 @@ import pytest
 from anhyst.cli.app import main
 from tests.data import recordings
 from tests.data.recordings import PACKAGES
+from tests.refusals import says
 
 
 def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
@@ -60,13 +61,13 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
 ) -> None:
     path = recordings.with_time(tmp_path / "run.mat")
     for arguments, said in (
-        ((path, tmp_path / "run.xlsx"), "is written as .csv, .mat, .mf4, .tdms, .h5"),
-        ((path, path), "is read by this command; write to another file"),
-        ((path, tmp_path / "no" / "run.csv"), "create the folder first"),
-        ((tmp_path / "none.mat", tmp_path / "run.csv"), "no such file"),
+        ((path, tmp_path / "run.xlsx"), "wrong-ending: .csv, .mat, .mf4, .tdms, .h5"),
+        ((path, path), "writes-over-input: run.mat"),
+        ((path, tmp_path / "no" / "run.csv"), "cannot-be-written"),
+        ((tmp_path / "none.mat", tmp_path / "run.csv"), "no-such-file: none.mat"),
     ):
         assert main(["convert", *map(str, arguments)]) == 2
-        assert said in capsys.readouterr().err
+        assert says(capsys.readouterr().err, said)
     assert [one.name for one in tmp_path.iterdir()] == ["run.mat"]
 
 
@@ -90,5 +91,5 @@ def test_a_disk_that_fills_up_leaves_nothing_behind(suffix: str, tmp_path: Path)
         check=False,
     )
     assert done.returncode == 2, done.stderr
-    assert f"full{suffix}: cannot be written: " in done.stderr
+    assert says(done.stderr, f"cannot-be-written: full{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.refusals import says
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 COMMAND = [sys.executable, "-m", "anhyst.cli.app"]
 
@@ -46,7 +48,7 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
     result = anhyst("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
-    assert last.startswith("anhyst: model.toml: the output falls as the gap closes: by ")
+    assert says(last, "acceptance-failed: model.toml")
     assert "monotone = false" in (tmp_path / "model.toml").read_text()
 
 
@@ -95,20 +97,21 @@ def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["inspect", "none.csv"], "none.csv: no such file"),
-        (["inspect", "x.csv", "--plot", "x.gif"], "x.gif: a plot is written as .png, .svg or .pdf"),
-        (["inspect", "x.csv", "--columns", "I_A"], "columns: 'I_A' is not of the form name=value"),
+        (["inspect", "none.csv"], "no-such-file: none.csv"),
+        (["inspect", "x.csv", "--plot", "x.gif"], "wrong-ending"),
+        (["inspect", "x.csv", "--columns", "I_A"], "not-name-value columns: 'I_A'"),
         (
             ["inspect", EXAMPLE / "loops.csv", "--clean", "wash"],
-            "cleaning step 'wash' is not known",
+            "unknown-cleaning-step wash",
         ),
-        (["identify", "x.csv", "--out", "none/m.toml"], "none/m.toml: cannot be written"),
+        (["identify", "x.csv", "--out", "none/m.toml"], "cannot-be-written: none/m.toml"),
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, arguments: list[object], said: str) -> None:
     result = anhyst(*arguments, cwd=tmp_path)
     assert result.returncode == 2
     assert result.stdout == ""
-    assert result.stderr.startswith(f"anhyst: error: {said}")
+    assert result.stderr.startswith("anhyst: error: ")
+    assert says(result.stderr, said)
     assert result.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())

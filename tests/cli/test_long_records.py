@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.refusals import says
+
 from .command import COMMAND, ENVIRONMENT
 from .records import model
 from .test_streams import on_a_terminal
@@ -114,9 +116,7 @@ def test_a_fault_at_the_end_of_a_long_record_is_named(folder: Path) -> None:
     )
     os.truncate(long, size)
     assert result.returncode == 2
-    assert result.stderr.startswith(
-        f"anhyst: error: long.csv: line {ROWS + 2}, column 't_s': 'oops'"
-    )
+    assert says(result.stderr, f"text-in-numbers: long.csv; {ROWS + 2}; t_s")
 
 
 def test_reading_a_long_record_shows_its_progress(folder: Path) -> None:

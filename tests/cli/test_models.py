@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.refusals import says
+
 from .command import quick, refused
 from .records import model, table
 
@@ -56,93 +58,94 @@ def test_the_good_model_is_good(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        pytest.param("version", "2", "version: is 2, but this anhyst reads version 1; update",
-                     id="another version"),
-        pytest.param("format", '"recipe"', 'format: must be "anhyst-model"', id="another format"),
-        pytest.param("law", '"preisach"', "law: must be 'effective-field', 'jiles", id="unknown law"),
-        pytest.param("gap_map", '"spline"', "gap_map: must be 'none', 'scaling'", id="unknown map"),
-        pytest.param("history", '"virgin"', "history: history 'virgin' is not known; use",
-                     id="unknown history"),
-        pytest.param("k_A_per_m", "nan", "parameters.k_A_per_m: must be a finite number", id="NaN"),
-        pytest.param("M_s_A_per_m", "inf", "parameters.M_s_A_per_m: must be a finite", id="Inf"),
-        pytest.param("a_A_per_m", "1" + "0" * 400, "parameters.a_A_per_m: must be a finite number",
-                     id="beyond any float"),
-        pytest.param("k_A_per_m", '"300"', "parameters.k_A_per_m: must be a finite number, or one",
-                     id="text in a number"),
-        pytest.param("k_A_per_m", "-300.0", "parameters.k_A_per_m: must be above 0, is -300",
-                     id="negative"),
-        pytest.param("c", "1.5", "parameters.c: must lie within 0 and 1, is 1.5",
-                     id="out of range"),
-        pytest.param("alpha", "1.0", "parameters.alpha: must be below 1, is 1", id="runaway"),
-        pytest.param("rho", "[0.004, -0.008]", "parameters.rho: must not be negative, is -0.008",
-                     id="negative at a node"),
-        pytest.param("rho", "[0.004]", "parameters.rho: has 1 values for 2 nodes; give one for",
-                     id="too few values"),
-        pytest.param("nodes_m", "[0.6e-3, 0.3e-3]", "schedule.nodes_m: must be finite and ascend",
-                     id="nodes descend"),
-        pytest.param("nodes_m", "[0.3e-3, 0.3e-3]", "schedule.nodes_m: must be finite and ascend",
-                     id="duplicate gaps"),
-        pytest.param("I_A", "[2.0, 0.0]", "valid.I_A: the first must not exceed the second",
-                     id="empty range"),
+        pytest.param("version", "2", "wrong-version version", id="another version"),
+        pytest.param("format", '"recipe"', "wrong-format format", id="another format"),
+        pytest.param(
+            "law", '"preisach"', "unknown-choice law: 'effective-field'", id="unknown law"
+        ),
+        pytest.param(
+            "gap_map", '"spline"', "literal-error gap_map: 'none'; 'scaling'", id="unknown map"
+        ),
+        pytest.param(
+            "history", '"virgin"', "unknown-history history: 'virgin'", id="unknown history"
+        ),
+        pytest.param("k_A_per_m", "nan", "not-a-number parameters.k_A_per_m", id="NaN"),
+        pytest.param("M_s_A_per_m", "inf", "not-a-number parameters.M_s_A_per_m", id="Inf"),
+        pytest.param(
+            "a_A_per_m", "1" + "0" * 400, "not-a-number parameters.a_A_per_m", id="beyond any float"
+        ),
+        pytest.param(
+            "k_A_per_m", '"300"', "not-a-number parameters.k_A_per_m", id="text in a number"
+        ),
+        pytest.param(
+            "k_A_per_m", "-300.0", "out-of-range parameters.k_A_per_m: -300", id="negative"
+        ),
+        pytest.param("c", "1.5", "out-of-range parameters.c: 1.5", id="out of range"),
+        pytest.param("alpha", "1.0", "out-of-range parameters.alpha", id="runaway"),
+        pytest.param(
+            "rho", "[0.004, -0.008]", "out-of-range parameters.rho: -0.008", id="negative at a node"
+        ),
+        pytest.param("rho", "[0.004]", "length-differs parameters.rho", id="too few values"),
+        pytest.param(
+            "nodes_m", "[0.6e-3, 0.3e-3]", "not-ascending schedule.nodes_m", id="nodes descend"
+        ),
+        pytest.param(
+            "nodes_m", "[0.3e-3, 0.3e-3]", "not-ascending schedule.nodes_m", id="duplicate gaps"
+        ),
+        pytest.param("I_A", "[2.0, 0.0]", "range-reversed valid.I_A", id="empty range"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_value_is_reported_with_its_line_and_key(
     folder: Path, key: str, value: str, said: str
 ) -> None:
     text = edited(key, value)
     place = f"model.toml:{line_of(text, f'{key} = ')}: "
-    assert refused(*VERBS["predict"], cwd=damage(folder, text)).startswith(place + said)
+    refusal = refused(*VERBS["predict"], cwd=damage(folder, text))
+    assert refusal.startswith(place)
+    assert says(refusal, said)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        pytest.param("\nk_A_per_m", "\nk", "parameters.k: its unit must stand in the key; write",
-                     id="no unit"),
-        pytest.param("\nk_A_per_m", "\nk_Oe", "parameters.k_Oe: its unit must stand in the key",
-                     id="another unit"),
-        pytest.param('unit = "A"', 'unit = "mA"', "input.unit: is 'mA'; model files are in SI",
-                     id="not SI"),
-        pytest.param('unit = "N"', "", "output.unit: is missing; add it",
-                     id="no unit of the output"),
-        pytest.param("alpha = ", "alfa = ", "parameters.alfa: is unknown; did you mean alpha?",
-                     id="misspelt key"),
-        pytest.param("[valid]", "[walid]", "walid: is unknown; remove it or correct",
-                     id="unknown table"),
-        pytest.param("\nk_A_per_m", "\n#", "parameters.k_A_per_m: is missing; add it",
-                     id="missing key"),
-        pytest.param("version = 1", "", "version: is missing; a file of this anhyst says version",
-                     id="no version"),
-        pytest.param("alpha = ", "c = ", "damaged TOML: cannot overwrite a value; mend this line",
-                     id="key twice"),
-        pytest.param("[parameters]", "[parameters", "damaged TOML: expected ']'",
-                     id="open bracket"),
+        pytest.param("\nk_A_per_m", "\nk", "unit-missing parameters.k", id="no unit"),
+        pytest.param("\nk_A_per_m", "\nk_Oe", "unit-missing parameters.k_Oe", id="another unit"),
+        pytest.param('unit = "A"', 'unit = "mA"', "unit-not-si input.unit: 'mA'", id="not SI"),
+        pytest.param('unit = "N"', "", "missing output.unit", id="no unit of the output"),
+        pytest.param(
+            "alpha = ", "alfa = ", "extra-forbidden parameters.alfa: alpha", id="misspelt key"
+        ),
+        pytest.param("[valid]", "[walid]", "extra-forbidden walid", id="unknown table"),
+        pytest.param("\nk_A_per_m", "\n#", "missing parameters.k_A_per_m", id="missing key"),
+        pytest.param("version = 1", "", "wrong-version version", id="no version"),
+        pytest.param("alpha = ", "c = ", "damaged-toml", id="key twice"),
+        pytest.param("[parameters]", "[parameters", "damaged-toml: ']'", id="open bracket"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, said: str) -> None:
     assert old in GOOD
     reported = refused(*VERBS["predict"], cwd=damage(folder, GOOD.replace(old, new, 1)))
     assert reported.startswith("model.toml:")
-    assert said in reported
+    assert says(reported, said)
 
 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        pytest.param("", 'model.toml: format: must be "anhyst-model"; is this a model', id="empty"),
-        pytest.param(GOOD.encode("utf-16"), "model.toml: is no UTF-8 text; name a TOML file",
-                     id="UTF-16"),
-        pytest.param(bytes(range(256)) * 9, "model.toml: is no UTF-8 text; name a TOML file",
-                     id="binary"),
-        pytest.param(table(), "model.toml:1: damaged TOML: expected '='", id="measurements"),
-        pytest.param("a = " + "[" * 9000, "model.toml: damaged TOML: maximum recursion",
-                     id="endless brackets"),
-        pytest.param("a = " + "9" * 9000, "model.toml: damaged TOML: exceeds the limit",
-                     id="endless number"),
+        pytest.param("", "wrong-format format: model.toml", id="empty"),
+        pytest.param(GOOD.encode("utf-16"), "not-utf8: model.toml", id="UTF-16"),
+        pytest.param(bytes(range(256)) * 9, "not-utf8: model.toml", id="binary"),
+        pytest.param(table(), "damaged-toml: model.toml:1:", id="measurements"),
+        pytest.param(
+            "a = " + "[" * 9000,
+            "damaged-toml: model.toml",
+            id="endless brackets",
+        ),
+        pytest.param("a = " + "9" * 9000, "damaged-toml: model.toml", id="endless number"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_model_is_refused(folder: Path, content: str | bytes, said: str) -> None:
-    assert refused(*VERBS["predict"], cwd=damage(folder, content)).lower().startswith(said.lower())
+    assert says(refused(*VERBS["predict"], cwd=damage(folder, content)), said)
 
 
 def test_a_truncated_model_is_refused_wherever_it_ends(folder: Path) -> None:
@@ -155,11 +158,9 @@ def test_a_truncated_model_is_refused_wherever_it_ends(folder: Path) -> None:
 def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
     text = edited("c", "1.5")
     said = refused(*VERBS[verb], cwd=damage(folder, text))
-    assert (
-        said == f"model.toml:{line_of(text, 'c = ')}: parameters.c: must lie within 0 and 1, is 1.5"
-    )
+    assert says(said, f"out-of-range parameters.c: model.toml:{line_of(text, 'c = ')}:; 1.5")
     (folder / "model.toml").unlink()
-    assert refused(*VERBS[verb], cwd=folder) == "model.toml: no such file; check the path"
+    assert says(refused(*VERBS[verb], cwd=folder), "no-such-file: model.toml")
 
 
 def test_several_faults_are_reported_at_once(folder: Path) -> None:
@@ -171,4 +172,4 @@ def test_several_faults_are_reported_at_once(folder: Path) -> None:
 
 def test_a_folder_is_no_model(folder: Path) -> None:
     (folder / "model.toml").mkdir()
-    assert refused(*VERBS["predict"], cwd=folder).endswith("Is a directory; check the path")
+    assert says(refused(*VERBS["predict"], cwd=folder), "cannot-be-read")

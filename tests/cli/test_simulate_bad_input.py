@@ -13,6 +13,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
+from tests.refusals import says
 
 from .command import anhyst, contents, quick, refused
 from .records import model
@@ -42,60 +43,147 @@ def change(path: Path, old: str, new: str) -> int:
 @pytest.mark.parametrize(
     ("old", "new", "key", "said"),
     [
-        pytest.param("gap_m = 0.45e-3", "gap_m = 0.56e-3", "simulate.gap_m",
-                     f"the reference is at 0.00056 {OUTSIDE}; wrong as well: ",
-                     id="reference outside the travel"),
-        pytest.param("also_gaps_m = [0.42e-3,", "also_gaps_m = [0.34e-3,",
-                     "simulate.also_gaps_m[1]", f"the reference is at 0.00034 {OUTSIDE}",
-                     id="another gap outside"),
-        pytest.param("steps_m = [10e-6,", "steps_m = [300e-6,", "simulate.steps_m[1]",
-                     f"the step around 0.00045 m is at 0.0003 to 0.0006 {OUTSIDE}",
-                     id="step outside"),
-        pytest.param("trajectories = [{ kind = \"triangle\", amplitude_m = 20e-6",
-                     "trajectories = [{ kind = \"triangle\", amplitude_m = 200e-6",
-                     "simulate.trajectories[1].amplitude_m",
-                     f"the reference is at 0.00025 to 0.00065 {OUTSIDE}", id="trajectory outside"),
-        pytest.param("force_N = 150.0", "force_N = 350.0", "load.force_N", "no current can carry "
-                     "350 N, the magnet reaches 298 N; lower it or raise current_high_A",
-                     id="load that no current carries"),
-        pytest.param("load_steps_N = [20.0]", "load_steps_N = [160.0]", "simulate.load_steps_N[1]",
-                     "150 N and this step are 310 N, the magnet reaches 298 N; lower it",
-                     id="load step that no current carries"),
-        pytest.param("force_N = 150.0", "force_N = 0.0", "load.force_N", "0 N is not within what "
-                     "the magnet pulls at 0.00045 m, 0 to 298 N; correct it", id="no load"),
-        pytest.param("bandwidth_Hz = 2500.0", "bandwidth = 2500.0", "amplifier.bandwidth",
-                     "lacks its unit; write bandwidth_Hz", id="unit left out"),
-        pytest.param("mass_kg = 2.0", "mass = 2.0", "mechanics.mass", "lacks its unit; write "
-                     "mass_kg", id="unit of the mass left out"),
-        pytest.param("substeps = 4", "sub_steps = 4", "timing.sub_steps",
-                     "is unknown; did you mean substeps?", id="unknown key"),
-        pytest.param("[hall_probe]", "[hal_probe]", "hal_probe",
-                     "is unknown; did you mean hall_probe?", id="unknown table"),
-        pytest.param("force_N = 150.0", "force_N = nan", "load.force_N",
-                     "must be a finite number, is nan", id="no number"),
-        pytest.param("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay_ticks of 1.1 is no "
-                     "whole number of sub-steps of 1/4 tick; correct one of them", id="delay"),
-        pytest.param("force_N = 150.0", "force_N = 1.0", "load.force_N", "at 1 N the current of "
-                     "0.187365 A is not well within 0..4.5 A; raise or lower it", id="weak load"),
-        pytest.param("force_N = 150.0", "force_N = 245.0", "load.force_N", "no current lifts 245 N "
-                     "off the rest at 0.00055 m, the magnet reaches 241 N there; lower it, lower "
-                     "stop_high_m or raise current_high_A", id="load that is not lifted"),
-        pytest.param("hold_s = 0.06", "hold_s = 0.0003", "simulate.hold_s", "holds a step for 6 "
-                     "ticks of 1/20000 s; 8 at least, 0.0004 s", id="short hold"),
-        pytest.param("frequency_Hz = 1.0", "frequency_Hz = 2000.0",
-                     "simulate.trajectories[1].frequency_Hz", "2000 Hz is not below a tenth of "
-                     "rate_Hz, 2000 Hz; lower it", id="fast trajectory"),
-        pytest.param("frequency_Hz = 1.0", "frequency_Hz = 0.01",
-                     "simulate.trajectories[1].frequency_Hz", "a period of 100 s is longer than "
-                     "60 s; raise it", id="slow trajectory"),
-        pytest.param("seed = 11 ", "seed = 2147483648 ", "seed", "must be less than 2147483648",
-                     id="seed"),
-        pytest.param("range_T = 2.0", "range_T = 1.4", "hall_probe.range_T", "the largest current "
-                     "makes 1.416 T at a gap of 0.00035 m; raise it", id="probe"),
-        pytest.param('arrangement = "single"', 'arrangement = "pair"', "magnet",
-                     "a pair needs gap_total_m; add it", id="pair without its gap"),
+        pytest.param(
+            "gap_m = 0.45e-3",
+            "gap_m = 0.56e-3",
+            "simulate.gap_m",
+            "outside-travel simulate.gap_m: 0.00056 m; 0.00035; 0.00055 m",
+            id="reference outside the travel",
+        ),
+        pytest.param(
+            "also_gaps_m = [0.42e-3,",
+            "also_gaps_m = [0.34e-3,",
+            "simulate.also_gaps_m[1]",
+            "outside-travel: 0.00034 m; 0.00035; 0.00055 m",
+            id="another gap outside",
+        ),
+        pytest.param(
+            "steps_m = [10e-6,",
+            "steps_m = [300e-6,",
+            "simulate.steps_m[1]",
+            "outside-travel simulate.steps_m[1]: 0.00045 m; 0.0003; 0.0006 m; 0.00035; 0.00055 m",
+            id="step outside",
+        ),
+        pytest.param(
+            'trajectories = [{ kind = "triangle", amplitude_m = 20e-6',
+            'trajectories = [{ kind = "triangle", amplitude_m = 200e-6',
+            "simulate.trajectories[1].amplitude_m",
+            "outside-travel simulate.trajectories[1].amplitude_m: 0.00025; 0.00065 m; 0.00035; 0.00055 m",
+            id="trajectory outside",
+        ),
+        pytest.param(
+            "force_N = 150.0",
+            "force_N = 350.0",
+            "load.force_N",
+            "load-too-large load.force_N: 350 N; 298 N",
+            id="load that no current carries",
+        ),
+        pytest.param(
+            "load_steps_N = [20.0]",
+            "load_steps_N = [160.0]",
+            "simulate.load_steps_N[1]",
+            "load-too-large simulate.load_steps_N[1]: 150 N; 310 N; 298 N",
+            id="load step that no current carries",
+        ),
+        pytest.param(
+            "force_N = 150.0",
+            "force_N = 0.0",
+            "load.force_N",
+            "out-of-range load.force_N: 0.00045 m; 298 N",
+            id="no load",
+        ),
+        pytest.param(
+            "bandwidth_Hz = 2500.0",
+            "bandwidth = 2500.0",
+            "amplifier.bandwidth",
+            "unit-missing amplifier.bandwidth: bandwidth_Hz",
+            id="unit left out",
+        ),
+        pytest.param(
+            "mass_kg = 2.0",
+            "mass = 2.0",
+            "mechanics.mass",
+            "unit-missing: mass_kg",
+            id="unit of the mass left out",
+        ),
+        pytest.param(
+            "substeps = 4",
+            "sub_steps = 4",
+            "timing.sub_steps",
+            "extra-forbidden: substeps",
+            id="unknown key",
+        ),
+        pytest.param(
+            "[hall_probe]",
+            "[hal_probe]",
+            "hal_probe",
+            "extra-forbidden hal_probe: hall_probe",
+            id="unknown table",
+        ),
+        pytest.param(
+            "force_N = 150.0",
+            "force_N = nan",
+            "load.force_N",
+            "finite-number load.force_N",
+            id="no number",
+        ),
+        pytest.param(
+            "delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay-not-whole: 1.1", id="delay"
+        ),
+        pytest.param(
+            "force_N = 150.0",
+            "force_N = 1.0",
+            "load.force_N",
+            "out-of-range load.force_N: 0.187365 A; 0..4.5 A",
+            id="weak load",
+        ),
+        pytest.param(
+            "force_N = 150.0",
+            "force_N = 245.0",
+            "load.force_N",
+            "load-too-large load.force_N: 245 N; 0.00055 m; 241 N",
+            id="load that is not lifted",
+        ),
+        pytest.param(
+            "hold_s = 0.06",
+            "hold_s = 0.0003",
+            "simulate.hold_s",
+            "too-short simulate.hold_s: 20000 s; 0.0004 s",
+            id="short hold",
+        ),
+        pytest.param(
+            "frequency_Hz = 1.0",
+            "frequency_Hz = 2000.0",
+            "simulate.trajectories[1].frequency_Hz",
+            "out-of-range simulate.trajectories[1].frequency_Hz: 2000 Hz",
+            id="fast trajectory",
+        ),
+        pytest.param(
+            "frequency_Hz = 1.0",
+            "frequency_Hz = 0.01",
+            "simulate.trajectories[1].frequency_Hz",
+            "out-of-range simulate.trajectories[1].frequency_Hz: 100 s",
+            id="slow trajectory",
+        ),
+        pytest.param(
+            "seed = 11 ", "seed = 2147483648 ", "seed", "less-than seed: 2147483648", id="seed"
+        ),
+        pytest.param(
+            "range_T = 2.0",
+            "range_T = 1.4",
+            "hall_probe.range_T",
+            "range-too-narrow hall_probe.range_T: 1.416 T; 0.00035 m",
+            id="probe",
+        ),
+        pytest.param(
+            'arrangement = "single"',
+            'arrangement = "pair"',
+            "magnet",
+            "missing: gap_total_m",
+            id="pair without its gap",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_key_of_the_rig_that_will_not_do(
     folder: Path, old: str, new: str, key: str, said: str
 ) -> None:
@@ -103,43 +191,92 @@ def test_a_key_of_the_rig_that_will_not_do(
     refusal = refused(*RUN, cwd=folder)
     place = "" if key in ("timing", "magnet") else f":{line}"
     assert refusal.startswith(f"rig.toml{place}") or key in ("timing", "magnet")
-    assert f": {key}: {said}" in refusal
+    assert f": {key}: " in refusal
+    assert says(refusal, said)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "key", "said"),
     [
-        pytest.param("rate_Hz = 20000.0", "rate_Hz = 10000.0", "rate_Hz", "is 10000 Hz here and "
-                     "20000 Hz in rig.toml; make them equal", id="another rate"),
-        pytest.param("cutoff_Hz", "cutoff", "filter.cutoff", "is unknown; did you mean cutoff_Hz?",
-                     id="unit left out"),
-        pytest.param("mass_kg", "mass", "design.mass", "lacks its unit; write mass_kg",
-                     id="unit of the mass left out"),
-        pytest.param("[lift_off]", "[liftoff]", "liftoff", "is unknown; did you mean lift_off?",
-                     id="unknown table"),
-        pytest.param('"full"', '"ful"', "compensation.variant", "must be 'ratio', 'secant', "
-                     "'linearised', 'single-valued', 'play', 'simplified', 'full' or 'flux', is "
-                     "'ful'",
-                     id="unknown variant"),
-        pytest.param("current_high_A = 4.5", "current_high_A = 6.0", "limits.current_high_A",
-                     "the amplifier of rig.toml ends at 4.5 A; lower it", id="current"),
-        pytest.param("force_high_N = 300.0", "force_high_N = 140.0", "limits.force_high_N",
-                     "140 N do not lift the load of rig.toml, 150 N; raise it", id="force"),
-        pytest.param("step_m = 20e-6", "step_m = 40e-9", "limits.step_m", "the position sensor of "
-                     "rig.toml has steps of 5e-08 m; raise it", id="step"),
-        pytest.param("force_rate_N_per_s = 1000.0", "force_rate_N_per_s = 1.0",
-                     "lift_off.force_rate_N_per_s",
-                     "lifting off takes 300.2 s, at most 60 s are simulated; raise it",
-                     id="slow lift"),
-        pytest.param("gap_high_m = 0.57e-3", "gap_high_m = 0.5e-3", "limits.gap_high_m",
-                     "rig.toml rests at a gap of 0.00055 m; raise it", id="gap"),
+        pytest.param(
+            "rate_Hz = 20000.0",
+            "rate_Hz = 10000.0",
+            "rate_Hz",
+            "differs-from-rig rate_Hz: 10000 Hz; 20000 Hz; rig.toml",
+            id="another rate",
+        ),
+        pytest.param(
+            "cutoff_Hz",
+            "cutoff",
+            "filter.cutoff",
+            "extra-forbidden filter.cutoff: cutoff_Hz",
+            id="unit left out",
+        ),
+        pytest.param(
+            "mass_kg",
+            "mass",
+            "design.mass",
+            "unit-missing: mass_kg",
+            id="unit of the mass left out",
+        ),
+        pytest.param(
+            "[lift_off]",
+            "[liftoff]",
+            "liftoff",
+            "extra-forbidden liftoff: lift_off",
+            id="unknown table",
+        ),
+        pytest.param(
+            '"full"',
+            '"ful"',
+            "compensation.variant",
+            "literal-error compensation.variant: 'ratio'; 'full'; 'ful'",
+            id="unknown variant",
+        ),
+        pytest.param(
+            "current_high_A = 4.5",
+            "current_high_A = 6.0",
+            "limits.current_high_A",
+            "beyond-amplifier limits.current_high_A: rig.toml; 4.5 A",
+            id="current",
+        ),
+        pytest.param(
+            "force_high_N = 300.0",
+            "force_high_N = 140.0",
+            "limits.force_high_N",
+            "load-not-lifted limits.force_high_N: 140 N; rig.toml; 150 N",
+            id="force",
+        ),
+        pytest.param(
+            "step_m = 20e-6",
+            "step_m = 40e-9",
+            "limits.step_m",
+            "step-too-fine limits.step_m: rig.toml; 5e-08 m",
+            id="step",
+        ),
+        pytest.param(
+            "force_rate_N_per_s = 1000.0",
+            "force_rate_N_per_s = 1.0",
+            "lift_off.force_rate_N_per_s",
+            "too-slow lift_off.force_rate_N_per_s: 300.2 s",
+            id="slow lift",
+        ),
+        pytest.param(
+            "gap_high_m = 0.57e-3",
+            "gap_high_m = 0.5e-3",
+            "limits.gap_high_m",
+            "gaps-not-covered limits.gap_high_m: rig.toml; 0.00055 m",
+            id="gap",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_key_of_the_controller_that_will_not_do(
     folder: Path, old: str, new: str, key: str, said: str
 ) -> None:
     line = change(folder / "controller.toml", old, new)
-    assert refused(*RUN, cwd=folder).startswith(f"controller.toml:{line}: {key}: {said}")
+    refusal = refused(*RUN, cwd=folder)
+    assert refusal.startswith(f"controller.toml:{line}: {key}: ")
+    assert says(refusal, said)
 
 
 def test_a_sample_rate_that_is_too_slow_for_the_plant(folder: Path) -> None:
@@ -147,9 +284,9 @@ def test_a_sample_rate_that_is_too_slow_for_the_plant(folder: Path) -> None:
     change(folder / "controller.toml", "rate_Hz = 20000.0", "rate_Hz = 1500.0")
     for key in ("cutoff_Hz", "cutoff_2_Hz"):
         change(folder / "controller.toml", f"{key} = 2000.0", f"{key} = 500.0")
-    assert refused(*RUN, cwd=folder) == (
-        f"rig.toml:{line}: timing.rate_Hz: 1500 Hz is too slow for a plant whose unstable pole "
-        "lies at 87.92 Hz; use at least 20 times that, 1759 Hz"
+    assert says(
+        refused(*RUN, cwd=folder),
+        f"rate-too-low: rig.toml:{line}: timing.rate_Hz: 1500; 87.92; 1759",
     )
 
 
@@ -158,14 +295,18 @@ def test_measured_flux_without_a_probe(folder: Path) -> None:
     text = rig.read_text()
     rig.write_text(text[: text.index("[hall_probe]")] + text[text.index("[measurement]") :])
     line = change(folder / "controller.toml", '"full"', '"flux"')
-    assert refused(*RUN, cwd=folder) == (
-        f'controller.toml:{line}: compensation.variant: "flux" needs the table [hall_probe], '
-        "rig.toml has none; add it"
+    assert says(
+        refused(*RUN, cwd=folder),
+        f"no-hall-probe: controller.toml:{line}; compensation.variant; rig.toml",
     )
 
 
-def table(skip: tuple[int, int] | None = None, zero: tuple[int, int] | None = None,
-          most: float = 4.5, least: float = 0.3e-3) -> str:  # fmt: skip
+def table(
+    skip: tuple[int, int] | None = None,
+    zero: tuple[int, int] | None = None,
+    most: float = 4.5,
+    least: float = 0.3e-3,
+) -> str:
     """A flux table of four currents and three gaps, perhaps with a fault."""
     rows = ["I_A,gap_m,psi_Wb"]
     for i, j in ((i, j) for i in range(4) for j in range(3)):
@@ -178,24 +319,26 @@ def table(skip: tuple[int, int] | None = None, zero: tuple[int, int] | None = No
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        pytest.param(table(skip=(2, 1)), "has a hole at 0.45 mm, 3 A; 3 gaps and 4 currents must "
-                     "make a full grid, add what is missing", id="hole"),
-        pytest.param(table(zero=(2, 1)), "line 9: psi does not rise with the current at 0.45 mm, "
-                     "3 A; correct this point", id="not monotone"),
-        pytest.param(table(most=3.0), "I_A ends at 3 A and the amplifier at 4.5 A; add currents",
-                     id="too few currents"),
-        pytest.param(table(least=0.4e-3), "gap_m runs from 0.0004 to 0.0006 m and must hold the "
-                     "travel, 0.00035 to 0.00055 m; add gaps", id="too few gaps"),
-        pytest.param("I_A,gap_m\n0,1e-3\n", "has no column of flux linkage", id="no flux"),
-        pytest.param(None, "no such file; check the path", id="missing"),
+        pytest.param(table(skip=(2, 1)), "grid-has-holes: 0.45 mm", id="hole"),
+        pytest.param(table(zero=(2, 1)), "not-monotone: line 9; 0.45 mm", id="not monotone"),
+        pytest.param(table(most=3.0), "currents-not-covered I_A: 4.5 A", id="too few currents"),
+        pytest.param(
+            table(least=0.4e-3),
+            "gaps-not-covered gap_m: 0.0004; 0.0006 m; 0.00035; 0.00055 m",
+            id="too few gaps",
+        ),
+        pytest.param("I_A,gap_m\n0,1e-3\n", "column-missing", id="no flux"),
+        pytest.param(None, "no-such-file", id="missing"),
     ],
-)  # fmt: skip
+)
 def test_a_flux_table_that_will_not_do(folder: Path, text: str | None, said: str) -> None:
     change(folder / "rig.toml", 'force = "cells"', 'force = "model"')
     change(folder / "rig.toml", "[amplifier]", LAW)
     if text is not None:
         (folder / "flux.csv").write_text(text)
-    assert refused(*RUN, cwd=folder).startswith(f"flux.csv: {said}")
+    refusal = refused(*RUN, cwd=folder)
+    assert refusal.startswith("flux.csv: ")
+    assert says(refusal, said)
 
 
 def write_spoilt(folder: Path, spoil: Callable[[Model], Model]) -> None:
@@ -220,29 +363,25 @@ def of_1986(model: Model) -> Model:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        pytest.param(with_eddy_currents, "gamma: eddy currents cannot be compiled; identify with "
-                     "gamma = 0", id="eddy currents"),
-        pytest.param(of_1986, "law 'jiles-atherton-1986' cannot be compiled: its step has no "
-                     "closed form; identify with --law effective-field or --law play-cells or "
-                     "--law play-cells-langevin", id="law of 1986"),
+        pytest.param(with_eddy_currents, "no-fixed-point-form", id="eddy currents"),
+        pytest.param(of_1986, "no-fixed-point-form: 'jiles-atherton-1986'", id="law of 1986"),
     ],
-)  # fmt: skip
+)
 def test_a_model_that_cannot_be_compiled(
     folder: Path, spoil: Callable[[Model], Model], said: str
 ) -> None:
     write_spoilt(folder, spoil)
     change(folder / "controller.toml", '"full"', '"full"\nmodel = "model.toml"')
-    assert refused(*RUN, cwd=folder) == f"model.toml: {said}"
+    refusal = refused(*RUN, cwd=folder)
+    assert refusal.startswith("model.toml: ")
+    assert says(refusal, said)
 
 
 @pytest.mark.parametrize("variant", ["full", "single-valued"])
 def test_a_model_of_another_device(folder: Path, variant: str) -> None:
     write_spoilt(folder, piezo)
     change(folder / "controller.toml", '"full"', f'"{variant}"\nmodel = "model.toml"')
-    assert refused(*RUN, cwd=folder) == (
-        "model.toml: a bearing needs a model of force over current and gap; identify one from "
-        "loops.csv"
-    )
+    assert says(refused(*RUN, cwd=folder), "not-current-to-force: model.toml; loops.csv")
 
 
 def test_a_model_of_another_device_makes_no_force(folder: Path) -> None:
@@ -250,10 +389,7 @@ def test_a_model_of_another_device_makes_no_force(folder: Path) -> None:
     (folder / "flux.csv").write_text(table())
     change(folder / "rig.toml", 'force = "cells"', 'force = "model"')
     change(folder / "rig.toml", "[amplifier]", LAW)
-    assert refused(*RUN, cwd=folder) == (
-        "model.toml: a bearing needs a model of force over current whose gap may move; identify "
-        "one from loops at several gaps"
-    )
+    assert says(refused(*RUN, cwd=folder), "not-current-to-force: model.toml")
 
 
 def without(text: str, name: str) -> str:
@@ -269,65 +405,56 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
     text = loops.read_text()
     loops.write_text(without(text, "gap_m"))
     said = refused(*RUN, cwd=folder)
-    assert said == "loops.csv: a rig needs columns I_A, F_N and gap_m"
+    assert says(said, "columns-missing: loops.csv")
     rows = text.splitlines(keepends=True)
     loops.write_text(
         "".join(row for row in rows if ",0.00035," not in row and ",0.00042," not in row)
     )
     said = refused(*RUN, cwd=folder)
-    assert said == (
-        "loops.csv: loops at gaps of 0.00048 to 0.00055 m, rig.toml works at 0.00045 m; measure "
-        "loops around it"
-    )
+    assert says(said, "gaps-not-covered: loops.csv; 0.00048; 0.00055 m; rig.toml; 0.00045 m")
 
 
 @pytest.mark.parametrize("name", ["loops.csv", "controller.toml", "rig.toml"])
 def test_a_file_that_is_not_there(folder: Path, name: str) -> None:
     (folder / name).unlink()
-    said = f"{name}: no such file; check the path"
-    if name == "loops.csv":
-        said = f"rig.toml:8: loops: {name}: no such file or folder; check the path"
-    assert refused(*RUN, cwd=folder) == said
+    place = "rig.toml:8: loops: " if name == "loops.csv" else ""
+    assert says(refused(*RUN, cwd=folder), f"no-such-file: {place}{name}")
 
 
 def test_a_named_file_that_is_not_there(folder: Path) -> None:
     said = refused(*RUN, "--controller", "other.toml", cwd=folder)
-    assert said == "other.toml: no such file; check the path"
+    assert says(said, "no-such-file: other.toml")
     change(folder / "controller.toml", 'variant = "full"', 'variant = "full"\nmodel = "m.toml"')
-    assert refused(*RUN, cwd=folder) == "m.toml: no such file; check the path"
+    assert says(refused(*RUN, cwd=folder), "no-such-file: m.toml")
 
 
 def test_files_of_another_kind(folder: Path) -> None:
     said = refused("simulate", "controller.toml", "--out", "out/run.csv", cwd=folder)
-    assert said.startswith("controller.toml:4: format: must be 'anhyst-bearing', is 'anhyst-contr")
+    assert says(said, "literal-error format: controller.toml; :4:; 'anhyst-bearing'")
     said = refused(*RUN, "--controller", "rig.toml", cwd=folder)
-    assert said.startswith("rig.toml:4: format: must be 'anhyst-controller', is 'anhyst-bearing'")
+    assert says(said, "literal-error format: rig.toml; :4:; 'anhyst-controller'; 'anhyst-bearing'")
     said = refused("simulate", "loops.csv", "--out", "out/run.csv", cwd=folder)
-    assert said.startswith("loops.csv:4: damaged TOML")
+    assert says(said, "damaged-toml: loops.csv; :4:")
 
 
 @pytest.mark.parametrize(
     ("out", "said"),
     [
-        pytest.param("out/run.txt", "out/run.txt: a recording is written as .csv or .mat; name it "
-                     "so", id="another ending"),
-        pytest.param("out/run", "out/run: a recording is written as .csv or .mat; name it so",
-                     id="no ending"),
-        pytest.param("none/run.csv", "none/run.csv: cannot be written: No such file or directory; "
-                     "create the folder first", id="no folder"),
-        pytest.param("loops.csv", "loops.csv: is read by this command; write to another file",
-                     id="what is read"),
+        pytest.param("out/run.txt", "wrong-ending: out/run.txt", id="another ending"),
+        pytest.param("out/run", "wrong-ending", id="no ending"),
+        pytest.param("none/run.csv", "cannot-be-written: none/run.csv", id="no folder"),
+        pytest.param("loops.csv", "writes-over-input: loops.csv", id="what is read"),
     ],
-)  # fmt: skip
+)
 def test_a_place_that_will_not_do(folder: Path, out: str, said: str) -> None:
-    assert refused("simulate", "rig.toml", "--out", out, cwd=folder) == said
+    assert says(refused("simulate", "rig.toml", "--out", out, cwd=folder), said)
 
 
 @pytest.mark.parametrize("name", ["run.csv", "figures.json", "report.html"])
 def test_a_folder_where_a_file_is_to_be(folder: Path, name: str) -> None:
     (folder / "out" / name).mkdir()
     said = refused(*RUN, cwd=folder)
-    assert said == f"out/{name}: cannot be written: Is a directory; name a file in it"
+    assert says(said, f"cannot-be-written: out/{name}")
 
 
 def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import read_controller
-from anhyst.support.errors import InputError, RenamedWarning
+from anhyst.support.errors import RenamedWarning
 from tests.cli.command import anhyst
+from tests.refusals import refused
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "bearing" / "controller.toml"
 
@@ -40,7 +41,7 @@ def test_an_older_key_is_read_and_reported_at_its_line(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("patience_ticks = 5", "patience_ticks = -5"))
     with (
         pytest.warns(RenamedWarning),
-        pytest.raises(InputError, match=r":43: safety\.max_missing_samples: "),
+        refused("greater-than-equal safety.max_missing_samples: :43:"),
     ):
         read_controller(path)
 

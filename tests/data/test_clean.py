@@ -12,8 +12,8 @@ from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
 from anhyst.data.noise import noise
 from anhyst.data.path import turning_points
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
 
 SAMPLES = 400
 
@@ -42,7 +42,7 @@ def record(field: FloatArray, flux: FloatArray, time: FloatArray | None = None) 
 
 
 def test_unknown_step_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match="cleaning step 'polish' is not known; there are: dedupe"):
+    with refused("unknown-cleaning-step polish"):
         clean(record(*iron()), ["polish"])
 
 

@@ -16,11 +16,11 @@ from anhyst.data import read_loops
 from anhyst.data.formats import WRITERS, mat_guard, open_table, workbook_guard
 from anhyst.data.formats.channels import ChannelGroup, Series
 from anhyst.data.listing import list_channels
-from anhyst.support.errors import InputError
 from tests.cli.command import anhyst
 from tests.data import recordings
 from tests.data.recordings import PACKAGES, loop, workbook
 from tests.property.test_bad_input import holds_or_is_refused
+from tests.refusals import refused
 
 KEPT = Path(__file__).parent / "damaged"
 """Files that crash, hang or fill the libraries that read them, found by tools/fuzz_files.py."""
@@ -57,9 +57,8 @@ def test_a_file_that_is_cut_off_is_refused_with_its_name(suffix: str, tmp_path: 
             pytest.importorskip(PACKAGES[suffix])
         write(path, Series("I", "A", CURRENT), Series("F", "N", FORCE))
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(InputError, match=f"run{suffix}: ") as refusal:
+    with refused(f"damaged-file: run{suffix}"):
         list_channels(path)
-    assert "\n" not in str(refusal.value)
 
 
 def damaged(content: bytes, seed: int) -> bytes:
@@ -117,12 +116,12 @@ def test_sizes_that_a_mat_file_lies_about_are_found_before_memory_is_taken(
     many += part(1, b"s") + part(5, struct.pack("<i", 8)) + part(1, b"a".ljust(8, b"\0"))
     path = tmp_path / "run.mat"
     path.write_bytes(head + part(14, many))
-    with pytest.raises(InputError, match="structure with fewer parts than it says"):
+    with refused("damaged-file"):
         open_table(path)
     monkeypatch.setattr(mat_guard, "MOST_BYTES", 1 << 20)
     packed = zlib.compress(part(14, bytes(1 << 21)))
     path.write_bytes(head + struct.pack("<2I", 15, len(packed)) + packed)
-    with pytest.raises(InputError, match="expands to more than"):
+    with refused("too-large"):
         mat_guard.MatGuard(path).check(path.read_bytes())
 
 
@@ -137,12 +136,12 @@ def test_hdf5_is_not_led_out_of_the_file_nor_round_in_it(tmp_path: Path) -> None
     assert [one.name for one in list_channels(path)] == ["t_s", "F_N", "I_A"]
     with h5py.File(path, "a") as file:
         file.create_dataset("huge", shape=(10**15,), chunks=(1024,), dtype="f8")
-    with pytest.raises(InputError, match="'/huge' says that it holds 1000000000000000 samples"):
+    with refused("too-large /huge: 1000000000000000"):
         list_channels(path)
     with h5py.File(path, "a") as file:
         del file["huge"]
         file["secret"] = h5py.ExternalLink("/etc/passwd", "/x")
-    with pytest.raises(InputError, match="'/secret' is a link to the file '/etc/passwd'"):
+    with refused("external-link /secret: '/etc/passwd'"):
         list_channels(path)
 
 
@@ -153,11 +152,11 @@ def test_a_workbook_that_would_fill_the_memory_is_refused(
     rows: list[list[object]] = [["t_s", "I_A"], [0.0, 1.0], [1.0, 2.0], [2.0, 3.0]]
     far = '<row r="1048576"><c r="XFD1048576"><v>1</v></c></row>'
     path = workbook(tmp_path / "run.xlsx", rows, cells=far)
-    with pytest.raises(InputError, match=r"worksheets/s1.xml says that it holds 17179869184 cells"):
+    with refused("too-large: 17179869184"):
         list_channels(path)
     monkeypatch.setattr(workbook_guard, "_MOST_BYTES", 1 << 16)
     path = workbook(tmp_path / "bomb.xlsx", rows, cells=" " * (1 << 18))
-    with pytest.raises(InputError, match="expands to more than"):
+    with refused("too-large"):
         list_channels(path)
 
 
@@ -167,9 +166,9 @@ def test_times_that_are_none_are_named(tmp_path: Path) -> None:
     path = tmp_path / "run.mat"
     clock, series = Series("t", "s", times), (Series("I", "A", CURRENT), Series("F", "N", FORCE))
     WRITERS[".mat"](path, [ChannelGroup("", clock, series)])
-    with pytest.raises(InputError, match=r"run.mat: sample 8: nan is no measured value"):
+    with refused("not-finite: run.mat; sample 8"):
         read_loops(path)
     slow = ChannelGroup("b", Series("t", "s", TIMES[::5]), (Series("gap", "mm", CURRENT[::5]),))
     WRITERS[".mat"](path, [ChannelGroup("a", clock, series), slow])
-    with pytest.raises(InputError, match="is nan s in sample 8"):
+    with refused("time-not-rising t: sample 8"):
         read_loops(path)

@@ -13,8 +13,8 @@ from anhyst.data.inspection import inspect
 from anhyst.data.plot import plot_inspection
 from anhyst.data.verdict import judge, monotone_fit
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
 
 
 def magnet(
@@ -98,14 +98,14 @@ def test_one_gap_only_is_reported() -> None:
 
 def test_force_of_flipped_sign_is_refused() -> None:
     loop = magnet(noise=0.02)
-    with pytest.raises(InputError, match=r"loop '1' at gap 0.3 mm: the force is negative .* flip"):
+    with refused("force-negative loop '1' at gap 0.3 mm"):
         inspect(changed(loop, loop.input, -loop.output))
 
 
 @pytest.mark.parametrize("bipolar", [False, True])
 def test_swapped_current_and_force_are_refused(*, bipolar: bool) -> None:
     loop = magnet(noise=0.02, bipolar=bipolar)
-    with pytest.raises(InputError, match="are the columns of current and force swapped"):
+    with refused("columns-swapped loop '1' at gap 0.3 mm"):
         inspect(changed(loop, loop.output, loop.input))
 
 
@@ -131,7 +131,7 @@ def test_flux_that_falls_with_its_field_is_refused() -> None:
     loop = magnet(bipolar=True)
     flux = -np.tanh(loop.input)
     wrong = Loops((Loop("1", loop.input, flux),), QUANTITIES["field"], QUANTITIES["flux_density"])
-    with pytest.raises(InputError, match="the flux density falls as the field grows"):
+    with refused("flux-falls loop '1'"):
         inspect(wrong)
 
 

@@ -13,6 +13,7 @@ from anhyst.data import History, Loop, Loops
 from anhyst.data.reading import read_loops
 from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
 
 UP_AND_BACK = [0.0, 0.5, 1.0, 1.5, 2.0, 1.5, 1.0, 0.5, 0.0, 0.5, 1.0, 1.5, 2.0]
 
@@ -77,7 +78,7 @@ def test_without_a_gap_files_are_reported_apart_by_name(tmp_path: Path) -> None:
 def test_same_loop_with_other_data_is_refused_naming_both_files(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(11, 0.4))
-    with pytest.raises(InputError, match=r"b\.csv: loop '1' at 0.0004 is also in .*a\.csv"):
+    with refused("loop-twice 1: b.csv; 0.0004; a.csv"):
         read_loops([one, two])
 
 
@@ -92,14 +93,14 @@ def test_same_data_twice_is_taken_once(tmp_path: Path) -> None:
 def test_same_data_at_two_gaps_is_refused(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
     two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(10, 0.5))
-    with pytest.raises(InputError, match="holds the same data"):
+    with refused("same-data-twice"):
         read_loops([one, two])
 
 
 def test_files_of_other_quantities_do_not_join(tmp_path: Path) -> None:
     one = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
     two = file_of(tmp_path, "b.csv", "I_A,psi_Wb", rows_of())
-    with pytest.raises(InputError, match=r"its output is psi_Wb but that of .* is F_N"):
+    with refused("quantities-differ: psi_Wb; F_N"):
         read_loops([one, two])
 
 
@@ -108,14 +109,14 @@ def test_a_gap_that_moves_stays_one_loop(tmp_path: Path) -> None:
     loops = read_loops(file_of(tmp_path, "a.csv", "t_s,I_A,F_N,gap_mm", rows))
     assert len(loops) == 1
     assert loops.loops[0].schedule_value is None
-    with pytest.raises(InputError, match="the gap moves during the loop"):
+    with refused("schedule-moves gap"):
         loops.by_schedule()
 
 
 def test_a_gap_that_comes_again_needs_a_label(tmp_path: Path) -> None:
     blocks = [rows_of(10, 0.4), rows_of(9, 0.5), rows_of(8, 0.4)]
     path = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", *blocks)
-    with pytest.raises(InputError, match=r"line 28: the value 0\.0004 comes again .*line 2"):
+    with refused("value-again loop: line 28; 0.0004"):
         read_loops(path)
 
 
@@ -136,7 +137,7 @@ def test_any_named_quantity_can_schedule(tmp_path: Path) -> None:
     assert loops.schedule is not None
     assert loops.schedule.column == "load_Pa"
     assert loops.schedule_values == (2000.0, 3000.0)
-    with pytest.raises(InputError, match="has no column or constant 'tilt' to schedule by"):
+    with refused("column-missing tilt"):
         read_loops(path, schedule="tilt")
 
 
@@ -159,8 +160,9 @@ def test_history_is_stated_proposed_and_noted(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["virgin", "demagnetised:1", "conditioned", "conditioned:a,b", ""])
 def test_unknown_history_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="use demagnetised, settled or conditioned"):
+    with pytest.raises(InputError) as caught:
         History.parse(text)
+    assert caught.value.key == "history"
 
 
 def test_virgin_rise_is_reported_from_a_settled_cycle(tmp_path: Path) -> None:
@@ -198,7 +200,7 @@ def test_rows_are_selected_by_value(tmp_path: Path) -> None:
     both = read_loops(path, select={"gap_mm": 0.50, "ok": "y"})
     assert both.schedule_values == (0.0005,)
     assert read_loops(path, select={"gap_mm": "0.50"}).schedule_values == (0.0005,)
-    with pytest.raises(InputError, match="no row has ok"):
+    with refused("selection-empty"):
         read_loops(path, select={"ok": "maybe"})
 
 
@@ -207,51 +209,51 @@ def test_constants_come_from_the_file_name(tmp_path: Path) -> None:
         file_of(tmp_path, f"gd_T{value:+04d}C.csv", "H_A_per_m,B_T", rows_of(abs(value)))
     loops = read_loops(tmp_path, file_name="gd_T{T_C}C")
     assert loops.schedule_values == (-38.0, 5.0)
-    with pytest.raises(InputError, match="does not fit file_name"):
+    with refused("file-name-pattern file_name"):
         read_loops(tmp_path, file_name="x{T_C}")
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("columns = 3\n", "key 'columns' is of the wrong kind"),
-        ("colums = {}\n", "key 'colums' is not known"),
-        ("[columns]\nI = 3\n", r"key 'columns\.I' is of the wrong kind"),
-        ("[columns\n", "is no valid TOML"),
-        ('history = "old"\n', "history 'old' is not known"),
-        ("[constants]\nT_foo = 3\n", "constant 'T_foo': unknown unit 'foo'"),
-        ("[constants]\ngap = 3\n", "constant 'gap': has no unit"),
-        ('[columns]\nQ = "I_A"\n', "has no column 'Q' to map"),
+        ("columns = 3\n", "wrong-kind columns"),
+        ("colums = {}\n", "extra-forbidden colums"),
+        ("[columns]\nI = 3\n", "wrong-kind columns.I"),
+        ("[columns\n", "damaged-toml"),
+        ('history = "old"\n', "unknown-history history: 'old'"),
+        ("[constants]\nT_foo = 3\n", "bad-constant T_foo"),
+        ("[constants]\ngap = 3\n", "bad-constant gap"),
+        ('[columns]\nQ = "I_A"\n', "no-such-column Q"),
     ],
 )
 def test_bad_sidecar_is_named_with_its_key(tmp_path: Path, content: str, words: str) -> None:
     path = file_of(tmp_path, "a.csv", "I_A,F_N", rows_of())
     sidecar = tmp_path / "other.toml"
     sidecar.write_text(content)
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         read_loops(path, sidecar=sidecar)
 
 
 @pytest.mark.parametrize(
     ("header", "rows", "words"),
     [
-        ("I_A,gap_mm", ["1,2"] * 4, "has no column for an output"),
-        ("z,F_N", ["1,2"] * 4, "has no column for an input"),
-        ("I,F_N", ["1,2"] * 4, "column 'I': has no unit; call it 'I_A'"),
-        ("I_foo,F_N", ["1,2"] * 4, "column 'I_foo': unknown unit 'foo'"),
-        ("I_A,F_N,gap", ["1,2,3"] * 4, "column 'gap': has no unit; call it 'gap_m' or 'gap_mm'"),
-        ("I_A,F_N,gap_mm", ["1,2,3", "2,3,-1", "3,4,3"], "line 3: negative gap -0.001 m"),
-        ("I_A,F_N", ["1,2", "2,3"], "has 2 samples; a loop needs at least 3"),
-        ("I_A,F_N", ["1,2"] * 4, r"loop '1': the input is constant \(1\)"),
-        ("t_s,I_A,F_N", ["0,1,2", "1,2,3", "# x", "0.5,3,4", "2,1,1"], "line 5: time going backw"),
-        ("I_A,F_N,F_kN", ["1,2,3"] * 4, "columns 'F_N' and 'F_kN' are both force"),
+        ("I_A,gap_mm", ["1,2"] * 4, "column-missing"),
+        ("z,F_N", ["1,2"] * 4, "column-missing"),
+        ("I,F_N", ["1,2"] * 4, "bad-header I: 'I_A'"),
+        ("I_foo,F_N", ["1,2"] * 4, "bad-header I_foo"),
+        ("I_A,F_N,gap", ["1,2,3"] * 4, "bad-header gap: 'gap_m'; 'gap_mm'"),
+        ("I_A,F_N,gap_mm", ["1,2,3", "2,3,-1", "3,4,3"], "negative-gap gap_m: line 3; -0.001 m"),
+        ("I_A,F_N", ["1,2", "2,3"], "too-few-samples 1"),
+        ("I_A,F_N", ["1,2"] * 4, "input-constant 1"),
+        ("t_s,I_A,F_N", ["0,1,2", "1,2,3", "# x", "0.5,3,4", "2,1,1"], "time-backwards: line 5"),
+        ("I_A,F_N,F_kN", ["1,2,3"] * 4, "column-twice force: 'F_N'; 'F_kN'"),
     ],
 )
 def test_bad_files_are_reported_in_one_line(
     tmp_path: Path, header: str, rows: list[str], words: str
 ) -> None:
     path = file_of(tmp_path, "bad.csv", header, rows)
-    with pytest.raises(InputError, match=words) as caught:
+    with refused(words) as caught:
         read_loops(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
@@ -261,7 +263,7 @@ def test_record_that_never_reverses_is_flagged_and_refused_when_it_matters(tmp_p
     path = file_of(tmp_path, "a.csv", "I_A,F_N", [f"{k},{k * k}" for k in range(20)])
     loops = read_loops(path)
     assert not loops.loops[0].reverses
-    with pytest.raises(InputError, match="the current never reverses"):
+    with refused("no-reversal"):
         loops.require_reversals()
     read_loops(file_of(tmp_path, "b.csv", "I_A,F_N", rows_of())).require_reversals()
 
@@ -274,10 +276,10 @@ def test_frames_follow_the_same_rules() -> None:
     assert [loop.label for loop in loops.loops] == ["a", "b"]
     assert loops.loops[0].input.max() == 2e-3
     assert loops.schedule_values == (0.0003,)
-    with pytest.raises(InputError, match="data frame: column 'F_N' holds text"):
+    with refused("text-in-numbers F_N"):
         read_loops(frame.assign(F_N="x"))
     frame.loc[3, "F_N"] = np.nan
-    with pytest.raises(InputError, match="data frame: row 3: nan is no measured value"):
+    with refused("not-finite: row 3"):
         read_loops(frame)
 
 
@@ -294,5 +296,5 @@ def test_loops_are_immutable() -> None:
 
 def test_two_loops_of_one_name_are_refused() -> None:
     loop = Loop("1", np.array(UP_AND_BACK), np.array(UP_AND_BACK))
-    with pytest.raises(InputError, match="two loops are both called"):
+    with refused("loop-twice 1"):
         Loops((loop, loop), QUANTITIES["current"], QUANTITIES["force"])

@@ -11,7 +11,7 @@ from anhyst.data import read_columns, write_csv
 from anhyst.data.columns import Texts
 from anhyst.data.formats.layout import read_layout
 from anhyst.support.atomic import atomic_writer
-from anhyst.support.errors import InputError
+from tests.refusals import refused
 
 GOOD = "I_A,F_N\n0,0\n1,2.5\n2,10\n"
 
@@ -72,43 +72,42 @@ def test_latin1_degree_sign_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "is empty"),
-        (b"  \n \n", "is empty"),
-        ("# only\n# notes\n", "holds no table"),
-        ("I_A,F_N\n", "has a header but no data"),
-        ("1,2\n3,4\n", "line 1: numbers where the header should be"),
-        (GOOD.replace("2.5", "abc"), "line 3, column 'F_N': 'abc' is not a number"),
-        (GOOD.replace("2.5", ""), "line 3, column 'F_N': is empty"),
-        (GOOD.replace("2.5", "1_0"), "line 3, column 'F_N': '1_0' is not a number"),
-        (GOOD.replace("2.5", "NaN"), "line 3, column 'F_N': NaN is no measured value"),
-        (GOOD.replace("2.5", "-inf"), "line 3, column 'F_N': -inf is no measured value"),
-        (GOOD.replace("2.5", "1e999"), "line 3, column 'F_N': 1e999 is no measured value"),
-        (GOOD.replace("1,2.5", "1"), "line 3: has 1 field where the header names 2 columns"),
-        (GOOD.replace("1,2.5", "1,2,3"), "line 3: has 3 fields where the header names 2"),
-        ("#a\n\n" + GOOD.replace("2.5", "x"), "line 5, column 'F_N': 'x' is not a number"),
-        (GOOD.encode("utf-16"), "is UTF-16 text; save it again as UTF-8"),
-        (GOOD.encode("utf-16-le"), "is UTF-16 text"),
-        (bytes(range(256)) * 20, "is a binary file"),
-        (b"PK\x03\x04rest", "a workbook"),
-        (GOOD.encode() + b"1,1\n" * 2000 + b"\x00\x01\xff,3\n", "line 2005, column 'I_A': '??"),
+        (b"", "empty-file"),
+        (b"  \n \n", "empty-file"),
+        ("# only\n# notes\n", "no-table"),
+        ("I_A,F_N\n", "no-data"),
+        ("1,2\n3,4\n", "no-header: line 1"),
+        (GOOD.replace("2.5", "abc"), "text-in-numbers F_N: line 3; 'abc'"),
+        (GOOD.replace("2.5", ""), "text-in-numbers F_N: line 3"),
+        (GOOD.replace("2.5", "1_0"), "text-in-numbers F_N: line 3; '1_0'"),
+        (GOOD.replace("2.5", "NaN"), "text-in-numbers F_N: line 3"),
+        (GOOD.replace("2.5", "-inf"), "text-in-numbers F_N: line 3"),
+        (GOOD.replace("2.5", "1e999"), "text-in-numbers F_N: line 3; 1e999"),
+        (GOOD.replace("1,2.5", "1"), "fields-missing: line 3"),
+        (GOOD.replace("1,2.5", "1,2,3"), "fields-missing: line 3"),
+        ("#a\n\n" + GOOD.replace("2.5", "x"), "text-in-numbers F_N: line 5; 'x'"),
+        (GOOD.encode("utf-16"), "not-utf8"),
+        (GOOD.encode("utf-16-le"), "not-utf8"),
+        (bytes(range(256)) * 20, "not-a-text"),
+        (b"PK\x03\x04rest", "not-a-text"),
+        (GOOD.encode() + b"1,1\n" * 2000 + b"\x00\x01\xff,3\n", "text-in-numbers I_A: line 2005"),
     ],
 )
 def test_faults_are_one_line_with_file_and_line(
     tmp_path: Path, content: str | bytes, words: str
 ) -> None:
     path = file_of(tmp_path, content)
-    with pytest.raises(InputError) as caught:
+    with refused(words) as caught:
         read_columns(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
-    assert words in message
     assert message.isprintable()
 
 
 def test_a_drive_may_be_all_there_is(tmp_path: Path) -> None:
     path = file_of(tmp_path, "I [A]\n0\n1.5\n2,5\n")
     assert read_columns(path).need("current", "").tolist() == [0.0, 1.5, 2.5]
-    with pytest.raises(InputError, match=r"line 1: one column only \('I \[A\]'\); a loop needs"):
+    with refused("single-column: line 1; 'I [A]'"):
         read_layout(path)
 
 
@@ -120,22 +119,20 @@ def test_a_header_may_stand_behind_many_comments(tmp_path: Path) -> None:
 
 def test_a_negative_gap_is_named_with_its_line(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "I_A,gap_mm\n0,0.3\n1,-0.3\n"))
-    with pytest.raises(
-        InputError, match=r"loops\.csv: line 3: negative gap -0\.0003 m; gaps count"
-    ):
+    with refused("negative-gap gap: loops.csv; line 3; -0.0003 m"):
         table.get("gap")
 
 
 def test_missing_file_and_folder_are_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.csv: no such file"):
+    with refused("no-such-file: none.csv"):
         read_columns(tmp_path / "none.csv")
-    with pytest.raises(InputError, match="is a folder"):
+    with refused("is-a-folder"):
         read_columns(tmp_path)
 
 
 def test_time_going_backwards_is_named_with_its_line(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "t_s,I_A\n0,1\n2,1\n# x\n1,1\n"))
-    with pytest.raises(InputError, match=r"loops\.csv: line 5: time going backwards"):
+    with refused("time-backwards: loops.csv; line 5"):
         table.get("time")
 
 
@@ -160,26 +157,26 @@ def test_columns_are_mapped(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("mapping", "words"),
     [
-        ({"z": "I_A"}, "has no column 'z' to map"),
-        ({"y_um": "x_mm"}, "the file says um, the mapping mm"),
-        ({"y_um": "I_foo"}, "unknown unit 'foo'"),
-        ({"raw": "gap"}, "has no unit; call it 'gap_m'"),
+        ({"z": "I_A"}, "no-such-column z"),
+        ({"y_um": "x_mm"}, "units-differ"),
+        ({"y_um": "I_foo"}, "bad-header: 'foo'"),
+        ({"raw": "gap"}, "bad-header: 'gap_m'"),
     ],
 )
 def test_mappings_that_make_no_sense_are_refused(
     tmp_path: Path, mapping: dict[str, str], words: str
 ) -> None:
     path = file_of(tmp_path, "U_M_V,raw,y_um\n1,2,3\n")
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         read_columns(path, mapping)
 
 
 def test_absent_and_doubled_quantities_are_reported(tmp_path: Path) -> None:
     table = read_columns(file_of(tmp_path, "I_A,I_mA\n1,2\n"))
     assert table.get("gap") is None
-    with pytest.raises(InputError, match="has no column of force"):
+    with refused("column-missing force"):
         table.need("force", "F_N")
-    with pytest.raises(InputError, match="columns 'I_A' and 'I_mA' both hold current"):
+    with refused("column-twice current: 'I_A'; 'I_mA'"):
         table.get("current")
 
 
@@ -224,7 +221,7 @@ def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
 
 def test_fault_far_into_a_long_file_is_found(tmp_path: Path) -> None:
     path = long_table(tmp_path, 200_000, fault=170_001)
-    with pytest.raises(InputError, match="line 170003, column 'F_N': 'oops' is not a number"):
+    with refused("text-in-numbers F_N: line 170003; 'oops'"):
         read_columns(path)
 
 
@@ -241,11 +238,11 @@ def test_slow_and_fast_way_read_the_same(tmp_path: Path) -> None:
 
 def test_writing_is_all_or_nothing(tmp_path: Path) -> None:
     out = tmp_path / "sub" / "out.csv"
-    with pytest.raises(InputError, match=r"out\.csv: cannot be written: No such file"):
+    with refused("cannot-be-written ENOENT: out.csv"):
         write_csv(out, {"I_A": np.zeros(3)})
-    with pytest.raises(InputError, match="cannot be written: File name too long"):
+    with refused("cannot-be-written ENAMETOOLONG"):
         write_csv(tmp_path / ("n" * 300), {"I_A": np.zeros(3)})
-    with pytest.raises(InputError, match="cannot be written: Is a directory"):
+    with refused("cannot-be-written EISDIR"):
         write_csv(tmp_path, {"I_A": np.zeros(3)})
     assert list(tmp_path.iterdir()) == []
 
@@ -254,7 +251,7 @@ def test_devices_are_written_to_and_not_replaced() -> None:
     device = Path("/dev/full")
     if not device.is_char_device():
         pytest.skip("no /dev/full here")
-    with pytest.raises(InputError, match="/dev/full: cannot be written: No space left on device"):
+    with refused("cannot-be-written ENOSPC"):
         write_csv(device, {"I_A": np.zeros(3)})
     assert device.is_char_device()
 
@@ -276,7 +273,7 @@ def test_full_disk_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(Path, "replace", full)
     old = file_of(tmp_path, "kept", "out.csv")
-    with pytest.raises(InputError, match=r"out\.csv: cannot be written: No space left on device"):
+    with refused("cannot-be-written ENOSPC: out.csv"):
         write_csv(old, {"I_A": np.zeros(3)})
     assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
     assert old.read_text() == "kept"

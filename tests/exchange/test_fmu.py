@@ -24,6 +24,7 @@ from anhyst.support.arrays import FloatArray
 from tests.cli.command import anhyst as run
 from tests.core.test_c_core import tool
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
+from tests.refusals import says
 from tests.truths import truth
 
 RATE = 2e4
@@ -204,17 +205,17 @@ def test_the_command_writes_either(model: anhyst.Model, tmp_path: Path) -> None:
     assert fmpy.read_model_description(tmp_path / "m.fmu").modelName == "loops"
     assert run("export", "model.toml", "--as", "lut", "-o", "m.csv", cwd=tmp_path).returncode == 0
     for arguments, said in (
-        (["--as", "fmu", "--out", "m.fmu"], "--rate: is missing"),
-        (["--as", "fmu", "--rate", "1e4", "--out", "m.zip"], "m.zip: an FMU is written as .fmu"),
-        (["--as", "lut", "--out", "m.xls"], "m.xls: tables are written as .csv or .json"),
+        (["--as", "fmu", "--out", "m.fmu"], "missing --rate"),
+        (["--as", "fmu", "--rate", "1e4", "--out", "m.zip"], "wrong-ending: m.zip"),
+        (["--as", "lut", "--out", "m.xls"], "wrong-ending: m.xls"),
         (
             ["--as", "fmu", "--rate", "1e4", "-o", "n.fmu", "--platforms", "amiga"],
-            "platform 'amiga' is unknown",
+            "unknown-platform: 'amiga'",
         ),
     ):
-        refused = run("export", "model.toml", *arguments, cwd=tmp_path)
-        assert refused.returncode == 2
-        assert refused.stderr.startswith(f"anhyst: error: {said}")
+        done = run("export", "model.toml", *arguments, cwd=tmp_path)
+        assert done.returncode == 2
+        assert says(done.stderr, said)
     assert not (tmp_path / "n.fmu").exists()
 
 

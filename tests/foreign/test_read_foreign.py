@@ -16,6 +16,7 @@ from anhyst.support.arrays import FloatArray
 from tests.cli.command import quick, refused
 from tests.cli.records import model
 from tests.foreign.magnets import MAGNETS
+from tests.refusals import says
 
 Loops = list[tuple[str, float, FloatArray, FloatArray]]
 """Label, gap in m, current in A and force in N of each record."""
@@ -397,7 +398,7 @@ def test_a_fault_below_the_lines_of_a_logger_is_named_by_its_line(tmp_path: Path
     lines[40] = "1;NaN;0.2"
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     said = refused("inspect", "log.csv", cwd=tmp_path)
-    assert said.startswith("log.csv: line 41, column 'F_N': NaN is no measured value")
+    assert says(said, "text-in-numbers: log.csv; F_N")
 
 
 def test_a_header_far_below_is_found(tmp_path: Path) -> None:
@@ -408,7 +409,7 @@ def test_a_header_far_below_is_found(tmp_path: Path) -> None:
 def test_numbers_below_a_logger_s_lines_without_a_header_are_refused(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(logged("Rate;1000 Hz"))
     said = refused("inspect", "log.csv", cwd=tmp_path)
-    assert said.startswith("log.csv: line 13: 'Rate;1000 Hz' stands where the header of the 3 ")
+    assert says(said, "header-not-named: log.csv; line 13")
 
 
 def test_a_short_drive_below_more_settings_of_a_logger_is_read(tmp_path: Path) -> None:
@@ -424,7 +425,7 @@ def test_negative_current_and_force_together_are_both_to_be_flipped(tmp_path: Pa
     text = logged("I_A;F_N;gap_mm", preamble="", factor=-1.0)
     (tmp_path / "both.csv").write_text(text.replace("\n", "\n-").removesuffix("-"))
     said = refused("inspect", "both.csv", cwd=tmp_path)
-    assert "so is the current; flip the signs of both (attraction counts positive)" in said
+    assert says(said, "force-negative")
 
 
 def test_a_negative_current_is_judged_as_a_positive_one(tmp_path: Path) -> None:

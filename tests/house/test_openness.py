@@ -24,11 +24,11 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell
 from tests.once import made_once
+from tests.refusals import refused
 
 PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 
@@ -124,7 +124,7 @@ def test_the_file_is_read_by_its_own_format(measured: Path) -> None:
 
 
 def test_the_papers_search_is_for_laws_of_the_core(measured: Path) -> None:
-    with pytest.raises(InputError, match="search 'paper' needs a law of the core, play is none"):
+    with refused("choices-together search: play"):
         identify(read_loops(measured), law="play", search="paper")
 
 

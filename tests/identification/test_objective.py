@@ -22,7 +22,6 @@ from anhyst.identification.uncertainty import memory
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 from tests.identification.truths import (
     GAPS,
     HISTORIES,
@@ -33,6 +32,7 @@ from tests.identification.truths import (
     magnet,
     path,
 )
+from tests.refusals import refused
 
 TWO = GAPS[1:3]
 CASES: dict[str, tuple[Model, str]] = {
@@ -204,14 +204,14 @@ def test_each_weighting_fits_best_by_its_own_criterion() -> None:
 
 
 def test_an_unknown_weighting_is_refused() -> None:
-    with pytest.raises(InputError, match="weights: 'heavy' is unknown; use one of loops, points"):
+    with refused("unknown-choice"):
         identify(loops_of(core()), weights="heavy")
 
 
 def test_a_silent_loop_cannot_be_weighed_by_itself() -> None:
     loops = pair(1.0)
     silent = loops.with_loops([loops.loops[0], replace(loops.loops[1], output=np.zeros(599))])
-    with pytest.raises(InputError, match="a loop has no output at all"):
+    with refused("no-output"):
         records_of(silent, "relative")
     assert len(records_of(silent).loops) == 2
 

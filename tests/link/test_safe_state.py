@@ -10,6 +10,7 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running
+from tests.refusals import refused
 
 from .conftest import RATE
 from .plant import NoisyPlant
@@ -123,7 +124,7 @@ def test_the_first_reason_stays_until_it_is_cleared(
     plant.reading = {"force": math.nan}
     board.bus.step(8)
     plant.reading = {"gap": 2.0}
-    with pytest.raises(Refused, match="current still flows"):
+    with refused("refused current", Refused):
         controller.command(Command.CLEAR)  # current still flows
     board.bus.step(200)
     assert controller.status().fault is Fault.FORCE_RESERVED

@@ -15,8 +15,8 @@ from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Signal
 from anhyst.study.prepared import PreparedBearing, PreparedForce
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 from tests.live.improving import pinned_more, swung
+from tests.refusals import refused
 from tests.study import bearings
 
 RATE = 1000.0
@@ -59,7 +59,7 @@ def test_what_is_found_does_not_depend_on_how_rows_arrive(
 
 
 def test_a_bench_that_does_not_say_enough_is_refused(prepared: PreparedForce) -> None:
-    with pytest.raises(InputError, match="no signal gap_read"):
+    with refused("no-such-signal: gap_read"):
         BenchWatch(prepared.model, [Signal("current_read", "A", "")], RATE)
 
 
@@ -73,6 +73,6 @@ def test_a_pair_of_magnets_is_refused_for_its_rows_say_the_sum_of_two_forces(
         if watched:
             BenchWatch(improver.to_watch(), bench.signals, bench.rate).take(bench.advance(400))
         else:
-            with pytest.raises(InputError, match="of a pair only the sum"):
+            with refused("force-of-a-pair"):
                 improver.to_watch()
         improver.close()

@@ -17,8 +17,8 @@ from websockets.typing import Origin
 from anhyst.cli.app import main
 from anhyst.live.guard import POLICY, read_address
 from anhyst.live.server import CLIENTS_MOST
-from anhyst.support.errors import InputError
 from tests.live.conftest import Serve, Served, wait_for
+from tests.refusals import refused, says
 
 
 def get(served: Served, path: str = "/", **headers: str) -> http.client.HTTPResponse:
@@ -51,14 +51,14 @@ def order(line: ClientConnection, what: str, **fields: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("text", "token", "why"),
     [
-        ("192.168.1.5:8642", False, "add --token"),
-        ("0.0.0.0:8642", True, "name the one address"),
-        ("here:8642", True, "is no address"),
-        ("127.0.0.1:99999", False, "not within 0 to 65535"),
+        ("192.168.1.5:8642", False, "token-missing"),
+        ("0.0.0.0:8642", True, "bad-address"),
+        ("here:8642", True, "bad-address"),
+        ("127.0.0.1:99999", False, "out-of-range"),
     ],
 )
 def test_addresses_that_are_refused(text: str, token: bool, why: str) -> None:
-    with pytest.raises(InputError, match=why):
+    with refused(why):
         read_address(text, token)
 
 
@@ -181,13 +181,13 @@ def test_two_operators_cannot_command_at_once(serve: Serve) -> None:
         next_message(second, "bench")
         assert "reason" not in order(first, "load", value=140.0)
         for what in ("load", "target", "command", "generator", "apply", "pace"):
-            assert "another browser operates" in order(second, what, value=100.0)["reason"]
+            assert says(order(second, what, value=100.0)["reason"], "another-operates")
         order(second, "hand over", yes=True)  # not the operator's word
         order(second, "ask")
-        assert "another browser operates" in order(second, "load", value=90.0)["reason"]
+        assert says(order(second, "load", value=90.0)["reason"], "another-operates")
         order(first, "hand over", yes=True)
         assert "reason" not in order(second, "load", value=90.0)
-        assert "another browser operates" in order(first, "load", value=80.0)["reason"]
+        assert says(order(first, "load", value=80.0)["reason"], "another-operates")
         assert served.session.bench.pulled == 90.0
 
 
@@ -217,4 +217,4 @@ def test_without_the_extra_its_name_is_said(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["live", "rig.toml"]) == 2
-    assert "pip install 'anhyst[live]'" in capsys.readouterr().err
+    assert says(capsys.readouterr().err, "not-installed")

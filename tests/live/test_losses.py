@@ -26,6 +26,7 @@ from tests.live.test_guard import meet, next_message, order
 from tests.live.test_hardware import bench as board_bench
 from tests.live.test_hardware import board, manifest, operated, program
 from tests.live.test_recorder import numbers
+from tests.refusals import says
 from tests.rig import forces
 
 __all__ = ["board", "board_bench", "manifest", "program"]
@@ -109,7 +110,7 @@ def test_a_virtual_controller_that_dies_ends_the_session_and_says_why(program: P
         session.start()
         os.kill(controller, signal.SIGKILL)
         wait_for(lambda: session.ended)
-        assert "the controller did not finish tick" in session.ended
+        assert says(session.ended, "tick-not-finished")
 
 
 def test_a_link_that_is_cut_lets_the_controller_rest_and_the_page_says_so(

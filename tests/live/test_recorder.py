@@ -19,8 +19,8 @@ from anhyst.control.states import Command
 from anhyst.live.recorder import start_recording
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
 from tests.live.conftest import wait_for
+from tests.refusals import refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
 
@@ -50,10 +50,10 @@ def test_a_recording_reads_back_bit_for_bit(bench: BearingBench, tmp_path: Path)
 def test_a_recording_does_not_write_over_a_file(bench: BearingBench, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("precious")
-    with pytest.raises(InputError, match="is there already"):
+    with refused("exists-already"):
         start_recording(path, bench.signals, bench.rate)
     assert path.read_text() == "precious"
-    with pytest.raises(InputError, match=r"written as \.csv or \.mf4"):
+    with refused("wrong-ending: .mf4"):
         start_recording(tmp_path / "run.txt", bench.signals, bench.rate)
 
 

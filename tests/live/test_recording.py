@@ -24,6 +24,7 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.live.conftest import wait_for
 from tests.live.test_recorder import numbers
+from tests.refusals import refused, says
 
 RATE = 1000.0
 SIGNALS = (Signal("gap", "m", "true gap"), Signal("force", "N", "of the magnet, < 300"))
@@ -142,23 +143,24 @@ def test_one_that_waits_in_vain_leaves_no_file(fed: Fed) -> None:
 )  # fmt: skip
 def test_nothing_is_written_outside_the_folder(fed: Fed, name: str) -> None:
     before = sorted(fed.recorder.folder.parent.rglob("*"))
-    with pytest.raises(InputError, match="name"):
+    with pytest.raises(InputError) as caught:
         fed.recorder.start(name, Span(), 0)
+    assert caught.value.code in {"bad-name", "wrong-ending"}
     assert sorted(fed.recorder.folder.parent.rglob("*")) == before
 
 
 def test_a_link_to_another_place_is_not_written_through(fed: Fed, tmp_path: Path) -> None:
     (fed.recorder.folder / "link.csv").symlink_to(tmp_path.parent / "elsewhere.csv")
-    with pytest.raises(InputError, match="is there already"):
+    with refused("exists-already"):
         fed.recorder.start("link.csv", Span(), 0)
     assert not (tmp_path.parent / "elsewhere.csv").exists()
 
 
 def test_one_recording_at_a_time(fed: Fed) -> None:
     fed.recorder.start("one.csv", Span(), 0)
-    with pytest.raises(InputError, match=r"one\.csv is being written"):
+    with refused("busy record: one.csv"):
         fed.recorder.start("two.csv", Span(), 0)
-    with pytest.raises(InputError, match="before is not within"):
+    with refused("out-of-range"):
         fed.recorder.start("two.csv", Span(before=11.0), 0)
 
 
@@ -217,7 +219,7 @@ def test_without_the_extra_its_name_is_said(
     start_recording(path, SIGNALS, RATE).close()
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["inspect", str(path)]) == 2
-    assert "pip install 'anhyst[io]'" in capsys.readouterr().err
+    assert says(capsys.readouterr().err, "not-installed")
 
 
 def test_no_mdf_and_an_empty_one_are_refused(
@@ -230,7 +232,7 @@ def test_no_mdf_and_an_empty_one_are_refused(
     path.unlink()
     start_recording(path, SIGNALS, RATE).close()
     assert main(["inspect", str(path)]) == 2
-    assert "holds 0 channels of numbers with samples" in capsys.readouterr().err
+    assert says(capsys.readouterr().err, "too-few-channels")
 
 
 def swing(bench: BearingBench) -> Iterator[FloatArray]:

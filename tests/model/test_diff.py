@@ -10,8 +10,8 @@ from anhyst.data.history import History
 from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
 from anhyst.model.fit_record import Provenance, ValidRange
-from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
 
 MODEL = Model(
     name="magnet",
@@ -94,5 +94,5 @@ def test_models_without_a_schedule_have_one_loop_to_compare() -> None:
     (loop,) = diff(core, harder).loops
     assert loop.schedule is None
     assert loop.worst > 0.03
-    with pytest.raises(InputError, match="cannot be compared: the input of one is I_A"):
+    with refused("quantities-differ: I_A"):
         diff(MODEL, core)

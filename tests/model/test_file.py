@@ -27,6 +27,7 @@ from anhyst.model.writer import model_text, write_model
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import TomlFileError
 from anhyst.support.units import QUANTITIES, Quantity
+from tests.refusals import refused
 
 IRON: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.1, "c_H": 9e3}
 COMPLETE = Model(
@@ -163,53 +164,52 @@ def line_of(path: Path, beginning: str) -> int:
 @pytest.mark.parametrize(
     ("pattern", "replacement", "line", "message"),
     [
-        ("^format.*", 'format = "other"', "format", 'format: must be "anhyst-model"'),
-        ("^version = 1", "version = 2", "version", "version: is 2, but .* update anhyst"),
-        ("^version = 1", 'version = "1"', "version", "version: is '1', but"),
-        ("^k_A_per_m.*", "k_A_per_m = 0.0", "k_A", "k_A_per_m: must be above 0, is 0"),
-        ("^k_A_per_m.*", "k_A_per_m = -3", "k_A", "k_A_per_m: must be above 0, is -3"),
-        ("^k_A_per_m.*", "k_A_per_m = 1e9", r"[parameters]", "parameters: k/a must lie between"),
-        ("^c = .*", "c = 1.2", "c = ", "parameters.c: must lie within 0 and 1, is 1.2"),
-        ("^c_H_per_m.*", "c_H_per_m = 0", "c_H", "c_H_per_m: must be above 0, is 0"),
-        ("^alpha.*", "alpha = 1.0", "alpha", "parameters.alpha: must be below 1, is 1"),
-        ("^rho.*", "rho = [1.0, 2.0]", "rho", "parameters.rho: has 2 values for 3 nodes"),
-        ("^rho.*", "rho = []", "rho", "parameters.rho: must be a finite number, or one for"),
-        ("^rho.*", "rho = [1, inf, 2]", "rho", "parameters.rho: must be a finite number"),
-        ("^a_A_per_m.*", "a_A_per_m = true", "a_A", "a_A_per_m: must be a finite number"),
-        ("^a_A_per_m.*", "a_A_per_m = [1,2,3]", "a_A", "a_A_per_m: may not vary with the gap map"),
-        ("^nodes_m.*", "nodes_m = [1,3,2]", "nodes", "schedule.nodes_m: must be finite and ascend"),
-        ("^k_A_per_m", "k", "k", "parameters.k: its unit must stand in the key; write k_A_per_m"),
-        ("^k_A_per_m", "k_kA_per_m", "k_kA", "k_kA_per_m: its unit must .* write k_A_per_m"),
-        ("^c_F_N_per_T2", "c_out", "c_out", "c_out: its unit must .* write c_F_N_per_T2"),
-        ("^I_0_A", "I_0", "I_0", "parameters.I_0: its unit must stand in the key; write I_0_A"),
-        ("^nodes_m", "nodes", "nodes", "schedule.nodes: its unit must .* write nodes_m"),
-        (r"^gap_m = \[", "gap = [", "gap = ", "valid.gap: its unit must .* write gap_m"),
-        ("^worst_N", "worst_mN", "worst_mN", r"fit\.worst_mN: its unit must .* write worst_N"),
-        ("^k_A_per_m", "zzz", "zzz", "parameters.zzz: is unknown; remove it"),
-        ("^alpha", "alhpa", "alhpa", "parameters.alhpa: is unknown; did you mean alpha?"),
-        ("^gap_map", "gap_mop", "gap_mop", "gap_mop: is unknown.*wrong as well: gap_map"),
-        ("^a_A_per_m.*\n", "", "[parameters]", "parameters.a_A_per_m: is missing; add it"),
-        ("^unit = .A.", 'unit = "mA"', "unit", "input.unit: is 'mA'; model files are in SI"),
-        ('^unit = "A"\n', "", "[input]", "input.unit: is missing; add it"),
-        ("^quantity = .gap.", "quantity = 3", "quantity = 3", "schedule.quantity: must be a valid"),
-        ("^law.*", 'law = "preisach"', "law", "law: must be 'effective-field', 'jil"),
-        ("^gap_map.*", 'gap_map = "x"', "gap_map", "gap_map: must be 'none', 'scaling'"),
-        ("^history.*", 'history = "warm"', "history", "history: history 'warm' is not known"),
-        ("^I_A = .*", "I_A = [2, 0]", "I_A", "valid.I_A: the first must not exceed the second"),
-        ("^I_A = .*", "I_A = [2]", "I_A", "valid.I_A: list should have at least 2 items"),
-        ("^std = .*", "std = [1]", "std", "uncertainty.std: must hold one entry for each of 2"),
-        ("^samples.*", "samples = 1.5", "samples", r"fit.loop\[1\].samples: must be a valid int"),
+        ("^format.*", 'format = "other"', "format", "wrong-format format"),
+        ("^version = 1", "version = 2", "version", "wrong-version version"),
+        ("^version = 1", 'version = "1"', "version", "wrong-version version: '1'"),
+        ("^k_A_per_m.*", "k_A_per_m = 0.0", "k_A", "out-of-range parameters.k_A_per_m"),
+        ("^k_A_per_m.*", "k_A_per_m = -3", "k_A", "out-of-range parameters.k_A_per_m"),
+        ("^k_A_per_m.*", "k_A_per_m = 1e9", r"[parameters]", "parameters-out-of-range parameters"),
+        ("^c = .*", "c = 1.2", "c = ", "out-of-range parameters.c: 1.2"),
+        ("^c_H_per_m.*", "c_H_per_m = 0", "c_H", "out-of-range parameters.c_H_per_m"),
+        ("^alpha.*", "alpha = 1.0", "alpha", "out-of-range parameters.alpha"),
+        ("^rho.*", "rho = [1.0, 2.0]", "rho", "length-differs parameters.rho"),
+        ("^rho.*", "rho = []", "rho", "not-a-number parameters.rho"),
+        ("^rho.*", "rho = [1, inf, 2]", "rho", "not-a-number parameters.rho"),
+        ("^a_A_per_m.*", "a_A_per_m = true", "a_A", "not-a-number parameters.a_A_per_m"),
+        ("^a_A_per_m.*", "a_A_per_m = [1,2,3]", "a_A", "may-not-vary parameters.a_A_per_m"),
+        ("^nodes_m.*", "nodes_m = [1,3,2]", "nodes", "not-ascending schedule.nodes_m"),
+        ("^k_A_per_m", "k", "k", "unit-missing parameters.k: k_A_per_m"),
+        ("^k_A_per_m", "k_kA_per_m", "k_kA", "unit-missing parameters.k_kA_per_m: k_A_per_m"),
+        ("^c_F_N_per_T2", "c_out", "c_out", "unit-missing parameters.c_out: c_F_N_per_T2"),
+        ("^I_0_A", "I_0", "I_0", "unit-missing parameters.I_0: I_0_A"),
+        ("^nodes_m", "nodes", "nodes", "unit-missing schedule.nodes: nodes_m"),
+        (r"^gap_m = \[", "gap = [", "gap = ", "unit-missing valid.gap: gap_m"),
+        ("^worst_N", "worst_mN", "worst_mN", "unit-missing fit.worst_mN: worst_N"),
+        ("^k_A_per_m", "zzz", "zzz", "extra-forbidden parameters.zzz"),
+        ("^alpha", "alhpa", "alhpa", "extra-forbidden parameters.alhpa: alpha"),
+        ("^gap_map", "gap_mop", "gap_mop", "extra-forbidden gap_mop: gap_map"),
+        ("^a_A_per_m.*\n", "", "[parameters]", "missing parameters.a_A_per_m"),
+        ("^unit = .A.", 'unit = "mA"', "unit", "unit-not-si input.unit: 'mA'"),
+        ('^unit = "A"\n', "", "[input]", "missing input.unit"),
+        ("^quantity = .gap.", "quantity = 3", "quantity = 3", "string-type schedule.quantity"),
+        ("^law.*", 'law = "preisach"', "law", "unknown-choice law: 'effective-field'"),
+        ("^gap_map.*", 'gap_map = "x"', "gap_map", "literal-error gap_map: 'none'; 'scaling'"),
+        ("^history.*", 'history = "warm"', "history", "unknown-history history: 'warm'"),
+        ("^I_A = .*", "I_A = [2, 0]", "I_A", "range-reversed valid.I_A"),
+        ("^I_A = .*", "I_A = [2]", "I_A", "too-short valid.I_A"),
+        ("^std = .*", "std = [1]", "std", "length-differs uncertainty.std"),
+        ("^samples.*", "samples = 1.5", "samples", "int-type fit.loop[1].samples"),
     ],
 )
 def test_a_wrong_key_is_named_with_its_line(
     tmp_path: Path, pattern: str, replacement: str, line: str, message: str
 ) -> None:
     path = edited(tmp_path, pattern, replacement)
-    with pytest.raises(TomlFileError) as caught:
+    with refused(message) as caught:
         read_model(path)
     text = str(caught.value)
     assert text.startswith(f"{path}:{line_of(path, line)}: "), text
-    assert re.search(message, text), text
     assert "\n" not in text
 
 
@@ -229,12 +229,12 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (b"name = \n", r":1: damaged TOML: invalid value; mend this line"),
-        (b'name = "x\n', r":1: damaged TOML: "),
-        (b"a = 1\na = 2\n", r":2: damaged TOML: cannot overwrite a value"),
-        (b"\xff\xfe\x00\x01", "is no UTF-8 text; name a TOML file"),
-        (b"", 'format: must be "anhyst-model"; is this a model file?'),
-        (b"I_A,F_N\n0,1\n", ":1: damaged TOML"),
+        (b"name = \n", "damaged-toml: :1:"),
+        (b'name = "x\n', "damaged-toml: :1:"),
+        (b"a = 1\na = 2\n", "damaged-toml: :2:"),
+        (b"\xff\xfe\x00\x01", "not-utf8"),
+        (b"", "wrong-format format"),
+        (b"I_A,F_N\n0,1\n", "damaged-toml: :1:"),
     ],
 )
 def test_a_damaged_file_is_reported_in_one_line(
@@ -242,7 +242,7 @@ def test_a_damaged_file_is_reported_in_one_line(
 ) -> None:
     path = tmp_path / "model.toml"
     path.write_bytes(damage)
-    with pytest.raises(InputError, match=message) as caught:
+    with refused(message) as caught:
         read_model(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
@@ -267,7 +267,7 @@ def test_a_file_cut_anywhere_is_never_a_traceback(
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
+    with refused("no-such-file"):
         read_model(tmp_path / "none.toml")
 
 

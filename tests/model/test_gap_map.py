@@ -13,6 +13,7 @@ from anhyst.model.gap_map import Curve
 from anhyst.model.parameters import specs_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from tests.refusals import refused
 
 GAPS = np.array([0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3])
 COORDINATES: dict[str, Coordinate] = {
@@ -99,23 +100,23 @@ def test_curve_goes_on_straight_beyond_the_last_node(name: str) -> None:
 
 def test_c_h_that_would_change_sign_is_refused() -> None:
     curve = Curve("c_H", GAPS[:2], np.array([200.0, 100.0]), "reciprocal")
-    with pytest.raises(InputError, match="c_H: the straight line beyond the nodes"):
+    with refused("too-far-beyond-nodes c_H"):
         curve(np.array([0.1e-3]))
 
 
 @pytest.mark.parametrize(
     ("nodes", "values", "reason"),
     [
-        ([1.0, 2.0], [1.0], "1 values for 2 nodes"),
-        ([], [], "0 values for 0 nodes"),
-        ([2.0, 1.0], [1.0, 1.0], "do not ascend"),
-        ([1.0, 1.0], [1.0, 1.0], "do not ascend"),
-        ([1.0, np.nan], [1.0, 1.0], "not finite"),
-        ([1.0, 2.0], [1.0, -1.0], "must be positive"),
+        ([1.0, 2.0], [1.0], "length-differs c_H"),
+        ([], [], "length-differs c_H"),
+        ([2.0, 1.0], [1.0, 1.0], "not-ascending c_H"),
+        ([1.0, 1.0], [1.0, 1.0], "not-ascending c_H"),
+        ([1.0, np.nan], [1.0, 1.0], "not-finite c_H"),
+        ([1.0, 2.0], [1.0, -1.0], "not-above-zero c_H"),
     ],
 )
 def test_a_bad_curve_is_refused(nodes: list[float], values: list[float], reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
+    with refused(reason):
         Curve("c_H", np.array(nodes), np.array(values), "reciprocal")
 
 

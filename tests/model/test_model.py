@@ -15,8 +15,9 @@ from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import NegativeResult
 from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
 
 GAPS = (0.3e-3, 0.4e-3, 0.6e-3)
 I_MAX = 2.0
@@ -178,7 +179,7 @@ def test_free_map_starts_again_where_the_gap_steps() -> None:
 
 def test_free_map_refuses_a_gap_that_moves() -> None:
     time, drive, gap = wave()
-    with pytest.raises(InputError, match=r"moves at sample 1.*the iron itself varies.*\(k, c_H\)"):
+    with refused("schedule-moves: sample 1; c_H"):
         magnet("free").predict(drive, gap, time)
 
 
@@ -232,54 +233,55 @@ def test_settling_an_open_record_is_said() -> None:
 @pytest.mark.parametrize(
     ("arguments", "reason"),
     [
-        ({"drive": []}, "drive: has shape"),
-        ({"drive": [0.0, np.nan], "schedule": 3e-4}, "drive: sample 1 is not a finite number"),
-        ({"drive": [0.0, 1.0], "schedule": [3e-4]}, "schedule: has 1 samples for 2"),
-        ({"drive": [0.0, 1.0]}, "the model runs over gap: give it, in a file as column gap_m"),
-        ({"drive": [0.0], "schedule": 3e-4, "history": "warm"}, "history 'warm' is not known"),
-        ({"drive": [0.0], "schedule": -1e-2}, "rho must not be negative"),
-        ({"drive": [0.0, 1e9], "schedule": 3e-4}, r"drive: sample 1 \(1e\+09\)"),
+        ({"drive": []}, "wrong-shape drive"),
+        ({"drive": [0.0, np.nan], "schedule": 3e-4}, "not-finite drive: sample 1"),
+        ({"drive": [0.0, 1.0], "schedule": [3e-4]}, "length-differs schedule"),
+        ({"drive": [0.0, 1.0]}, "schedule-missing: gap_m"),
+        ({"drive": [0.0], "schedule": 3e-4, "history": "warm"}, "unknown-history history: 'warm'"),
+        ({"drive": [0.0], "schedule": -1e-2}, "too-far-beyond-nodes rho"),
+        ({"drive": [0.0, 1e9], "schedule": 3e-4}, "sample-refused drive: sample 1; 1e+09"),
     ],
 )
 def test_bad_input_is_refused_with_the_sample(arguments: dict[str, object], reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
+    with refused(reason):
         magnet().predict(**arguments)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("time", "reason"), [(None, "give the time"), ([0.0, 1.0, 1.0], "does not ascend at sample 2")]
+    ("time", "reason"),
+    [(None, "time-missing"), ([0.0, 1.0, 1.0], "time-not-rising time: sample 2")],
 )
 def test_eddy_currents_need_time(time: list[float] | None, reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
+    with refused(reason):
         magnet(gamma=0.5).predict([0.0, 1.0, 0.0], 3e-4, time)
 
 
 def test_a_cycle_too_small_to_close_is_a_negative_result() -> None:
     model = magnet("none", k=4e5)
-    with pytest.raises(NegativeResult, match="does not close"):
+    with refused("cycle-does-not-close", NegativeResult):
         model.predict([1e-7, 2e-7, 1e-7], history="settled")
 
 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"k": -1.0}, "k: must be above 0, is -1"),
-        ({"c": 1.5}, "c: must lie within 0 and 1"),
-        ({"alpha": 1.0}, "alpha: must be below 1"),
-        ({"r_d": -1.0}, "r_d: must not be negative"),
-        ({"rho": (1.0, 2.0)}, "rho: has 2 values for 3 nodes"),
-        ({"k": (1.0, 2.0, 3.0)}, "k: may not vary with the gap map 'reluctance'"),
-        ({"M_s": np.inf}, "M_s: is not a finite number"),
-        ({"kappa": 1.0}, "kappa: is unknown"),
+        ({"k": -1.0}, "out-of-range k"),
+        ({"c": 1.5}, "out-of-range c"),
+        ({"alpha": 1.0}, "out-of-range alpha"),
+        ({"r_d": -1.0}, "out-of-range r_d"),
+        ({"rho": (1.0, 2.0)}, "length-differs rho"),
+        ({"k": (1.0, 2.0, 3.0)}, "may-not-vary k: 'reluctance'"),
+        ({"M_s": np.inf}, "out-of-range M_s"),
+        ({"kappa": 1.0}, "extra-forbidden kappa"),
     ],
 )
 def test_impossible_parameters_are_refused(changes: dict[str, Parameter], reason: str) -> None:
-    with pytest.raises(InputError, match=reason):
+    with refused(reason):
         magnet("reluctance", **changes)
 
 
 def test_parameters_the_core_refuses_are_bad_input() -> None:
-    with pytest.raises(InputError, match=r"k/a must lie between 0\.001 and 1000"):
+    with refused("parameters-out-of-range parameters: 0.001; 1000"):
         magnet(k=1e9).predict([0.0], 3e-4)
 
 

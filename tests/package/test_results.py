@@ -16,6 +16,7 @@ import anhyst
 from anhyst.compilation.output import Compiled
 from anhyst.model.diff import ModelDiff
 from anhyst.support.result import Result
+from tests.refusals import refused
 from tests.truths import truth
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -107,7 +108,7 @@ def test_every_result_is_saved_whole(results: dict[str, Result], tmp_path: Path)
         path = tmp_path / f"{name}{endings.get(name, '.json')}"
         assert one.save(path) == path
         assert path.stat().st_size > 100
-        with pytest.raises(anhyst.InputError, match="nowhere"):
+        with refused("cannot-be-written: nowhere"):
             one.save(tmp_path / "nowhere" / path.name)
     back = anhyst.read_loops(tmp_path / "loops.csv")
     assert np.array_equal(back.loops[3].output, results["loops"].loops[3].output)  # type: ignore[attr-defined]
@@ -162,7 +163,7 @@ def test_a_model_in_memory_compiles_as_its_file_does(
     assert isinstance(by_file, Compiled)
     assert isinstance(in_memory, Compiled)
     assert by_file.manifest == in_memory.manifest
-    with pytest.raises(anhyst.InputError, match="--rate: is missing"):
+    with refused("missing --rate", anhyst.InputError):
         anhyst.compile(path, tmp_path / "controller")
 
 

@@ -30,7 +30,7 @@ from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.tables import POSITION_SENSORS, BearingTable
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import TomlFileError
+from tests.refusals import refused
 from tests.study import bearings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -128,74 +128,99 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "bandwidth_Hz = 2500.0",
             "bandwidth = 2500.0",
             "amplifier.bandwidth",
-            "lacks its unit; write bandwidth_Hz",
+            "unit-missing amplifier.bandwidth: bandwidth_Hz",
         ),
-        ("mass_kg = 2.0", "mass = 2.0", "mechanics.mass", "lacks its unit; write mass_kg"),
-        ("substeps = 4", "substep = 4", "timing.substep", "did you mean substeps?"),
+        ("mass_kg = 2.0", "mass = 2.0", "mechanics.mass", "unit-missing mechanics.mass: mass_kg"),
+        (
+            "substeps = 4",
+            "substep = 4",
+            "timing.substep",
+            "extra-forbidden timing.substep: substeps",
+        ),
         (
             "knee_slow_A_per_m",
             "knee_slow_A_per_mm",
             "magnet.iron.knee_slow_A_per_mm",
-            "did you mean knee_slow_A_per_m?",
+            "extra-forbidden magnet.iron.knee_slow_A_per_mm",
         ),
-        ("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "no whole number of sub-steps"),
-        ("turns = 250", "turns = 250.5", "magnet.turns", "must be a valid integer"),
-        ('arrangement = "single"', 'arrangement = "pair"', "magnet", "a pair needs gap_total_m"),
-        ('arrangement = "single"', "gap_total_m = 1e-3", "magnet", "belongs to a pair; remove it"),
-        ('force = "cells"', 'force = "model"', "magnet", "needs the table [magnet.model]"),
-        ("cells = 24", "cells = 64", "magnet.iron.cells", "the plant has room for 63"),
+        ("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay-not-whole"),
+        ("turns = 250", "turns = 250.5", "magnet.turns", "int-type magnet.turns"),
+        ('arrangement = "single"', 'arrangement = "pair"', "magnet", "missing: gap_total_m"),
+        ('arrangement = "single"', "gap_total_m = 1e-3", "magnet", "pair-only"),
+        ('force = "cells"', 'force = "model"', "magnet", "missing"),
+        ("cells = 24", "cells = 64", "magnet.iron.cells", "too-many-cells"),
         (
             "stop_low_m = 0.35e-3",
             "stop_low_m = 0.55e-3",
             "mechanics",
-            "stop_low_m must be below stop_high_m",
+            "range-reversed: stop_low_m; stop_high_m",
         ),
-        ("stop_low_m = 0.35e-3", "stop_low_m = 0.01e-3", "position_sensor", "must hold the travel"),
-        ("high_A = 5.0", "high_A = 4.4", "current_sensor", "must hold that of the amplifier"),
+        (
+            "stop_low_m = 0.35e-3",
+            "stop_low_m = 0.01e-3",
+            "position_sensor",
+            "range-too-narrow position_sensor",
+        ),
+        ("high_A = 5.0", "high_A = 4.4", "current_sensor", "range-too-narrow current_sensor"),
         (
             "current_max_A = 4.5",
             "current_max_A = 4.6",
             "measurement.current_max_A",
-            "the amplifier ends at 4.5 A; lower it",
+            "beyond-amplifier measurement.current_max_A: 4.5 A",
         ),
         (
             "gap_m = 0.45e-3",
             "gap_m = 0.56e-3",
             "simulate.gap_m",
-            "is at 0.00056 m, outside the travel of 0.00035 to 0.00055 m",
+            "outside-travel simulate.gap_m: 0.00056 m; 0.00035; 0.00055 m",
         ),
         (
             "0.42e-3, 0.48e-3]\nsteps",
             "0.42e-3, 0.34e-3]\nsteps",
             "simulate.also_gaps_m[2]",
-            "outside the travel",
+            "outside-travel",
         ),
         (
             "50e-6, 100e-6]",
             "50e-6, 200e-6]",
             "simulate.steps_m[4]",
-            "the step around 0.00045 m is at 0.00035 to 0.00055 m",
+            "outside-travel simulate.steps_m[4]: 0.00045 m; 0.00035; 0.00055 m",
         ),
         (
             "amplitude_m = 20e-6",
             "amplitude_m = 100e-6",
             "simulate.trajectories[1].amplitude_m",
-            "outside the travel",
+            "outside-travel",
         ),
         (
             "\nstep_m = 50e-9",
             "\nstep_m = 50e-9\nadc_bits = 16",
             "position_sensor",
-            "both say the resolution",
+            "both-given",
         ),
-        ("noise_m = 5e-9 ", "delay_s = 2e-3 #", "position_sensor.delay_s", "160 sub-steps"),
-        ("dac_bits = 16", "dac_bits = 16\ndelay_s = 1.6e-3", "amplifier.delay_s", "132 sub-steps"),
-        ("noise_seeds = 20", "noise_seeds = 1", "simulate.noise_seeds", "greater than or equal"),
+        (
+            "noise_m = 5e-9 ",
+            "delay_s = 2e-3 #",
+            "position_sensor.delay_s",
+            "delay-too-long position_sensor.delay_s: 160",
+        ),
+        (
+            "dac_bits = 16",
+            "dac_bits = 16\ndelay_s = 1.6e-3",
+            "amplifier.delay_s",
+            "delay-too-long amplifier.delay_s: 132",
+        ),
+        (
+            "noise_seeds = 20",
+            "noise_seeds = 1",
+            "simulate.noise_seeds",
+            "greater-than-equal simulate.noise_seeds",
+        ),
         (
             "turns = [0.0, 1.0,",
             "turns = [0.0, 1.1,",
             "measurement.records[1].turns[2]",
-            "less than or equal to 1",
+            "less-than-equal measurement.records[1].turns[2]",
         ),
     ],
 )
@@ -204,11 +229,10 @@ def test_what_is_wrong_with_a_rig_is_reported_by_line(
 ) -> None:
     path = folder / "rig.toml"
     change(path, old, new)
-    with pytest.raises(InputError) as caught:
+    with refused(what) as caught:
         read_bearing(path)
     text = reported(caught)
     assert f": {key}: " in text
-    assert what in text
     line = re.match(re.escape(str(path)) + r":(\d+): ", text)
     assert line
     near = path.read_text().splitlines()[int(line[1]) - 1]
@@ -216,16 +240,16 @@ def test_what_is_wrong_with_a_rig_is_reported_by_line(
 
 
 @pytest.mark.parametrize(
-    ("new", "told_key"),
+    ("new", "code"),
     [
-        ('kind = "step"\nforce_N = 5.0\nfrequency_Hz = 3.0', "a step has no frequency_Hz"),
-        ('kind = "sine"\nforce_N = 5.0', "a sine needs frequency_Hz; add it"),
+        ('kind = "step"\nforce_N = 5.0\nfrequency_Hz = 3.0', "not-for-a-step"),
+        ('kind = "sine"\nforce_N = 5.0', "missing"),
     ],
 )
-def test_disturbances_have_what_their_kind_needs(folder: Path, new: str, told_key: str) -> None:
+def test_disturbances_have_what_their_kind_needs(folder: Path, new: str, code: str) -> None:
     path = folder / "rig.toml"
     change(path, "\n[position_sensor]", f"\n[[load.disturbance]]\n{new}\n\n[position_sensor]")
-    with pytest.raises(InputError, match=r"load\.disturbance\[1\]: " + told_key):
+    with refused(f"{code} load.disturbance[1]: frequency_Hz"):
         read_bearing(path)
 
 
@@ -238,7 +262,7 @@ def test_a_pair_needs_room_for_its_second_magnet(folder: Path) -> None:
     )
     assert read_bearing(path).settings.magnet.bias_force_N == 80.0
     line = change(path, "gap_total_m = 0.9e-3", "gap_total_m = 0.55e-3")
-    with pytest.raises(InputError, match=f":{line}: magnet.gap_total_m: must be above stop_high"):
+    with refused(f"range-too-narrow magnet.gap_total_m: :{line}:"):
         read_bearing(path)
 
 
@@ -257,16 +281,16 @@ def test_a_magnet_of_an_identified_law_names_its_files(folder: Path) -> None:
 def test_a_load_that_no_current_carries_is_refused(folder: Path) -> None:
     rig = read_bearing(folder / "rig.toml")
     check_load(rig, 171.0)
-    with pytest.raises(InputError, match=r"simulate\.load_steps_N\[1\]: 150 N and this step are"):
+    with refused("load-too-large simulate.load_steps_N[1]: 150 N"):
         check_load(rig, 170.0)
-    with pytest.raises(InputError, match=r"load\.force_N: no current can carry 150 N, the magnet"):
+    with refused("load-too-large load.force_N: 150 N"):
         check_load(rig, 150.0)
 
 
 def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
     rig = read_bearing(folder / "rig.toml")
     check_rate(rig, 1000.0)
-    with pytest.raises(InputError, match=r"timing\.rate_Hz: 20000 Hz is too slow .* 20002 Hz"):
+    with refused("rate-too-low timing.rate_Hz: 20000 Hz; 20002 Hz"):
         check_rate(rig, 1000.1)
 
 
@@ -277,51 +301,76 @@ def test_a_rate_too_slow_for_the_plant_is_refused(folder: Path) -> None:
             "[filter]",
             "[gains]\nK_p_N_per_m = 1.0\nK_i_N_per_m_s = 1.0\nK_d_N_s_per_m = 1.0\n[filter]",
             "gains",
-            "stands beside [design]; keep one",
+            "both-given gains",
         ),
         (
             "mass_kg = 2.0\n",
             "mass_kg = 2.0\nvirtual_mass_kg = -2.0\n",
             "design",
-            "takes away all of mass_kg",
+            "virtual-mass-too-negative",
         ),
-        ("cutoff_Hz = 2000.0", "cutoff_Hz = 10000.0", "filter.cutoff_Hz", "not below half"),
-        ("force_low_N = 0.0", "force_low_N = 300.0", "limits", "force_low_N must be below"),
-        ("detect_m", "detect", "lift_off.detect", "lacks its unit; write detect_m"),
-        ('variant = "full"', 'variant = "fulll"', "compensation.variant", "must be 'ratio'"),
-        ("rate_Hz = 20000.0", "rate_Hz = 10000.0", "rate_Hz", "make them equal"),
-        ("current_low_A = 0.0", "current_low_A = -0.1", "limits.current_low_A", "begins at 0 A"),
-        ("current_high_A = 4.5", "current_high_A = 4.6", "limits.current_high_A", "ends at 4.5 A"),
-        ("force_low_N = 0.0", "force_low_N = -1.0", "limits.force_low_N", "cannot push"),
+        (
+            "cutoff_Hz = 2000.0",
+            "cutoff_Hz = 10000.0",
+            "filter.cutoff_Hz",
+            "above-half-rate filter.cutoff_Hz",
+        ),
+        ("force_low_N = 0.0", "force_low_N = 300.0", "limits", "range-reversed: force_low_N"),
+        ("detect_m", "detect", "lift_off.detect", "unit-missing lift_off.detect: detect_m"),
+        (
+            'variant = "full"',
+            'variant = "fulll"',
+            "compensation.variant",
+            "literal-error compensation.variant: 'ratio'",
+        ),
+        ("rate_Hz = 20000.0", "rate_Hz = 10000.0", "rate_Hz", "differs-from-rig"),
+        (
+            "current_low_A = 0.0",
+            "current_low_A = -0.1",
+            "limits.current_low_A",
+            "beyond-amplifier limits.current_low_A",
+        ),
+        (
+            "current_high_A = 4.5",
+            "current_high_A = 4.6",
+            "limits.current_high_A",
+            "beyond-amplifier limits.current_high_A: 4.5 A",
+        ),
+        (
+            "force_low_N = 0.0",
+            "force_low_N = -1.0",
+            "limits.force_low_N",
+            "cannot-push limits.force_low_N",
+        ),
         (
             "gap_low_m = 0.33e-3",
             "gap_low_m = 0.38e-3",
             "limits.gap_low_m",
-            "goes to a gap of 0.00037 m",
+            "gaps-not-covered limits.gap_low_m: 0.00037 m",
         ),
         (
             "gap_high_m = 0.57e-3",
             "gap_high_m = 0.55e-3",
             "limits.gap_high_m",
-            "rests at a gap of 0.00055 m",
+            "gaps-not-covered limits.gap_high_m: 0.00055 m",
         ),
         (
             "[safety]",
             "[converter]\nlow_A = 0.0\nhigh_A = 4.5\nbits = 12\n[safety]",
             "converter.bits",
-            "has 16; make them equal",
+            "differs-from-rig converter.bits",
         ),
         (
             "[safety]",
             "[converter]\nlow_A = 4.5\nhigh_A = 4.5\nbits = 16\n[safety]",
             "converter",
-            "low_A must be below high_A",
+            "range-reversed",
         ),
         (
             "[safety]",
             "[pair]\nbias_force_N = 100.0\ngap_total_m = 0.9e-3\n[safety]",
             "pair",
-            "is a single one; take it out",
+            "differs-from-rig pair",
         ),
     ],
 )
@@ -331,11 +380,10 @@ def test_what_is_wrong_with_a_controller_is_reported_by_line(
     path = folder / "controller.toml"
     line = change(path, old, new)
     rig = read_bearing(folder / "rig.toml")
-    with pytest.raises(TomlFileError) as caught:
+    with refused(what) as caught:
         check_controller(read_controller(path), rig)
     text = reported(caught)
     assert re.match(re.escape(str(path)) + r":\d+: " + re.escape(key) + ": ", text)
-    assert what in text
     if key not in {"design", "limits", "converter.bits"}:
         assert text.startswith(f"{path}:{line}: ")
 
@@ -344,12 +392,12 @@ def test_a_controller_without_gains_is_reported_so(folder: Path) -> None:
     path = folder / "controller.toml"
     settings = read_controller(path).settings
     change(path, "[design]", "[design_]")
-    with pytest.raises(InputError, match=r"design_: is unknown; did you mean design\?"):
+    with refused("extra-forbidden design_"):
         read_controller(path)
     write_controller(path, settings.model_copy(update={"design": None}), "without")
-    with pytest.raises(InputError, match=r"design: is missing, and so is \[gains\]; add one"):
+    with refused("missing design"):
         read_controller(path)
-    with pytest.raises(InputError, match="neither"):
+    with refused("missing design"):
         settings.model_copy(update={"design": None}).pidd2()
 
 
@@ -361,17 +409,17 @@ def test_measured_flux_needs_a_probe(folder: Path) -> None:
     without = re.sub(r"\[hall_probe\](.*\n)+?\n", "", text, count=1)
     assert len(without) < len(text)
     (folder / "rig.toml").write_text(without)
-    with pytest.raises(InputError, match=rf"toml:{line}: compensation.variant: .flux. needs"):
+    with refused(f"no-hall-probe compensation.variant: toml:{line}:"):
         check_controller(controller, read_bearing(folder / "rig.toml"))
 
 
 def test_gains_that_fixed_point_cannot_hold_are_reported_with_their_key(folder: Path) -> None:
     path = folder / "controller.toml"
     line = change(path, "bandwidth_Hz = 120.0", "bandwidth_Hz = 1e6")
-    rig, where = read_bearing(folder / "rig.toml"), rf"{path}:{line}: design\.bandwidth_Hz: prop"
+    rig, where = read_bearing(folder / "rig.toml"), f"{path}:{line}: "
     loops = read_loops(EXAMPLE / "loops.csv")
     known = IdentifiedMagnet(loops, cast(Model, None))  # no variant below looks at a model
-    with pytest.raises(InputError, match=rf"{where}.* too large"):
+    with refused(f"too-large-for-fixed-point design.bandwidth_Hz: {where}"):
         make_setups(rig, read_controller(path), known, ("single-valued",))
     change(path, 'format = "fixed"', 'format = "f64"')
     make_setups(rig, read_controller(path), known, ("single-valued",))
@@ -419,25 +467,24 @@ def test_a_flux_table_is_a_grid_whatever_the_order_of_its_rows(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("rows", "what"),
     [
-        (ROWS[:-1], "psi.csv: has a hole at 0.5 mm, 2 A; 2 gaps and 3 currents must make a full"),
-        ([*ROWS[1:3], *ROWS[3:4], "3,0.5,0.05"], "hole at 0.4 mm, 3 A and at 1 other points"),
-        ([*ROWS, "1,0.4,0.03"], "line 8: 0.4 mm, 1 A comes twice; remove one"),
-        (["2,0.4,0.03", *ROWS[1:]], "line 2: psi does not rise with the current at 0.4 mm, 2 A"),
-        ([*ROWS[:4], "1,0.5,0.03", ROWS[5]], "line 6: psi does not fall as the gap opens at 0.5"),
-        (["2,0.4,0.05", "0,0.4,1e-3", *ROWS[2:]], "line 3: psi is not 0 without current at 0.4"),
-        (["-2,0.4,-0.05", *ROWS], "line 2: currents begin at -2 A; begin at 0"),
-        (ROWS[:3], "has a single gap; measure at least two"),
-        (["2,0.4,nan", *ROWS[1:]], "line 2"),
-        (["2,0.4,", *ROWS[1:]], "line 2"),
+        (ROWS[:-1], "grid-has-holes: psi.csv; 0.5 mm"),
+        ([*ROWS[1:3], *ROWS[3:4], "3,0.5,0.05"], "grid-has-holes: 0.4 mm"),
+        ([*ROWS, "1,0.4,0.03"], "value-again: line 8; 0.4 mm"),
+        (["2,0.4,0.03", *ROWS[1:]], "not-monotone: line 2; 0.4 mm"),
+        ([*ROWS[:4], "1,0.5,0.03", ROWS[5]], "not-monotone: line 6; 0.5"),
+        (["2,0.4,0.05", "0,0.4,1e-3", *ROWS[2:]], "not-monotone: line 3; 0.4"),
+        (["-2,0.4,-0.05", *ROWS], "currents-not-from-zero I_A: line 2"),
+        (ROWS[:3], "too-few-values gap"),
+        (["2,0.4,nan", *ROWS[1:]], "text-in-numbers psi_Wb: line 2"),
+        (["2,0.4,", *ROWS[1:]], "text-in-numbers psi_Wb: line 2"),
     ],
 )
 def test_a_flux_table_that_is_none_is_reported_by_line_or_point(
     tmp_path: Path, rows: list[str], what: str
 ) -> None:
     path = grid(tmp_path / "psi.csv", rows)
-    with pytest.raises(InputError) as caught:
+    with refused(what):
         read_flux_table(path)
-    assert what in reported(caught)
 
 
 def test_a_flux_table_reaches_as_far_as_the_plant(tmp_path: Path) -> None:
@@ -445,18 +492,18 @@ def test_a_flux_table_reaches_as_far_as_the_plant(tmp_path: Path) -> None:
     table = read_flux_table(path)
     low, high = table.gap.tolist()
     check_flux_range(path, table, low, high, 2.0)
-    with pytest.raises(InputError, match=r"gap_m runs from 0\.0004 to 0\.0005 m and must hold"):
+    with refused("gaps-not-covered gap_m: 0.0004; 0.0005 m"):
         check_flux_range(path, table, low - 1e-6, high, 2.0)
-    with pytest.raises(InputError, match=r"must hold the travel, 0\.0004 to 0\.000501 m; add gaps"):
+    with refused("gaps-not-covered gap_m: 0.0004; 0.000501 m"):
         check_flux_range(path, table, low, high + 1e-6, 2.0)
-    with pytest.raises(InputError, match=r"I_A ends at 2 A and the amplifier at 2\.1 A"):
+    with refused("currents-not-covered I_A: 2.1 A"):
         check_flux_range(path, table, low, high, 2.1)
 
 
 def test_a_flux_table_without_flux_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "psi.csv"
     path.write_text("I_A,gap_mm,F_N\n0,0.4,0\n1,0.4,3\n")
-    with pytest.raises(InputError, match=r"no column of flux linkage .* name it 'psi_Wb'"):
+    with refused("column-missing flux_linkage: 'psi_Wb'"):
         read_flux_table(path)
 
 

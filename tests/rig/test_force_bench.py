@@ -19,7 +19,7 @@ from anhyst.rig.force.modelling import loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program
 from anhyst.rig.force.session import run_firmware
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
+from tests.refusals import refused
 from tests.rig import forces
 
 UP = 40
@@ -115,7 +115,7 @@ def test_the_armature_goes_at_its_speed_and_to_and_fro() -> None:
 
 
 def test_a_force_is_demanded_in_run_alone(bench: ForceBench) -> None:
-    with pytest.raises(InputError, match="demand: a force is demanded in the state run, not in"):
+    with refused("wrong-state demand"):
         bench.demand(5.0)
     run(bench)
     bench.demand(5.0)
@@ -125,15 +125,15 @@ def test_a_force_is_demanded_in_run_alone(bench: ForceBench) -> None:
 def test_what_does_not_fit_is_refused_and_nothing_changes(bench: ForceBench) -> None:
     run(bench)
     before = bench.parameters()
-    with pytest.raises(InputError, match="follow: stays as it is while the controller runs"):
+    with refused("wrong-state follow"):
         bench.apply({"demand_slew": 100.0, "follow": 1})
-    with pytest.raises(InputError, match=r"compensation: is 0\.5; choose 0 or 1"):
+    with refused("out-of-range compensation: 0.5"):
         bench.apply({"demand_slew": 100.0, "compensation": 0.5})
-    with pytest.raises(InputError, match=r"demand: is 1000 N; choose one from 0 to 40 N"):
+    with refused("out-of-range demand: 1000 N"):
         bench.demand(1000.0)
-    with pytest.raises(InputError, match="load: a force rig has no load drive"):
+    with refused("no-load-drive load"):
         bench.load(1.0)
-    with pytest.raises(Refused, match="not in the state run"):
+    with refused("refused state", Refused):
         bench.command(Command.RUN)
     assert bench.parameters() == before
     assert column(bench, bench.advance(1), "state")[0] == State.RUN

@@ -11,8 +11,8 @@ import pytest
 from pydantic import BaseModel
 
 from anhyst.rig.force.file import ForceRigTable, SolenoidFile, read_rig
-from anhyst.support.errors import InputError
 from anhyst.support.toml_file import TomlFileError
+from tests.refusals import refused
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples" / "solenoid"
@@ -47,53 +47,60 @@ def test_the_bundled_rigs_are_read(folder: Path) -> None:
 def test_an_unknown_key_is_reported_with_its_line_and_the_nearest_known_one(rig: Path) -> None:
     line = line_of(rig, "slew_A_per_s")
     change(rig, "slew_A_per_s", "slew_A_per_ms")
-    with pytest.raises(TomlFileError) as caught:
+    with refused("extra-forbidden amplifier.slew_A_per_ms: slew_A_per_s") as caught:
         read_rig(rig)
     text = str(caught.value)
-    assert text.startswith(f"{rig}:{line}: amplifier.slew_A_per_ms: is unknown")
-    assert "did you mean slew_A_per_s?" in text
+    assert text.startswith(f"{rig}:{line}: ")
     assert "amplifier.slew_A_per_s (line" in text  # and that one is missing
 
 
 def test_a_key_inside_a_list_of_tables_is_reported_too(rig: Path) -> None:
     change(rig, 'name = "inner"\nlow = 0.30', 'name = "inner"\nlov = 0.30')
-    with pytest.raises(TomlFileError, match=r"demand\[2\]\.lov: is unknown; did you mean low\?"):
+    with refused("extra-forbidden force_control.demand[2].lov: low", TomlFileError):
         read_rig(rig)
 
 
 @pytest.mark.parametrize(
     ("old", "new", "reported"),
     [
-        ('format = "anhyst-rig"', 'format = "rig"', "format: must be 'anhyst-rig'"),
-        ("rate_Hz = 1000.0", "rate_Hz = 3.0", "rate_Hz: must be greater than or equal to 100"),
-        ("dac_bits = 12", "dac_bits = 12.5", "amplifier.dac_bits: must be a valid integer"),
-        ("noise_N = 0.06", "noise_N = -0.06", "force_sensor.noise_N: must be greater than"),
-        ("low = 0.05", "low = 0.96", r"demand\[1\]: low must be below high; correct them"),
-        ("positions_m = [1.0e-3", 'positions_m = ["1 mm"', r"positions_m\[1\]: must be a valid"),
-        ("seed = 7", "seed = nan", "seed: must be a valid integer"),
-        ('name = "inner"', 'name = "wide open"', r"demand\[2\]\.name: string should match"),
+        ('format = "anhyst-rig"', 'format = "rig"', "literal-error format: 'anhyst-rig'"),
+        ("rate_Hz = 1000.0", "rate_Hz = 3.0", "greater-than-equal rate_Hz: 100"),
+        ("dac_bits = 12", "dac_bits = 12.5", "int-type amplifier.dac_bits"),
+        ("noise_N = 0.06", "noise_N = -0.06", "greater-than-equal force_sensor.noise_N"),
+        ("low = 0.05", "low = 0.96", "range-reversed force_control.demand[1]"),
+        (
+            "positions_m = [1.0e-3",
+            'positions_m = ["1 mm"',
+            "float-type force_control.positions_m[1]",
+        ),
+        ("seed = 7", "seed = nan", "int-type seed"),
+        (
+            'name = "inner"',
+            'name = "wide open"',
+            "string-pattern-mismatch force_control.demand[2].name",
+        ),
     ],
 )
 def test_a_wrong_value_is_reported(rig: Path, old: str, new: str, reported: str) -> None:
     change(rig, old, new)
-    with pytest.raises(TomlFileError, match=reported):
+    with refused(reported, TomlFileError):
         read_rig(rig)
 
 
 def test_a_missing_file_names_itself(rig: Path) -> None:
     (rig.parent / "solenoid.toml").unlink()
-    with pytest.raises(InputError, match=r"solenoid\.toml: no such file"):
+    with refused("no-such-file: solenoid.toml"):
         read_rig(rig)
-    with pytest.raises(InputError, match="cannot be read"):
+    with refused("cannot-be-read"):
         read_rig(rig.parent)
 
 
 def test_what_is_no_toml_is_reported(rig: Path) -> None:
     rig.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="is no UTF-8 text"):
+    with refused("not-utf8"):
         read_rig(rig)
     rig.write_text("format = ")
-    with pytest.raises(InputError, match="damaged TOML"):
+    with refused("damaged-toml"):
         read_rig(rig)
 
 

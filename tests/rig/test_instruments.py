@@ -12,8 +12,8 @@ from anhyst.data import History, Loop, Loops
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
 from anhyst.rig.force.demand import LEAD_IN, moving_gap, triangle, with_lead_in
 from anhyst.rig.force.file import MovingTable, Rig, TriangleTable, read_rig
-from anhyst.support.errors import InputError
 from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 RATE = 200.0
@@ -103,7 +103,7 @@ def test_a_ratio_is_the_best_straight_line_through_zero() -> None:
 
 
 def test_loops_that_do_not_reach_the_largest_force_are_refused() -> None:
-    with pytest.raises(InputError, match=r"do not reach 60 N; lower force_max_N"):
+    with refused("force-not-reached loops"):
         fit_single_valued(loopset((1e-3, 0.1)), 60.0)
 
 

@@ -17,8 +17,8 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.parts.solenoid import Solenoid
 from anhyst.study.bearing.drift import Drift, drifted_rig
 from anhyst.study.bearing.variations import changed, with_iron
-from anhyst.support.errors import InputError
 from tests.plant.irons import FOLDER, STEELS
+from tests.refusals import refused
 
 EXAMPLES = FOLDER.parent
 TEXT = (FOLDER / "irons.toml").read_text(encoding="utf-8")
@@ -109,40 +109,58 @@ def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, nam
     assert float(np.min(falling)) > float(np.max(rising)) + 2.0
 
 
-def refusal(bearing: Path, name: str, old: str, new: str) -> str:
-    keys = keys_of(name)
-    assert old in keys
-    with pytest.raises(InputError) as caught:
-        read_bearing(with_keys(bearing, "magnet.iron", keys.replace(old, new)))
-    return str(caught.value)
-
-
 @pytest.mark.parametrize(
-    ("name", "old", "new", "said"),
+    ("name", "old", "new", "what"),
     [
-        ("duhem-usual", '"duhem"', '"dühem"', 'must be "cells", "preisach" or'),
-        ("duhem-usual", "turning_T = 0.18", "turning_mT = 180.0", "turning_mT"),
-        ("duhem-usual", "turning_T = 0.18", "turning_T = 1.8", "lets small loops give energy"),
+        ("duhem-usual", '"duhem"', '"dühem"', "unknown-choice magnet.iron"),
+        (
+            "duhem-usual",
+            "turning_T = 0.18",
+            "turning_mT = 180.0",
+            "extra-forbidden magnet.iron.turning_mT",
+        ),
+        ("duhem-usual", "turning_T = 0.18", "turning_T = 1.8", "small-loops-give-energy"),
         (
             "duhem-usual",
             "knee_sharp_A_per_m = 120.0",
             "knee_sharp_A_per_m = 12.0",
-            "fades too fast",
+            "fades-too-fast",
         ),
-        ("preisach-usual", "feedback_A_per_m_T = 12.0", "feedback_A_per_m_T = 200.0", "would make"),
-        ("preisach-usual", "pinning_spread = 0.5", "pinning_spread = 0.0", "pinning_spread"),
-        ("preisach-usual", 'family = "preisach"', 'family = "duhem"', "saturation_T: is unknown"),
-        ("preisach-usual", 'family = "preisach"', "", "saturation_T: is unknown"),
-        ("preisach-usual", "pinning_A_per_m ", "pinning_A_per_mm ", "mean pinning_A_per_m?"),
+        (
+            "preisach-usual",
+            "feedback_A_per_m_T = 12.0",
+            "feedback_A_per_m_T = 200.0",
+            "reversible-part-jumps",
+        ),
+        (
+            "preisach-usual",
+            "pinning_spread = 0.5",
+            "pinning_spread = 0.0",
+            "greater-than magnet.iron.pinning_spread",
+        ),
+        (
+            "preisach-usual",
+            'family = "preisach"',
+            'family = "duhem"',
+            "extra-forbidden magnet.iron.saturation_T",
+        ),
+        ("preisach-usual", 'family = "preisach"', "", "extra-forbidden magnet.iron.saturation_T"),
+        (
+            "preisach-usual",
+            "pinning_A_per_m ",
+            "pinning_A_per_mm ",
+            "extra-forbidden: mean pinning_A_per_m?",
+        ),
     ],
 )
 def test_numbers_that_make_no_iron_are_refused_in_one_line_at_their_place(
-    bearing: Path, name: str, old: str, new: str, said: str
+    bearing: Path, name: str, old: str, new: str, what: str
 ) -> None:
-    text = refusal(bearing, name, old, new)
-    assert re.match(rf"{re.escape(str(bearing))}:\d+: magnet\.iron", text)
-    assert said in text
-    assert "\n" not in text
+    keys = keys_of(name)
+    assert old in keys
+    with refused(what) as caught:
+        read_bearing(with_keys(bearing, "magnet.iron", keys.replace(old, new)))
+    assert re.match(rf"{re.escape(str(bearing))}:\d+: magnet\.iron", str(caught.value))
 
 
 def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
@@ -173,7 +191,7 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
 
 def test_a_reversible_fraction_is_refused_where_the_family_has_none(bearing: Path) -> None:
     rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of("duhem-usual")))
-    with pytest.raises(InputError, match=r"magnet\.iron\.family: cells alone have a reversible"):
+    with refused("not-iron-of-cells magnet.iron.family"):
         with_iron(rig, 0.1)
 
 

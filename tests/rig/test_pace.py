@@ -15,6 +15,7 @@ from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.subscription import Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from tests.refusals import refused
 
 RATE = 20000.0
 
@@ -230,9 +231,9 @@ def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., P
 
 def test_what_is_refused_is_refused_to_who_asked(paced: Callable[..., PacedBench]) -> None:
     pacer = paced(Counter())
-    with pytest.raises(InputError, match="refused LIFT"):
+    with refused("refused"):
         pacer.do(lambda bench: bench.command(Command.LIFT))
-    with pytest.raises(InputError, match=r"speed 2: choose one from 0\.01 to 1"):
+    with refused("out-of-range speed: 0.01"):
         pacer.set_speed(2.0)
     tick = pacer.pace().tick
     wait_for(lambda: pacer.pace().tick > tick)
@@ -246,9 +247,9 @@ def test_a_bench_that_ends_ends_all_queues_and_says_why(paced: Callable[..., Pac
     pacer.resume()
     rows = drain(recorder)
     assert len(rows) == 1000
-    with pytest.raises(InputError, match="did not answer tick 1000"):
+    with refused("no-answer: tick 1000"):
         pacer.do(lambda bench: bench.tick)
-    assert str(pacer.error) == "the controller did not answer tick 1000"
+    assert str(pacer.error).endswith("tick 1000")
 
 
 def test_many_may_ask_at_once(paced: Callable[..., PacedBench]) -> None:

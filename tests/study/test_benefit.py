@@ -18,7 +18,7 @@ from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import quotient
 from anhyst.study.bearing.variations import changed, with_iron
-from anhyst.support.errors import InputError
+from tests.refusals import refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 HEIGHTS = (10e-6, 100e-6)
@@ -161,7 +161,7 @@ def test_it_is_written_as_json(found: Benefit) -> None:
 
 def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -> None:
     law = changed(rig, {"magnet.force": "model"})
-    with pytest.raises(InputError, match=r'rig\.toml: magnet\.force: other irons .* "cells"'):
+    with refused("not-iron-of-cells: rig.toml"):
         benefit(law, controller)
 
 

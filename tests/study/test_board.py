@@ -19,8 +19,8 @@ from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.force.session import BOARDS
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, Injection, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
-from anhyst.support.errors import InputError
 from tests.once import made_once
+from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP
 from tests.truths import path_of
@@ -217,12 +217,12 @@ def test_the_pc_may_come_and_go_on_the_ground_alone(running: LevitatingFirmware)
 
 def test_what_cannot_run_is_refused(tmp_path: Path) -> None:
     rig = bearings.EXAMPLE / "rig.toml"
-    with pytest.raises(InputError, match=r"is written as \.json"):
+    with refused("wrong-ending"):
         run_board(rig, tmp_path / "running.csv", BOARDS[0])
     own = bearings.controller().settings
     update = {"variant": "single-valued", "model": str(path_of("bearing"))}
     chosen = own.compensation.model_copy(update=update)
     other = tmp_path / "controller.toml"
     write_controller(other, own.model_copy(update={"compensation": chosen}), "other")
-    with pytest.raises(InputError, match="variant"):
+    with refused("not-compilable compensation.variant"):
         run_board(rig, tmp_path / "run.json", BOARDS[0], other)

@@ -14,7 +14,7 @@ from anhyst.study.excite.excite import Excitation, excite, measure
 from anhyst.study.excite.limits import Bound, Specimen
 from anhyst.study.excite.reading import read_specimen
 from anhyst.study.excite.winding import Winding
-from anhyst.support.errors import InputError
+from tests.refusals import refused
 from tests.study.measured_rigs import INNER, WIDE, measured_rig
 
 TIGHT = """
@@ -113,18 +113,24 @@ def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"force": Bound(60.0, "excite.force_max_N")}, "excite.force_max_N leaves"),
-        ({"force": Bound(0.05, "excite.force_max_N")}, "no room for a loop"),
-        ({"current": Bound(1.0, "excite.current_max_A")}, "excite.current_max_A leaves"),
-        ({"rate": Bound(-1.0, "amplifier.supply_V")}, "amplifier.supply_V: the supply"),
-        ({"winding": Winding(0.3, 5.0)}, "excite.continuous_A: a winding for 0.3 A"),
+        (
+            {"force": Bound(60.0, "excite.force_max_N")},
+            "operating-force-not-reached: excite.force_max_N",
+        ),
+        ({"force": Bound(0.05, "excite.force_max_N")}, "force-limit-too-low excite.force_max_N"),
+        (
+            {"current": Bound(1.0, "excite.current_max_A")},
+            "operating-force-not-reached: excite.current_max_A",
+        ),
+        ({"rate": Bound(-1.0, "amplifier.supply_V")}, "supply-too-weak amplifier.supply_V"),
+        ({"winding": Winding(0.3, 5.0)}, "winding-too-warm excite.continuous_A"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_with_the_limit(
     changes: dict[str, object], key: str, tmp_path: Path
 ) -> None:
     specimen = replace(bearing(tmp_path), **changes)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=key):
+    with refused(key):
         measure(specimen)
 
 

@@ -39,7 +39,7 @@ def bearing_model(
         raise InputError(
             "model: does not say where it holds; identify it from loops",
             code="no-valid-range",
-            key="model",
+            key="valid",
         )
     seen = model.valid.schedule
     if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:

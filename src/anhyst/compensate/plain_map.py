@@ -51,7 +51,7 @@ def plain_map(model: Model, scales: Scales) -> CurrentMap:
         raise InputError(
             "model: does not say where it holds; identify it from loops",
             code="no-valid-range",
-            key="model",
+            key="valid",
         )
     high, force_max = model.valid.input[1], model.valid.output[1]
     ends = scales.gap_low, scales.gap_high

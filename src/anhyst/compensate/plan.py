@@ -233,6 +233,7 @@ def find_limits(model: Model) -> DemandLimits:
             "the model does not say where it holds: without [valid] there are no limits of demand "
             "and current; add it to the model file",
             code="no-valid-range",
+            key="valid",
         )
     low, high = model.valid.output
     # A force is the square of the flux: what the sensor read below zero was noise.

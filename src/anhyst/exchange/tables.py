@@ -46,6 +46,7 @@ def export_tables(model: Model, out: PathLike) -> Path:
         raise InputError(
             "the model does not say where it holds ([valid]): no range for a table",
             code="no-valid-range",
+            key="valid",
         )
     check_writable(path)
     ends, name = model.valid.schedule, model.output.column

@@ -138,6 +138,7 @@ class Model(Result, ActuatorRecord):
             raise InputError(
                 "the model does not say where it holds ([valid]): no range for a loop",
                 code="no-valid-range",
+                key="valid",
             )
         up = np.linspace(*self.valid.input, samples)
         drive = np.concatenate([up, up[::-1]])

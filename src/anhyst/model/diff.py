@@ -181,6 +181,7 @@ def _common(ranges: list[Range], name: str) -> Range:
         raise InputError(
             f"neither model has a valid range of the {name}: no loops compared",
             code="no-valid-range",
+            key="valid",
         )
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if not low < high:

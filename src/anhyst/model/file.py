@@ -43,7 +43,7 @@ from anhyst.model.schema import (
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import TomlFile, explain
+from anhyst.support.toml_file import Advice, TomlFile, explain
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
 
@@ -218,13 +218,15 @@ class _Reader:
     def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
         self.file.collect(error, self._advice, lambda place: self._file_path((*at, *place)))
 
-    def _advice(self, path: KeyPath, finding: Any) -> str:
-        text = explain(finding)
-        if finding["type"] != "extra_forbidden":
-            return text
+    def _advice(self, path: KeyPath, finding: Any) -> Advice:
+        plain = explain(finding)
+        if plain.code != "extra-forbidden":
+            return plain
         known = [key for _, key in self._names_in(path[:-1]).values()]
         near = difflib.get_close_matches(str(path[-1]), known, n=1)
-        return f"is unknown; did you mean {near[0]}?" if near else text
+        if not near:
+            return plain
+        return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
 
     def _names_in(self, table: KeyPath) -> Names:
         """Keys that carry units in a table; elements of an array of tables are alike."""

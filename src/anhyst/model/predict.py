@@ -315,6 +315,7 @@ def _clock(time: ArrayLike | None, size: int) -> FloatArray:
         raise InputError(
             "the model has a lag or creep ([dynamics]): give the time, in a file as column t_s",
             code="time-missing",
+            key="t_s",
         )
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
@@ -483,6 +484,7 @@ def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> Float
         raise InputError(
             "the model has eddy currents (gamma): give the time, in a file as column t_s",
             code="time-missing",
+            key="t_s",
         )
     steps = np.diff(as_samples(time, "time", size))
     if (steps <= 0.0).any():

@@ -282,6 +282,7 @@ class ActuatorRecord:
                 f"the model runs over {self.schedule.name}: give it, in a file as column "
                 f"{self.schedule.column}",
                 code="schedule-missing",
+                key=self.schedule.column,
             )
         return self.nodes[0] if self.nodes else 0.0
 

@@ -26,20 +26,20 @@ def _number(value: Any) -> Any:
     """Accept a number or a list of numbers; one finding, whatever is wrong."""
     if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
         return value
-    raise PydanticCustomError("number", "must be a finite number, or one for each node")
+    raise PydanticCustomError("not_a_number", "must be a finite number, or one for each node")
 
 
 def _setting(value: Any) -> Any:
     if isinstance(value, str | bool) or _is_number(value):
         return value
-    raise PydanticCustomError("setting", "must be a text, a truth value or a finite number")
+    raise PydanticCustomError("not_a_setting", "must be a text, a truth value or a finite number")
 
 
 def _law(name: str) -> str:
     if name not in LAWS:
         known = [repr(law) for law in LAWS]
         raise PydanticCustomError(
-            "law",
+            "unknown_choice",
             f"Input should be {', '.join(known[:-1])} or {known[-1]}",
         )
     return name

@@ -172,10 +172,8 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     }
     unknown = set(kept) - {item.name for item in fields(ReadOptions)}
     if unknown:
-        raise InputError(
-            f"provenance.settings.{PREFIX}{min(unknown)}: is unknown; remove it",
-            code="extra-forbidden",
-        )
+        key = f"provenance.settings.{PREFIX}{min(unknown)}"
+        raise InputError(f"{key}: is unknown; remove it", code="extra-forbidden", key=key)
     options = ReadOptions.from_text(**kept)
     return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
 

@@ -123,6 +123,7 @@ class Stepper:
                 "a stepper cannot start settled: the model has no valid range of the input to "
                 "cycle over; pass history='demagnetised' or 'conditioned:...'",
                 code="no-valid-range",
+                key="valid",
             )
         low, high = self.model.valid.input
         slow = [0.0, 1e9, 2e9]  # eddy currents do not count
@@ -244,10 +245,13 @@ class Stepper:
             raise InputError(
                 "the model has eddy currents (gamma); commit one by one, with dt",
                 code="time-missing",
+                key="t_s",
             )
         if self._late is not None:
             raise InputError(
-                "the model creeps ([dynamics]); commit one by one, with dt", code="time-missing"
+                "the model creeps ([dynamics]); commit one by one, with dt",
+                code="time-missing",
+                key="t_s",
             )
         for end in (at.min(), at.max()):
             self._at(float(end))

@@ -176,7 +176,7 @@ def _family_of(value: Any) -> str:
 
 BY_FAMILY = Discriminator(
     _family_of,
-    custom_error_type="family",
+    custom_error_type="unknown_choice",
     custom_error_message='family must be "cells", "preisach" or "duhem"; correct it',
 )
 """By it a file's iron is read: as the table of its family, or as a word that stands for one."""

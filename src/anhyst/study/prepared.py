@@ -266,7 +266,7 @@ def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandL
         raise InputError(
             "model: does not say where it holds; identify it from loops",
             code="no-valid-range",
-            key="model",
+            key="valid",
         )
     valid = ValidRange(
         _within(model.valid.input, limits.current),

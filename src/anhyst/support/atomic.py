@@ -28,7 +28,9 @@ def write_error(path: PathLike, error: OSError) -> InputError:
     """Say why a file could not be written and what to do, in one line."""
     advice = _ADVICE.get(error.errno or 0, "choose another place")
     return InputError(
-        f"{path}: cannot be written: {error.strerror or error}; {advice}", code="cannot-be-written"
+        f"{path}: cannot be written: {error.strerror or error}; {advice}",
+        code="cannot-be-written",
+        key=errno.errorcode.get(error.errno or 0, ""),
     )
 
 

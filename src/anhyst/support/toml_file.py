@@ -45,6 +45,13 @@ class FileFault(NamedTuple):
     code: str
 
 
+class Advice(NamedTuple):
+    """What is wrong and what to do, and its code as that of an `InputError`."""
+
+    text: str
+    code: str
+
+
 @dataclass(frozen=True, slots=True)
 class Renamed:
     """A key of older files, or values of one.
@@ -170,7 +177,7 @@ class TomlFile:
     def collect(
         self,
         error: ValidationError,
-        advice: Callable[[KeyPath, Any], str],
+        advice: Callable[[KeyPath, Any], Advice],
         place: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
         """Note what a validation found, the first finding of each key.
@@ -180,7 +187,7 @@ class TomlFile:
         error : ValidationError
             Of the content, or of a part.
         advice : callable
-            From a key and what was found there to what is wrong and what to do.
+            From a key and what was found there to its advice.
         place : callable, optional
             From a place in the schema to the key in the file.
         """
@@ -189,7 +196,7 @@ class TomlFile:
             key = place(tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH)))
             if dotted(key) not in seen:
                 seen.add(dotted(key))
-                self.add(key, advice(key, finding), _code(finding))
+                self.add(key, *advice(key, finding))
 
     def error(self) -> TomlFileError:
         """Return all that is wrong, to be raised; at least one problem has been noted."""
@@ -312,23 +319,15 @@ def _damage(path: PathLike, text: str, message: str) -> str:
     return f"{path}:{line}: damaged TOML: {what[0].lower()}{what[1:]}; mend this line"
 
 
-def _code(finding: Any) -> str:
-    """Code of a finding: that of a check of this package, or the kind that pydantic calls it."""
-    own = finding.get("ctx", {}).get("error")
-    return own.code if isinstance(own, InputError) else str(finding["type"]).replace("_", "-")
-
-
-def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:
-    if finding["type"] == "value_error":
-        return str(finding["ctx"]["error"])
+def _advice(schema: type[Table], path: KeyPath, finding: Any) -> Advice:
     if finding["type"] == "extra_forbidden":
         key, known = str(path[-1]), _known(schema, finding["loc"][:-1])
         with_unit = [name for name in known if name.startswith(f"{key}_")]
         near = with_unit or difflib.get_close_matches(key, known, n=1)
         if len(with_unit) == 1:
-            return f"lacks its unit; write {with_unit[0]}"
+            return Advice(f"lacks its unit; write {with_unit[0]}", code="unit-missing")
         if near:
-            return f"is unknown; did you mean {near[0]}?"
+            return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
     return explain(finding)
 
 
@@ -368,14 +367,20 @@ def dotted(path: KeyPath) -> str:
     return text
 
 
-def explain(error: dict[str, Any]) -> str:
-    """Turn one finding of the validation into a clause that says what to do."""
+def explain(error: dict[str, Any]) -> Advice:
+    """Turn one finding of the validation into a clause that says what to do.
+
+    Its code is that of a check of this package, or the kind that pydantic calls it.
+    """
     kind, value = error["type"], error.get("input")
+    own = error.get("ctx", {}).get("error")
+    if isinstance(own, InputError):
+        return Advice(str(own), own.code)
     if kind == "missing":
-        return "is missing; add it"
+        return Advice("is missing; add it", code="missing")
     if kind == "extra_forbidden":
-        return "is unknown; remove it or correct its name"
+        return Advice("is unknown; remove it or correct its name", code="extra-forbidden")
     text = str(error["msg"]).replace("Input should be", "must be", 1)
     text = text[0].lower() + text[1:]
     shown = repr(value)
-    return f"{text}, is {shown}" if len(shown) <= 40 else text
+    return Advice(f"{text}, is {shown}" if len(shown) <= 40 else text, kind.replace("_", "-"))

@@ -144,8 +144,9 @@ class ChannelTable:
             raise TextInNumbersError(
                 f"{self.place}: column '{self.header[index]}' holds text or complex numbers, no "
                 "real ones",
-                index,
-                self.header[index],
+                column=index,
+                code="text-in-numbers",
+                key=self.header[index],
             ) from None
 
     def _times(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:

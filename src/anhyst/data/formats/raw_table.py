@@ -264,7 +264,8 @@ class _Reader:
 
     def _number(self, field: str, index: int, number: int) -> float:
         comma = self.layout.delimiter != "," and "." not in field
-        place = f"{self.layout.path}: line {number}, column '{self.layout.header[index]}'"
+        key = self.layout.header[index]
+        place = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
@@ -272,10 +273,10 @@ class _Reader:
         except ValueError:
             what = f"'{shown(field)}' is not a number" if field else "is empty"
             text = f"{place}: {what}; correct or remove the line"
-            raise TextInNumbersError(text, index, self.layout.header[index]) from None
+            raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
         if not math.isfinite(value):
             text = f"{place}: {field} is no measured value; remove the line"
-            raise TextInNumbersError(text, index, self.layout.header[index])
+            raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key)
         return value
 
 

@@ -37,4 +37,5 @@ def check_values(values: Mapping[str, float], parameters: Sequence[Parameter]) -
                 f"{name}: is {value:g} {one.unit}".rstrip()
                 + f"; choose a value from {one.low:g} to {one.high:g}",
                 code="out-of-range",
+                key=name,
             )

@@ -48,7 +48,7 @@ def fault_of(row: Mapping[str, Any], variants: Sequence[str], heights: int) -> s
         found = PlantRow.model_validate(row)
     except ValidationError as error:
         first: dict[str, Any] = {**error.errors(include_url=False)[0]}
-        what, _, _ = explain(first).partition(";")  # nobody mends such a line by hand
+        what, _, _ = explain(first).text.partition(";")  # nobody mends such a line by hand
         return f"{'.'.join(str(part) for part in first['loc'])}: {what}"
     for name in variants:
         run = found.variants.get(name)

@@ -182,7 +182,9 @@ class DriftWatch:
     def __post_init__(self) -> None:
         if self.model.valid is None:
             raise InputError(
-                "the model has no valid range; identify it again", code="no-valid-range"
+                "the model has no valid range; identify it again",
+                code="no-valid-range",
+                key="valid",
             )
         low, high = self.model.valid.input
         self._stepper = Stepper(self.model, self.gap, self.history)
