@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.columns import Texts
 from anhyst.data.formats import ONE_TABLE, WRITERS, ChannelTable, open_table
 from anhyst.data.formats.channels import (
     Channel,
@@ -20,6 +19,7 @@ from anhyst.data.formats.channels import (
     clocks_by_name,
     sections,
 )
+from anhyst.data.formats.columns import Texts
 from anhyst.data.table import read_columns
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError

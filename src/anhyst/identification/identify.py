@@ -26,8 +26,8 @@ from anhyst.identification.default import FoundModel
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
-from anhyst.identification.paper.search import check_splines
-from anhyst.identification.paper.sequence import search_paper
+from anhyst.identification.paper_search import check_splines
+from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rest import rest_of
 from anhyst.identification.result import IdentifyResult
 from anhyst.identification.run import SEARCHED, SearchRun

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.columns import Texts
-from anhyst.data.files import write_csv
+from anhyst.data.formats.columns import Texts
+from anhyst.data.formats.text import write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.loops import Loop
 from anhyst.data.output_map import OUTPUT_MAPS

@@ -11,7 +11,7 @@ import numpy as np
 
 from anhyst._core import LOOP_COLUMNS
 from anhyst.control.states import Phase, State
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, write_bytes
 from anhyst.support.errors import InputError

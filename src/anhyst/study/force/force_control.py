@@ -13,7 +13,7 @@ from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
 from anhyst.data import Loops
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.data.table import read_columns
 from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu

@@ -20,7 +20,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import Loop, Loops
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.data.history import History
 from anhyst.identification import identify
 from anhyst.model.actuator import Model

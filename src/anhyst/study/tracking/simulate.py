@@ -11,7 +11,7 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.recording import check_ending
 from anhyst.rig.stage.file import StageRig, read_stage
