@@ -5,6 +5,7 @@
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
 #   make bench   the table of figures           make format  lay out Python and C sources
 #   make docs    the documentation site, in build/site/
+#   make house   count rooms, imports, circles, lines
 #   make build   compile the core again          make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
@@ -21,7 +22,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/fi
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check docs prove prove-all bench build wheel format clean fuzz \
+.PHONY: demo test test-all check docs house prove prove-all bench build wheel format clean fuzz \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -40,6 +41,9 @@ test-all: build
 
 docs: build
 	@$(BIN)/python tools/docs
+
+house: build
+	@$(BIN)/python -m tools.house
 
 prove: build
 	@$(BIN)/python -m tools.prove
