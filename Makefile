@@ -42,8 +42,8 @@ test-all: build
 docs: build
 	@$(BIN)/python tools/docs
 
-house: build
-	@$(BIN)/python -m tools.house
+house:
+	@$(PYTHON) -m tools.house
 
 prove: build
 	@$(BIN)/python -m tools.prove
