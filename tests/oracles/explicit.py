@@ -54,7 +54,9 @@ def integrate(rate: Rate, given: FloatArray, m0: float, scheme: Scheme) -> list[
         If the scheme is unknown.
     """
     if scheme not in ("euler", "rk4"):
-        raise InputError(f"scheme: {scheme!r} is unknown; use euler or rk4")
+        raise InputError(
+            f"scheme: {scheme!r} is unknown; use euler or rk4", code="unknown-choice", key="scheme"
+        )
     m, path = m0, [m0]
     for t0, t1 in zip(given[:-1].tolist(), given[1:].tolist(), strict=True):
         d = t1 - t0

@@ -60,7 +60,11 @@ class JilesAtherton1986(LaggingLaw):
     def __post_init__(self) -> None:
         self.check_parameters()
         if not self.eps * LARGEST_SLOPE < 1.0:
-            raise InputError("alpha: alpha*c*M_s/(3*a) must stay below 1; lower alpha or c")
+            raise InputError(
+                "alpha: alpha*c*M_s/(3*a) must stay below 1; lower alpha or c",
+                code="reversible-part-jumps",
+                key="alpha",
+            )
 
     @property
     def largest_slope(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import json
 import os
 import subprocess
 import sys
@@ -51,12 +52,15 @@ def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
     about = path.stat()
     name = f"{opener.__module__}:{opener.__name__}"
     if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size, SECONDS)) is not None:
-        raise InputError(refusal)
+        text, code, key = refusal
+        raise InputError(text, code=code, key=key)
 
 
 @cache
-def _tried(path: Path, opener: str, _changed: int, size: int, seconds: float) -> str | None:
-    """Return why a file is refused."""
+def _tried(
+    path: Path, opener: str, _changed: int, size: int, seconds: float
+) -> tuple[str, str, str] | None:
+    """Return why a file is refused: the text, code and key of the error."""
     limit = seconds + size / 4e6
     script = "from anhyst.data.formats.trial import read_here; read_here()"
     command = [sys.executable, "-P", "-c", script, str(path), opener, str(limit)]
@@ -76,10 +80,11 @@ def _tried(path: Path, opener: str, _changed: int, size: int, seconds: float) ->
     if done is not None and done.returncode == 0:
         return None
     if done is not None and done.returncode == _REFUSED:
-        return done.stdout.decode("utf-8", "replace")
+        text, code, key = json.loads(done.stdout)
+        return text, code, key
     if done is not None and done.returncode == _FULL:
-        return f"{path}: needs more than {_MEMORY >> 30} GiB to be read; {_ADVICE}"
-    return f"{path}: crashes or hangs what reads it; {_ADVICE}"
+        return f"{path}: needs more than {_MEMORY >> 30} GiB to be read; {_ADVICE}", "too-large", ""
+    return f"{path}: crashes or hangs what reads it; {_ADVICE}", "reader-ended", ""
 
 
 def read_here() -> None:
@@ -90,7 +95,7 @@ def read_here() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
     # Without the end of an interpreter, in which what a library left behind may crash.
     code, text = _read(path, opener)
-    os.write(said, text.encode("utf-8", "replace"))
+    os.write(said, text.encode())
     os._exit(code)
 
 
@@ -120,7 +125,7 @@ def _read(path: Path, opener: str) -> tuple[int, str]:
     except MemoryError:
         return _FULL, ""
     except InputError as error:
-        return _REFUSED, str(error)
+        return _REFUSED, json.dumps([str(error), error.code, error.key])
     except Exception:
         return 0, ""  # a fault of this package, to be seen where it is used
     return 0, ""
