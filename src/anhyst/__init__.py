@@ -28,28 +28,43 @@ if TYPE_CHECKING:
 
     from anhyst.compilation.output import Compiled
     from anhyst.compilation.verb import compile_actuator as compile  # noqa: A004
+    from anhyst.data.clean import clean
+    from anhyst.data.convert import convert
     from anhyst.data.inspection import Inspection, inspect
     from anhyst.data.loops import Loop, Loops
     from anhyst.data.reading import read_loops
+    from anhyst.draft.drafting import Drafted, init
     from anhyst.draft.examples import example_files
+    from anhyst.exchange.verb import export
     from anhyst.identification.identify import identify
     from anhyst.identification.result import IdentifyResult
+    from anhyst.link.xcp_bridge import xcp
     from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.file import read_model
+    from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
     from anhyst.reports.model.page import write_report as report
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
+    from anhyst.study.excite.excite import Excitation
+    from anhyst.study.fleet.fleet import Fleet
+    from anhyst.study.fleet.verb import judge_fleet as fleet
     from anhyst.study.force.force_control import force_control
+    from anhyst.study.measuring import excite_rig as excite
     from anhyst.study.simulate import simulate_rig as simulate
-    from anhyst.study.tuning.tuning import tune
+    from anhyst.study.tuning.result import Tuning
+    from anhyst.study.tuning.verb import tune_bearing as tune
+    from anhyst.study.watch.recording import watch
     from anhyst.support.errors import InputError, NegativeResult
     from anhyst.verification.result import Verification
     from anhyst.verification.verify import verify
 
 __all__ = [
     "Compiled",
+    "Drafted",
+    "Excitation",
+    "Fleet",
     "IdentifyResult",
     "InputError",
     "Inspection",
@@ -59,50 +74,77 @@ __all__ = [
     "ModelDiff",
     "NegativeResult",
     "Prediction",
+    "RunSummary",
     "Simulation",
+    "Tuning",
     "Verification",
     "__version__",
+    "clean",
     "compile",
+    "convert",
     "diff",
     "example_files",
+    "excite",
+    "export",
+    "fleet",
     "force_control",
     "identify",
+    "init",
     "inspect",
+    "invert",
     "linearise",
+    "predict",
     "read_loops",
     "read_model",
     "report",
     "simulate",
     "tune",
     "verify",
+    "watch",
+    "xcp",
 ]
 
 _PLACES = {
     "Compiled": "compilation.output",
+    "Drafted": "draft.drafting",
+    "Excitation": "study.excite.excite",
+    "Fleet": "study.fleet.fleet",
     "IdentifyResult": "identification.result",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
     "Loop": "data.loops",
-    "Loops": "data.loops:Loops",
+    "Loops": "data.loops",
     "Model": "model.actuator",
     "ModelDiff": "model.diff",
     "NegativeResult": "support.errors",
     "Prediction": "model.prediction",
+    "RunSummary": "model.predict_file",
     "Simulation": "study.bearing.simulate",
+    "Tuning": "study.tuning.result",
     "Verification": "verification.result",
+    "clean": "data.clean",
     "compile": "compilation.verb:compile_actuator",
+    "convert": "data.convert",
     "diff": "model.diff",
     "example_files": "draft.examples",
+    "excite": "study.measuring:excite_rig",
+    "export": "exchange.verb",
+    "fleet": "study.fleet.verb:judge_fleet",
     "force_control": "study.force.force_control",
     "identify": "identification.identify",
+    "init": "draft.drafting",
     "inspect": "data.inspection",
+    "invert": "model.predict_file",
     "linearise": "study.bearing.state_space",
+    "predict": "model.predict_file",
     "read_loops": "data.reading",
     "read_model": "model.file",
     "report": "reports.model.page:write_report",
     "simulate": "study.simulate:simulate_rig",
-    "tune": "study.tuning.tuning",
+    "tune": "study.tuning.verb:tune_bearing",
     "verify": "verification.verify",
+    "watch": "study.watch.recording",
+    "xcp": "link.xcp_bridge",
 }
 """Where each name lives, and what it is called there if not the same."""
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, warn
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
@@ -30,10 +31,8 @@ def convert(
 
     Example: anhyst convert recording.mf4 recording.csv
     """
-    from anhyst.data.convert import convert as write
-
     with progress_bar(f"reading {source.name}") as progress:
-        done = write(source, out, progress)
+        done = anhyst.convert(source, out, progress=progress)
     for text in done.notes:
         warn(text)
     if as_json:

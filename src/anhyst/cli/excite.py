@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table
 from anhyst.cli.inspect import check_plot
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
-from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
-    from anhyst.study.excite.excite import Excitation
+    from anhyst import Excitation
 
 
 def excite(
@@ -62,29 +62,10 @@ def excite(
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
     """
-    from anhyst.study.bench import through
-    from anhyst.study.excite.excite import excite as run
-
     if plot is not None:
         check_plot(plot)
-    url = port if xcp is None else f"socket://{xcp}"
-    if xcp is not None and port is not None:
-        raise InputError(
-            "--port: one controller at a time; leave it or --xcp out",
-            code="options-together",
-            key="--port",
-        )
-    if (url is None) is not (folder is None):
-        raise InputError(
-            "--folder: goes together with --xcp or --port, and they with it",
-            code="options-missing",
-            key="--folder",
-        )
     with progress_bar("measuring") as progress:
-        if folder is None or url is None:
-            found = run(rig, out, progress)
-        else:
-            found = run(rig, out, progress, through(folder, url))
+        found = anhyst.excite(rig, out, folder=folder, xcp=xcp, port=port, progress=progress)
     if plot is not None:
         _draw(found, plot)
     if as_json:

@@ -97,13 +97,13 @@ ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.toml."
 
 
 def read_options(
-    columns: str | None,
-    sidecar: Path | None,
-    schedule: str | None,
-    loop: str | None,
-    constants: str | None,
-    history: str | None,
-    clean: str | None,
+    columns: str | None = None,
+    sidecar: Path | None = None,
+    schedule: str | None = None,
+    loop: str | None = None,
+    constants: str | None = None,
+    history: str | None = None,
+    clean: str | None = None,
 ) -> ReadOptions:
     """Collect what the options say about reading measurements.
 

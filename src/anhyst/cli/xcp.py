@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import show
 
 
@@ -33,14 +34,6 @@ def xcp(
 
     Example: anhyst xcp /dev/ttyACM0
     """
-    from anhyst.link.client import ControllerLink
-    from anhyst.link.xcp_bridge import XcpBridge
-
-    with ControllerLink(port) as controller:
-        bridge = XcpBridge(controller, listen)
-        show(f"XCP on TCP: 127.0.0.1:{bridge.port}  ctrl-C ends it")
-        try:
-            while True:
-                bridge.serve_one()
-        finally:
-            bridge.close()
+    anhyst.xcp(
+        port, listen, started=lambda taken: show(f"XCP on TCP: 127.0.0.1:{taken}  ctrl-C ends it")
+    )

@@ -93,6 +93,17 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
 
+def address_of(xcp: str | None, port: str | None) -> str | None:
+    """Return where a controller offers XCP, by TCP or on a serial port; None where neither is given."""
+    if xcp is not None and port is not None:
+        raise InputError(
+            "--port: one controller at a time; leave it or --xcp out",
+            code="options-together",
+            key="--port",
+        )
+    return port if xcp is None else f"socket://{xcp}"
+
+
 def through(folder: PathLike, url: str) -> Measuring:
     """Return what measures loops through a controller that runs by itself.
 
