@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     __version__: str
 
     from anhyst.compilation.output import Compiled
+    from anhyst.compilation.play import CompiledPlay
     from anhyst.compilation.verb import compile_actuator as compile  # noqa: A004
+    from anhyst.dashboard.verb import live
     from anhyst.data.clean import clean
     from anhyst.data.convert import convert
     from anhyst.data.inspection import Inspection, inspect
@@ -50,7 +52,7 @@ if TYPE_CHECKING:
     from anhyst.study.excite.excite import Excitation
     from anhyst.study.fleet.fleet import Fleet
     from anhyst.study.fleet.verb import judge_fleet as fleet
-    from anhyst.study.force.force_control import force_control
+    from anhyst.study.force.force_control import ForceControl, force_control
     from anhyst.study.measuring import excite_rig as excite
     from anhyst.study.simulate import simulate_rig as simulate
     from anhyst.study.tuning.result import Tuning
@@ -62,9 +64,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Compiled",
+    "CompiledPlay",
     "Drafted",
     "Excitation",
     "Fleet",
+    "ForceControl",
     "IdentifyResult",
     "InputError",
     "Inspection",
@@ -93,6 +97,7 @@ __all__ = [
     "inspect",
     "invert",
     "linearise",
+    "live",
     "predict",
     "read_loops",
     "read_model",
@@ -106,9 +111,11 @@ __all__ = [
 
 _PLACES = {
     "Compiled": "compilation.output",
+    "CompiledPlay": "compilation.play",
     "Drafted": "draft.drafting",
     "Excitation": "study.excite.excite",
     "Fleet": "study.fleet.fleet",
+    "ForceControl": "study.force.force_control",
     "IdentifyResult": "identification.result",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
@@ -136,6 +143,7 @@ _PLACES = {
     "inspect": "data.inspection",
     "invert": "model.predict_file",
     "linearise": "study.bearing.state_space",
+    "live": "dashboard.verb",
     "predict": "model.predict_file",
     "read_loops": "data.reading",
     "read_model": "model.file",

@@ -12,8 +12,8 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command, State
-from anhyst.live.improver import Improver
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.force import StandPlant
 from anhyst.study.bench import open_board, prepare_board
 from anhyst.study.prepared import PreparedForce
@@ -123,7 +123,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
 
 
 def order_command(session: LiveSession, name: str) -> None:
-    from anhyst.live.orders import perform
+    from anhyst.dashboard.orders import perform
 
     session.do(lambda: perform(session, "browser 1", {"do": "command", "name": name}))
 

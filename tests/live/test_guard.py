@@ -15,8 +15,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst.live.guard import POLICY, read_address
-from anhyst.live.server import CLIENTS_MOST
+from anhyst.dashboard.guard import POLICY, read_address
+from anhyst.dashboard.server import CLIENTS_MOST
 from anhyst.support.errors import InputError
 from tests.live.conftest import Serve, Served, wait_for
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.live.sets import ENDING, ParameterSets, values_for
+from anhyst.dashboard.sets import ENDING, ParameterSets, values_for
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
 from tests.live.conftest import Serve, Served, Show, wait_for

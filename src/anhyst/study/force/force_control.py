@@ -125,7 +125,7 @@ class ForceControl(Result):
 
 
 def force_control(
-    rig_path: PathLike,
+    rig: PathLike,
     out: PathLike,
     *,
     board: str = "host",
@@ -136,7 +136,7 @@ def force_control(
 
     Parameters
     ----------
-    rig_path : path-like
+    rig : path-like
         The rig file.
     out : path-like
         Folder to write; made where it is not there.
@@ -158,7 +158,12 @@ def force_control(
     NegativeResult
         A model cannot be compiled, or a controller did not follow its commands.
     """
-    rig = read_rig(rig_path)
+    return _run(read_rig(rig), out, board, demand, progress)
+
+
+def _run(
+    rig: Rig, out: PathLike, board: str, demand: PathLike | None, progress: Progress | None
+) -> ForceControl:
     demands = _demands(rig, demand)
     _check_tools(board)
     trials = list(plan_trials(rig, demands))

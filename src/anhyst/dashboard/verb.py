@@ -6,11 +6,11 @@ import secrets
 from collections.abc import Callable
 from pathlib import Path
 
-from anhyst.live.guard import read_address
-from anhyst.live.improver import Improver
-from anhyst.live.recorder import RecordingFile, start_recording
-from anhyst.live.run import listen_on, serve
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.guard import read_address
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.recorder import RecordingFile, start_recording
+from anhyst.dashboard.run import listen_on, serve
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Bench
 from anhyst.study.bench import address_of, open_board, prepare_board
 from anhyst.study.kept import prepared_once
