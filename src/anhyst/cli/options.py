@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from anhyst.model.sources import ReadOptions
+    from anhyst.data.read_options import ReadOptions
 
 
 class BoardChoice(StrEnum):
@@ -112,7 +112,7 @@ def read_options(
     InputError
         A text that is not of the right form.
     """
-    from anhyst.model.sources import ReadOptions
+    from anhyst.data.read_options import ReadOptions
 
     return ReadOptions.from_text(
         columns=columns,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.data.clean import DEFAULT_STEPS
+from anhyst.data.read_options import ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.draft.bearing import draft_bearing
 from anhyst.draft.examples import NEXT, example_files
@@ -17,7 +18,6 @@ from anhyst.draft.machine import Machine, Wanted, machine_of
 from anhyst.draft.magnet import MeasuredMagnet, reach_of
 from anhyst.draft.rules import Numbers, numbers_of
 from anhyst.draft.text import Draft
-from anhyst.model.sources import ReadOptions
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
