@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import in_small_units, print_json, show, table
 from anhyst.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import Model
-    from anhyst.model.diff import ModelDiff
+    from anhyst import Model, ModelDiff
     from anhyst.model.parameters import Parameter
 
 
@@ -29,11 +29,8 @@ def diff(
 
     Example: anhyst diff old.toml new.toml
     """
-    from anhyst.model.diff import diff as compare
-    from anhyst.model.file import read_model
-
-    one, other = read_model(first), read_model(second)
-    result = compare(one, other)
+    one, other = anhyst.read_model(first), anhyst.read_model(second)
+    result = anhyst.diff(one, other)
     if as_json:
         print_json(asdict(result) | {"same": result.same, "unit": one.output.unit})
     else:

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, BoardChoice
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.study.force.force_control import ForceControl
+    from anhyst import ForceControl
 
 
 STAGES = {
@@ -54,10 +55,9 @@ def force_control(
     Example: anhyst force-control examples/solenoid/rig.toml --out run
     """
     from anhyst.reports.force.figures import draw
-    from anhyst.study.force.force_control import force_control as run
 
     with progress_bar("force control") as progress:
-        found = run(rig, out, board=board.value, demand=demand, progress=progress)
+        found = anhyst.force_control(rig, out, board=board.value, demand=demand, progress=progress)
         draw(found)
     for text in found.plant.warnings:
         warn(text)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import in_small_units, print_json, show, table, warn
 from anhyst.cli.options import (
     AsJson,
@@ -24,9 +25,9 @@ from anhyst.cli.options import (
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst.data.inspection import Inspection, LoopFigures
+    from anhyst import Inspection, Loops
+    from anhyst.data.inspection import LoopFigures
     from anhyst.data.listing import ChannelFigures
-    from anhyst.data.loops import Loops
 
 
 def inspect(
@@ -55,8 +56,6 @@ def inspect(
 
     Example: anhyst inspect loops.csv --plot loops.png
     """
-    from anhyst.data.inspection import inspect as look_at
-
     if plot is not None:
         check_plot(plot)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
@@ -67,7 +66,7 @@ def inspect(
         _show_channels(listed)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
-    found = look_at(measured)
+    found = anhyst.inspect(measured)
     if plot is not None:
         _draw(found, measured, plot)
     if as_json:
