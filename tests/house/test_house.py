@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import tomllib
 from functools import cache
 
 from tools import house
@@ -21,6 +22,15 @@ def test_no_number_of_the_house_has_risen() -> None:
 def test_the_architecture_prints_what_the_command_counts() -> None:
     page = house.PAGE.read_text(encoding="utf-8")
     assert house.table(numbers()) in page, "run make house"
+
+
+def test_the_architecture_prints_the_layers_that_are_enforced() -> None:
+    project = tomllib.loads((house.ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    (layers,) = (one["layers"] for one in contracts if one["type"] == "layers")
+    page = house.PAGE.read_text(encoding="utf-8")
+    assert f"\n    {', '.join(layers)}\n" in page
+    assert all(f"\n      {room}/ " in page for room in layers)
 
 
 def test_imports_count_wherever_they_stand() -> None:
