@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
     from anhyst.reports.model.page import write_report as report
+    from anhyst.reports.simulate import simulate_rig as simulate
+    from anhyst.study.bearing.benefit import Benefit
+    from anhyst.study.bearing.monte_carlo import MonteCarlo
+    from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
     from anhyst.study.excite.excite import Excitation
@@ -54,7 +58,9 @@ if TYPE_CHECKING:
     from anhyst.study.fleet.verb import judge_fleet as fleet
     from anhyst.study.force.force_control import ForceControl, force_control
     from anhyst.study.measuring import excite_rig as excite
-    from anhyst.study.simulate import simulate_rig as simulate
+    from anhyst.study.piezo.track import PiezoTracking
+    from anhyst.study.tracking.monte_carlo import CalibrationStudy
+    from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.verb import tune_bearing as tune
     from anhyst.study.watch.recording import watch
@@ -63,6 +69,9 @@ if TYPE_CHECKING:
     from anhyst.verification.verify import verify
 
 __all__ = [
+    "Benefit",
+    "BoardComparison",
+    "CalibrationStudy",
     "Compiled",
     "CompiledPlay",
     "Drafted",
@@ -76,10 +85,13 @@ __all__ = [
     "Loops",
     "Model",
     "ModelDiff",
+    "MonteCarlo",
     "NegativeResult",
+    "PiezoTracking",
     "Prediction",
     "RunSummary",
     "Simulation",
+    "TrackingStudy",
     "Tuning",
     "Verification",
     "__version__",
@@ -110,6 +122,9 @@ __all__ = [
 ]
 
 _PLACES = {
+    "Benefit": "study.bearing.benefit",
+    "BoardComparison": "study.bearing.on_board",
+    "CalibrationStudy": "study.tracking.monte_carlo",
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
     "Drafted": "draft.drafting",
@@ -123,10 +138,13 @@ _PLACES = {
     "Loops": "data.loops",
     "Model": "model.actuator",
     "ModelDiff": "model.diff",
+    "MonteCarlo": "study.bearing.monte_carlo",
     "NegativeResult": "support.errors",
+    "PiezoTracking": "study.piezo.track",
     "Prediction": "model.prediction",
     "RunSummary": "model.predict_file",
     "Simulation": "study.bearing.simulate",
+    "TrackingStudy": "study.tracking.simulate",
     "Tuning": "study.tuning.result",
     "Verification": "verification.result",
     "clean": "data.clean",
@@ -148,7 +166,7 @@ _PLACES = {
     "read_loops": "data.reading",
     "read_model": "model.file",
     "report": "reports.model.page:write_report",
-    "simulate": "study.simulate:simulate_rig",
+    "simulate": "reports.simulate:simulate_rig",
     "tune": "study.tuning.verb:tune_bearing",
     "verify": "verification.verify",
     "watch": "study.watch.recording",

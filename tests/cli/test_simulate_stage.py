@@ -61,7 +61,7 @@ def test_a_stage_that_will_not_do_is_named_by_file_and_key(
 
 def test_a_stage_takes_no_options_of_a_bearing(folder: Path) -> None:
     text = refused("simulate", "rig.toml", "--out", "map.json", "--benefit", cwd=folder)
-    assert "a stage has no --controller, --board or --benefit" in text
+    assert "a stage has no --benefit" in text
 
 
 @pytest.mark.slow

@@ -102,6 +102,15 @@ class Simulation(Result):
         found: list[str] = self.figures["lost_in"]
         return found
 
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the controller file's own variant lost levitation."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"'{self.own}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
+                "figures and recording are kept",
+                code="levitation-lost",
+            )
+
     @property
     def own(self) -> MethodName:
         """MethodName of the controller file."""
@@ -192,7 +201,7 @@ def explore(
     -------
     Simulation
         Where levitation was lost in the test cases beside the steps of the recording, its
-        ``lost_in`` says so: see :func:`refuse_losses`.
+        ``lost_in`` says so: see `refuse_losses`.
 
     Raises
     ------
@@ -266,22 +275,6 @@ def _write_recording(
 def _model_file(out: PathLike) -> Path:
     """Return where the model that was identified goes."""
     return Path(out).with_suffix(".model.toml")
-
-
-def refuse_losses(found: Simulation) -> None:
-    """Raise where the controller file's own variant lost levitation in anything that was tried.
-
-    Raises
-    ------
-    NegativeResult
-        Says in what.
-    """
-    if found.lost_in:
-        raise NegativeResult(
-            f"'{found.own}' of the controller file lost levitation: {'; '.join(found.lost_in)}; "
-            "figures and recording are kept",
-            code="levitation-lost",
-        )
 
 
 def _beside(
