@@ -113,9 +113,10 @@ def _targets(tree: ast.Module, known: Iterable[str]) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in known)
-        elif isinstance(node, ast.ImportFrom) and node.module in known:
-            full = (f"{node.module}.{alias.name}" for alias in node.names)
-            yield from (one if one in known else node.module for one in full)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.module in known:
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                yield full if full in known else node.module
 
 
 def _merged(graph: Graph, of: Callable[[str], str]) -> Graph:
@@ -139,8 +140,9 @@ def _code_lines(text: str, tree: ast.Module) -> int:
     numbered = enumerate(text.splitlines(), 1)
     lines = {number for number, line in numbered if line.strip()[:1] not in {"", "#"}}
     for node in ast.walk(tree):
-        text_alone = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        if text_alone or isinstance(node, ast.Import | ast.ImportFrom):
+        if isinstance(node, ast.Import | ast.ImportFrom) or (
+            isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        ):
             lines -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return len(lines)
 

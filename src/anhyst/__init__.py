@@ -1,6 +1,7 @@
 """From a measured loop to a linear actuator.
 
-The verbs are functions and the nouns are what they give; each is imported once it is used::
+Every verb of the command line is a function with the same names and defaults, and the nouns are what
+they give; each is imported once it is used::
 
     import anhyst
 
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from anhyst.model.file import read_model
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
+    from anhyst.reports.measuring import excite_rig as excite
     from anhyst.reports.model.page import write_report as report
     from anhyst.reports.simulate import simulate_rig as simulate
     from anhyst.study.bearing.benefit import Benefit
@@ -57,7 +59,6 @@ if TYPE_CHECKING:
     from anhyst.study.fleet.fleet import Fleet
     from anhyst.study.fleet.verb import judge_fleet as fleet
     from anhyst.study.force.force_control import ForceControl, force_control
-    from anhyst.study.measuring import excite_rig as excite
     from anhyst.study.piezo.track import PiezoTracking
     from anhyst.study.tracking.monte_carlo import CalibrationStudy
     from anhyst.study.tracking.simulate import TrackingStudy
@@ -152,7 +153,7 @@ _PLACES = {
     "convert": "data.convert",
     "diff": "model.diff",
     "example_files": "draft.examples",
-    "excite": "study.measuring:excite_rig",
+    "excite": "reports.measuring:excite_rig",
     "export": "exchange.verb",
     "fleet": "study.fleet.verb:judge_fleet",
     "force_control": "study.force.force_control",

@@ -21,7 +21,6 @@ READING = frozenset({"columns", "sidecar", "schedule", "loop", "constants", "his
 OWN = {
     "identify": {"out", "clean", *READING},  # its result has save, loops are cleaned before
     "inspect": {"plot", "clean", *READING},  # its result has plot
-    "excite": {"plot"},
     "simulate": {"out"},  # without it nothing is written, and the result has save
 }
 """What is the command line's alone, besides ``--json``."""

@@ -9,7 +9,6 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table
-from anhyst.cli.inspect import check_plot
 from anhyst.cli.options import AsJson
 from anhyst.cli.progress import progress_bar
 
@@ -62,27 +61,14 @@ def excite(
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
     """
-    if plot is not None:
-        check_plot(plot)
     with progress_bar("measuring") as progress:
-        found = anhyst.excite(rig, out, folder=folder, xcp=xcp, port=port, progress=progress)
-    if plot is not None:
-        _draw(found, plot)
+        found = anhyst.excite(
+            rig, out, plot=plot, folder=folder, xcp=xcp, port=port, progress=progress
+        )
     if as_json:
         print_json(found.as_dict())
     else:
         _show(found, out, plot)
-
-
-def _draw(found: Excitation, path: Path) -> None:
-    from io import BytesIO
-
-    from anhyst.reports.excite import figure_excitation
-    from anhyst.support.atomic import write_bytes
-
-    picture = BytesIO()
-    figure_excitation(found).savefig(picture, format=path.suffix[1:].lower(), dpi=150)
-    write_bytes(path, picture.getvalue())
 
 
 def _show(found: Excitation, out: Path, plot: Path | None) -> None:

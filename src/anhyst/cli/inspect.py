@@ -23,9 +23,10 @@ from anhyst.cli.options import (
     read_options,
 )
 from anhyst.cli.progress import progress_bar
+from anhyst.support.picture import check_picture, write_figure
 
 if TYPE_CHECKING:
-    from anhyst import Inspection, Loops
+    from anhyst import Inspection
     from anhyst.data.inspection import LoopFigures
     from anhyst.data.listing import ChannelFigures
 
@@ -57,7 +58,7 @@ def inspect(
     Example: anhyst inspect loops.csv --plot loops.png
     """
     if plot is not None:
-        check_plot(plot)
+        check_picture(plot)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     # Thinning would hide noise and skew, which are what is looked for.
     options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
@@ -68,7 +69,9 @@ def inspect(
         measured = options.read(loops, progress)
     found = anhyst.inspect(measured)
     if plot is not None:
-        _draw(found, measured, plot)
+        from anhyst.data.plot import plot_inspection
+
+        write_figure(plot_inspection(found, measured), plot)
     if as_json:
         channels = {"channels": [one.as_dict() for one in listed]} if listed else {}
         print_json(found.as_dict() | channels)
@@ -98,31 +101,6 @@ def _show_channels(listed: list[ChannelFigures]) -> None:
         rate = "" if one.rate is None else f"{one.rate:.6g}"
         figures.add_row(escape(one.name), escape(one.unit), str(one.samples), rate, span, one.role)
     show(figures)
-
-
-def check_plot(path: Path) -> None:
-    """Refuse a plot that could not be written in the end."""
-    from anhyst.support.atomic import check_writable
-    from anhyst.support.errors import InputError
-
-    if path.suffix.lower() not in {".png", ".svg", ".pdf"}:
-        raise InputError(
-            f"{path}: a plot is written as .png, .svg or .pdf; change the ending",
-            code="wrong-ending",
-        )
-    check_writable(path)
-
-
-def _draw(found: Inspection, loops: Loops, path: Path) -> None:
-    from io import BytesIO
-
-    from anhyst.data.plot import plot_inspection
-    from anhyst.support.atomic import write_bytes
-
-    picture = BytesIO()
-    figure = plot_inspection(found, loops)
-    figure.savefig(picture, format=path.suffix[1:].lower(), dpi=150)
-    write_bytes(path, picture.getvalue())
 
 
 def _show(found: Inspection) -> None:

@@ -87,7 +87,7 @@ def live(
     with listen_on(*read_address(listen, token)) as taken:
         bench, improver = _open(rig, controller, url, known, progress)
         try:
-            recording = place and start_recording(place, bench.signals, bench.rate)
+            recording = None if place is None else start_recording(place, bench.signals, bench.rate)
         except BaseException:
             bench.close()
             raise

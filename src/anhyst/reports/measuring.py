@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from anhyst.reports.excite import figure_excitation
 from anhyst.study.bench import address_of, through
-from anhyst.study.excite.excite import Excitation, excite
+from anhyst.study.excite.excite import Excitation, excite, measure
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.picture import check_picture, write_figure
 from anhyst.support.progress import Progress
 
 
@@ -13,6 +15,7 @@ def excite_rig(
     rig: PathLike,
     out: PathLike,
     *,
+    plot: PathLike | None = None,
     folder: PathLike | None = None,
     xcp: str | None = None,
     port: str | None = None,
@@ -26,6 +29,8 @@ def excite_rig(
         Rig file, of a bearing or of force control.
     out : path-like
         CSV to write; its sidecar is the ``.toml`` beside it.
+    plot : path-like, optional
+        Picture of drive and loops to write, ``.png``, ``.svg`` or ``.pdf``.
     folder : path-like, optional
         With `xcp` or `port`: the compiled folder around which the firmware is built.
     xcp : str, optional
@@ -45,6 +50,8 @@ def excite_rig(
     InputError
         A file cannot be read or written, a rig gives no loops, or no controller answers.
     """
+    if plot is not None:
+        check_picture(plot)
     url = address_of(xcp, port)
     if (url is None) is not (folder is None):
         raise InputError(
@@ -52,6 +59,8 @@ def excite_rig(
             code="options-missing",
             key="--folder",
         )
-    if folder is None or url is None:
-        return excite(rig, out, progress)
-    return excite(rig, out, progress, through(folder, url))
+    how = measure if folder is None or url is None else through(folder, url)
+    found = excite(rig, out, progress, how)
+    if plot is not None:
+        write_figure(figure_excitation(found), plot)
+    return found
