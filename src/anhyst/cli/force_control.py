@@ -41,6 +41,13 @@ def force_control(
             metavar="FILE", help="CSV with a demand (t_s, F_N), beside those of the rig file."
         ),
     ] = None,
+    recordings: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT",
+            help="Format of the recordings: csv, mat, mf4, tdms, h5 or parquet.",
+        ),
+    ] = "csv",
     as_json: AsJson = False,
 ) -> None:
     """Control the force of a magnet, open loop, with and without compensation.
@@ -57,7 +64,9 @@ def force_control(
     from anhyst.study.force.force_control import force_control as run
 
     with progress_bar("force control") as progress:
-        found = run(rig, out, board=board.value, demand=demand, progress=progress)
+        found = run(
+            rig, out, board=board.value, demand=demand, recordings=recordings, progress=progress
+        )
         draw(found)
     for text in found.plant.warnings:
         warn(text)
@@ -65,6 +74,8 @@ def force_control(
         print_json(found.figures)
     else:
         _show(found)
+    if found.lost_in:
+        raise NegativeResult(f"the force was lost: {'; '.join(found.lost_in)}; all files are kept")
     differing = found.figures["ticks_that_differ"]
     if differing:
         raise NegativeResult(
@@ -84,10 +95,11 @@ def _show(found: ForceControl) -> None:
         cells = [f"{worst[name]['worst_percent']:.2f}" if name in worst else "" for name in TITLES]
         rows.add_row(title, *cells)
     show(
+        *(f"lost: {one}" for one in found.lost_in),
         rows,
-        f"verdict: {figures['verdict']['text']}",
+        *([] if found.lost_in else [f"verdict: {figures['verdict']['text']}"]),
         *found.plant.lines,
         f"firmware on {figures['board']} against the simulated program: "
         f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
-        f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one CSV for each trial",
+        f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
     )

@@ -36,7 +36,12 @@ def simulate(
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="FILE", help="Recording to write, '.csv' or '.mat'."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
+        ),
     ],
     controller: Annotated[
         Path | None,
@@ -350,13 +355,18 @@ def _show(found: Simulation, out: Path) -> None:
     iron = found.at.slopes
     label = f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A"
     show(
+        *(f"lost levitation: {one}" for one in found.lost_in),
         rows,
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
         *found.plant.lines,
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
-        f"verdict: {judge(grouped(found.cells), found.own).sentence()}",
+        *(
+            []
+            if found.lost_in
+            else [f"verdict: {judge(grouped(found.cells), found.own).sentence()}"]
+        ),
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

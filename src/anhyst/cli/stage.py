@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from anhyst.cli.console import print_json, show, table
 from anhyst.cli.progress import progress_bar
+from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
     from anhyst.study.tracking.monte_carlo import CalibrationStudy
@@ -26,14 +27,23 @@ def simulate_stage_verb(
     from anhyst.study.tracking.simulate import simulate_stage
     from anhyst.support.atomic import check_writable
 
-    check_writable(out.parent / REPORT)
-    with progress_bar("tracking") as progress:
-        found = simulate_stage(rig, out, progress)
-    write_tracking_report(out.parent / REPORT, found, command)
+    report = out.parent / REPORT
+    check_writable(report)
+    try:
+        with progress_bar("tracking") as progress:
+            found = simulate_stage(rig, out, progress)
+    except NegativeResult:
+        report.unlink(missing_ok=True)  # of another recording
+        raise
+    write_tracking_report(report, found, command)
     if as_json:
         print_json(found.figures)
     else:
         _show(found, out)
+    if found.lost_in:
+        raise NegativeResult(
+            f"the loop was lost: {'; '.join(found.lost_in)}; figures and recording are kept"
+        )
 
 
 def _show(found: TrackingStudy, out: Path) -> None:
@@ -55,13 +65,17 @@ def _show(found: TrackingStudy, out: Path) -> None:
     )
     for name, one in found.tried.items():
         rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
-    show(
-        rows,
-        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
-        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+    judged = (
         f"verdict: {verdict(found)[1]}",
         *(one.text for one in verdicts(found)),
         *limits(found),
+    )
+    show(
+        *(f"lost: {one}" for one in found.lost_in),
+        rows,
+        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
+        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+        *(() if found.lost_in else judged),
         *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

@@ -20,10 +20,11 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import Loop, Loops
-from anhyst.data.files import write_csv
 from anhyst.data.history import History
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
+from anhyst.rig.holding import Bound, Loss, find_loss
 from anhyst.rig.piezo.file import PiezoRig
 from anhyst.rig.piezo.stack import StageMotion
 from anhyst.support.arrays import FloatArray
@@ -70,13 +71,17 @@ class PiezoErrors:
 
 @dataclass(frozen=True)
 class PiezoRun:
-    """One run: time, displacement and its deviation from the reference, s and m; voltage, V."""
+    """One run: time, displacement and its deviation from the reference, s and m; voltage, V.
+
+    ``loss`` says where the loop was lost, if it was.
+    """
 
     time: FloatArray
     displacement: FloatArray
     error: FloatArray
     voltage: FloatArray
     errors: PiezoErrors
+    loss: Loss | None
 
 
 @dataclass(frozen=True, repr=False)
@@ -85,6 +90,15 @@ class PiezoTracking(Result):
 
     reference: FloatArray
     runs: Mapping[str, PiezoRun] = field(default_factory=dict)
+
+    @property
+    def lost_in(self) -> list[str]:
+        """What the loop was lost with, when and how; the inverse that is judged among them or not."""
+        return [
+            f"{name} at {run.time[run.loss.tick]:.4f} s, {run.loss.reason}"
+            for name, run in self.runs.items()
+            if run.loss is not None
+        ]
 
     @property
     def ratio(self) -> float:
@@ -96,7 +110,7 @@ class PiezoTracking(Result):
         return {
             name: f"worst {1e9 * run.errors.worst_m:.0f} nm, rms {1e9 * run.errors.rms_m:.0f} nm"
             for name, run in self.runs.items()
-        }
+        } | ({"lost": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation of every way from the reference, m."""
@@ -113,12 +127,14 @@ class PiezoTracking(Result):
 
     def save(self, path: PathLike) -> Path:
         """Write time, reference and what each way did; see :func:`write_tracking`."""
+        check_recording(path)
         write_tracking(self, path)
         return Path(path)
 
     def as_dict(self) -> dict[str, object]:
         """Return the figures, for JSON."""
         return {
+            "lost_in": self.lost_in,
             "rms_with_over_without": self.ratio,
             "worst_with_over_without": self.runs["full"].errors.worst_m
             / self.runs["none"].errors.worst_m,
@@ -164,7 +180,7 @@ def write_tracking(found: PiezoTracking, out: PathLike) -> None:
             f"x_{key}_m": run.displacement,
             f"e_{key}_m": run.error,
         }
-    write_csv(out, columns)
+    write_recording(out, columns)
 
 
 def measure(rig: PiezoRig) -> Loops:
@@ -256,7 +272,7 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
     noise = settings.sensor.noise_m * np.random.default_rng(SEED).standard_normal(wanted.size)
     motion, late = StageMotion(rig.stage, dt), _lateness(rig)
     notch = _Notch(rig.stage.resonance, rig.stage.damping, dt)
-    found, voltage = np.empty(wanted.size), np.empty(wanted.size)
+    found, voltage, fed_back = np.empty((3, wanted.size))
     correction = command = 0.0
     expected = np.interp(np.arange(wanted.size) * dt - late, np.arange(wanted.size) * dt, wanted)
     for i, value in enumerate(wanted.tolist()):
@@ -264,13 +280,19 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
         read = round((motion.x + noise[i]) / settings.sensor.step_m) * settings.sensor.step_m
         motion.step(command)
         correction += gain * notch(float(expected[i]) - read)
+        fed_back[i] = correction
         command = min(max(inverse(value + correction), low), high)
         voltage[i] = command
     error = found - expected
     judged = error[round(LEAD * settings.control.rate_Hz / settings.reference.frequency_Hz) :]
     errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
     time = dt * np.arange(wanted.size, dtype=np.float64)
-    return PiezoRun(time, found, error, voltage, errors)
+    stroke = settings.reference.stroke_m
+    bounds = (
+        Bound("the deviation was the whole stroke", error, -stroke, stroke),
+        Bound("the feedback asked for more than the stroke", fed_back, -stroke, stroke),
+    )
+    return PiezoRun(time, found, error, voltage, errors, find_loss(bounds, planned=wanted.size))
 
 
 def _lateness(rig: PiezoRig) -> float:
