@@ -10,7 +10,7 @@ import typer
 
 from anhyst.cli.compile import IoChoice
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, LoopHistory, Scheduler
+from anhyst.cli.options import AsJson, LoopHistory, Scheduler, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ def fleet(
     magnets: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", help="Folder with a file of loops, or a folder of them, for each magnet."
+            metavar="DIR",
+            help="Folder with a file of loops, or a folder of them, for each magnet.",
+            callback=of_its_kind,
         ),
     ],
     out: Annotated[

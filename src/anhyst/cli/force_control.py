@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, BoardChoice
+from anhyst.cli.options import AsJson, BoardChoice, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import NegativeResult
 
@@ -25,7 +25,9 @@ STAGES = {
 
 
 def force_control(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file, such as rig.toml.")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG", help="Rig file of force control.", callback=of_its_kind)
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     board: Annotated[
         BoardChoice,

@@ -17,6 +17,7 @@ from anhyst.cli.options import (
     LoopHistory,
     Schedule,
     Sidecar,
+    of_its_kind,
     read_options,
 )
 from anhyst.cli.progress import progress_bar
@@ -33,7 +34,9 @@ def init(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     loops: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[LOOPS]", help="CSV files, or folders of them."),
+        typer.Argument(
+            metavar="[LOOPS]", help="CSV files, or folders of them.", callback=of_its_kind
+        ),
     ] = None,
     mass: Annotated[
         float | None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from anhyst.cli.console import show
+from anhyst.cli.options import of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
@@ -27,6 +28,7 @@ def live(
             metavar="RIG",
             help="Rig file: a bearing, or a force rig. With --xcp or --port the compiled folder "
             "around which the firmware is built.",
+            callback=of_its_kind,
         ),
     ],
     controller: Annotated[
@@ -95,12 +97,15 @@ def live(
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
+    from anhyst.support.kinds import Kind, kind_of
 
     if xcp is not None and port is not None:
         raise InputError("--port: one controller at a time; leave it or --xcp out")
     url = port if xcp is None else f"socket://{xcp}"
     if url is None and known is not None:
         raise InputError("--rig: the rig file of a virtual rig is the argument; leave --rig out")
+    if url is None and kind_of(rig) is Kind.COMPILED:
+        raise InputError(f"{rig}: runs on a controller; name it with --xcp or --port")
     if url is not None and controller is not None:
         raise InputError("--controller: a controller that runs has one already; leave it out")
     shown = secrets.token_urlsafe(16) if token else ""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, BoardChoice, Scheduler
+from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
 from anhyst.cli.piezo import simulate_piezo
 from anhyst.cli.progress import progress_bar
 from anhyst.cli.stage import simulate_stage_verb
@@ -32,7 +32,11 @@ REPORT = "report.html"
 def simulate(
     rig: Annotated[
         Path,
-        typer.Argument(metavar="RIG", help="Rig file of a bearing, a stage, or a piezo stage."),
+        typer.Argument(
+            metavar="RIG",
+            help="Rig file of a bearing, a stage, or a piezo stage.",
+            callback=of_its_kind,
+        ),
     ],
     out: Annotated[
         Path,
@@ -102,10 +106,9 @@ def simulate(
 
     Example: anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
-    from anhyst.rig.piezo.file import FORMAT as PIEZO
-    from anhyst.rig.stage.file import FORMAT as STAGE
     from anhyst.support.jobs import workers_of
-    from anhyst.support.toml_file import format_of
+    from anhyst.support.kinds import TAKES, Kind
+    from anhyst.support.toml_file import take_kind
 
     chosen = "" if controller is None else f" --controller {controller}"
     command = f"anhyst simulate {rig}{chosen} --out {out}"
@@ -113,14 +116,14 @@ def simulate(
     asked = [name for name, value in given.items() if value]
     if len(asked) > 1:
         raise InputError(f"{' and '.join(asked)} do not go together; give one of them")
-    kind = format_of(rig)
+    kind = take_kind(rig, TAKES["simulate"])
     with workers_of(scheduler):
-        if kind == PIEZO:
+        if kind is Kind.PIEZO:
             if controller is not None or asked:
                 more = ["--controller"] if controller is not None else []
                 raise InputError(f"a piezo stage has no {' or '.join(more + asked)}; leave it out")
             simulate_piezo(rig, out, as_json)
-        elif kind == STAGE:
+        elif kind is Kind.STAGE:
             if controller is not None or board is not None or benefit:
                 raise InputError(
                     "a stage has no --controller, --board or --benefit; leave them out"

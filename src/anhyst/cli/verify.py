@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from anhyst.cli.console import print_json, show, table
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError, NegativeResult
 
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 def verify(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A folder that 'anhyst compile' wrote.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="A folder that 'anhyst compile' wrote.", callback=of_its_kind
+        ),
     ],
     on: Annotated[
         str | None,

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from anhyst.rig.piezo.file import FORMAT as PIEZO
 from anhyst.rig.piezo.file import read_piezo_rig
-from anhyst.rig.stage.file import FORMAT as STAGE
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.simulate import Simulation, explore
 from anhyst.study.piezo.track import PiezoTracking, track
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import TAKES, Kind
 from anhyst.support.progress import Progress
-from anhyst.support.toml_file import format_of
+from anhyst.support.toml_file import take_kind
 
 
 def simulate_rig(
@@ -44,11 +43,11 @@ def simulate_rig(
     NegativeResult
         Levitation was lost before anything could be compared.
     """
-    kind = format_of(rig)
-    if kind in {PIEZO, STAGE} and controller is not None:
+    kind = take_kind(rig, TAKES["simulate"])
+    if kind is not Kind.BEARING and controller is not None:
         raise InputError(f"{controller}: this rig takes no controller file; leave it out")
-    if kind == PIEZO:
+    if kind is Kind.PIEZO:
         return track(read_piezo_rig(rig))
-    if kind == STAGE:
+    if kind is Kind.STAGE:
         return explore_stage(read_stage(rig), progress=progress)
     return explore(rig, None, controller, progress)

@@ -15,9 +15,6 @@ from anhyst.rig.tables import ordered
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 
-FORMAT = "anhyst-piezo-stage"
-"""What distinguishes the file from other rigs."""
-
 
 class PiezoStackTable(Table):
     """``[stack]``: what the free stack does."""

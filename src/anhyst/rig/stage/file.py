@@ -35,9 +35,6 @@ from anhyst.rig.tables import ForceSensorTable, MeasurementTable, RigTable
 from anhyst.support.atomic import PathLike
 from anhyst.support.toml_file import NotNegative, Positive, Table, faults_error, read_toml
 
-FORMAT = "anhyst-stage"
-"""Of the rig file of a stage."""
-
 Peaks = Annotated[list[Positive], Field(min_length=2)]
 NumberSeeds = Annotated[int, Field(ge=2, le=1000)]
 
