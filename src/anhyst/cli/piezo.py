@@ -34,10 +34,10 @@ def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
         print_json(found.as_dict())
     else:
         _show(found, f"{out} and {picture} written")
-    if found.runs["full"].loss is not None:
+    if lost := found.runs["full"].lost:
         raise NegativeResult(
-            f"the loop was lost: {'; '.join(found.lost_in)}: {read.settings.control.bandwidth_Hz:g} "
-            "Hz of bandwidth do not hold this stage; the recording is kept"
+            f"the loop was lost {lost}: a bandwidth of {read.settings.control.bandwidth_Hz:g} Hz "
+            f"does not hold this stage; the recording is kept in {out}"
         )
 
 

@@ -83,6 +83,12 @@ class PiezoRun:
     errors: PiezoErrors
     loss: Loss | None
 
+    @property
+    def lost(self) -> str:
+        """When the loop was lost, and how; empty where it held."""
+        loss = self.loss
+        return "" if loss is None else f"at {self.time[loss.tick]:.4f} s, {loss.reason}"
+
 
 @dataclass(frozen=True, repr=False)
 class PiezoTracking(Result):
@@ -93,12 +99,8 @@ class PiezoTracking(Result):
 
     @property
     def lost_in(self) -> list[str]:
-        """What the loop was lost with, when and how; the inverse that is judged among them or not."""
-        return [
-            f"{name} at {run.time[run.loss.tick]:.4f} s, {run.loss.reason}"
-            for name, run in self.runs.items()
-            if run.loss is not None
-        ]
+        """Return with what the loop was lost, when and how."""
+        return [f"{name} {run.lost}" for name, run in self.runs.items() if run.lost]
 
     @property
     def ratio(self) -> float:
