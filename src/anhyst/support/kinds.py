@@ -71,8 +71,9 @@ MEASUREMENTS = frozenset(
 
 def kind_named(text: object) -> Kind:
     """Return the kind that a key ``format`` names."""
-    known = isinstance(text, str) and text.startswith("anhyst-") and text in list(Kind)
-    return Kind(text) if known else Kind.UNKNOWN
+    if isinstance(text, str) and text.startswith("anhyst-") and text in list(Kind):
+        return Kind(text)
+    return Kind.UNKNOWN
 
 
 def kind_of(path: PathLike) -> Kind:
