@@ -21,7 +21,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo.file import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import MEASUREMENTS, Kind, kind_of
+from anhyst.support.kinds import MEASUREMENTS, FileKind, kind_of
 
 from .records import model
 
@@ -207,5 +207,5 @@ def test_an_ending_of_measurements_is_one_that_is_read() -> None:
 
 
 def test_a_folder_without_manifest_and_a_missing_file_are_of_no_kind(tmp_path: Path) -> None:
-    assert kind_of(tmp_path) is Kind.UNKNOWN
-    assert kind_of(tmp_path / "none.toml") is Kind.UNKNOWN
+    assert kind_of(tmp_path) is FileKind.UNKNOWN
+    assert kind_of(tmp_path / "none.toml") is FileKind.UNKNOWN

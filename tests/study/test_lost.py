@@ -17,7 +17,7 @@ from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import verdict, verdicts
 from anhyst.rig.force.bench import BenchRecording
 from anhyst.rig.force.demand import with_lead_in
-from anhyst.rig.holding import Bound, Loss, find_loss
+from anhyst.rig.holding import Loss, SignalBound, find_loss
 from anhyst.rig.stage.loop import Feedforward, track
 from anhyst.study.force.results import lost_in
 from anhyst.study.force.trials import ForceOutcome, ForceTrial
@@ -29,8 +29,8 @@ from tests.study import bearings, stages
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-def within(values: list[float]) -> Bound:
-    return Bound("too far", np.array(values), -1.0, 1.0)
+def within(values: list[float]) -> SignalBound:
+    return SignalBound("too far", np.array(values), -1.0, 1.0)
 
 
 @pytest.mark.parametrize(

@@ -97,14 +97,14 @@ def live(
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
-    from anhyst.support.kinds import Kind, kind_of
+    from anhyst.support.kinds import FileKind, kind_of
 
     if xcp is not None and port is not None:
         raise InputError("--port: one controller at a time; leave it or --xcp out")
     url = port if xcp is None else f"socket://{xcp}"
     if url is None and known is not None:
         raise InputError("--rig: the rig file of a virtual rig is the argument; leave --rig out")
-    if url is None and kind_of(rig) is Kind.COMPILED:
+    if url is None and kind_of(rig) is FileKind.COMPILED:
         raise InputError(f"{rig}: runs on a controller; name it with --xcp or --port")
     if url is not None and controller is not None:
         raise InputError("--controller: a controller that runs has one already; leave it out")

@@ -107,7 +107,7 @@ def simulate(
     Example: anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
     from anhyst.support.jobs import workers_of
-    from anhyst.support.kinds import TAKES, Kind
+    from anhyst.support.kinds import TAKES, FileKind
     from anhyst.support.toml_file import take_kind
 
     chosen = "" if controller is None else f" --controller {controller}"
@@ -118,12 +118,12 @@ def simulate(
         raise InputError(f"{' and '.join(asked)} do not go together; give one of them")
     kind = take_kind(rig, TAKES["simulate"])
     with workers_of(scheduler):
-        if kind is Kind.PIEZO:
+        if kind is FileKind.PIEZO:
             if controller is not None or asked:
                 more = ["--controller"] if controller is not None else []
                 raise InputError(f"a piezo stage has no {' or '.join(more + asked)}; leave it out")
             simulate_piezo(rig, out, as_json)
-        elif kind is Kind.STAGE:
+        elif kind is FileKind.STAGE:
             if controller is not None or board is not None or benefit:
                 raise InputError(
                     "a stage has no --controller, --board or --benefit; leave them out"

@@ -19,8 +19,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike, check_writable, write_bytes
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import TAKES
-from anhyst.support.kinds import Kind as FileKind
+from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
 from anhyst.verification.toolchain import zig_cc

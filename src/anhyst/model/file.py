@@ -43,7 +43,7 @@ from anhyst.model.schema import (
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import Kind
+from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import TomlFile, check_kind, explain
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
@@ -108,7 +108,7 @@ class _Reader:
         return self._build(table, given, answer, schedule, cells)
 
     def _check_version(self, content: dict[str, Any]) -> None:
-        check_kind(self.file, [Kind.MODEL])
+        check_kind(self.file, [FileKind.MODEL])
         if content.get("version") != VERSION:
             version = content.get("version")
             self.file.add(

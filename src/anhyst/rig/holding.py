@@ -13,7 +13,7 @@ OUT_OF_PROPORTION = 10.0
 """Demand of a loop that was lost, in parts of the largest that the rig file states."""
 
 
-class Bound(NamedTuple):
+class SignalBound(NamedTuple):
     """What a signal of a loop that holds stays within, and what it says when it does not."""
 
     reached: str
@@ -29,7 +29,7 @@ class Loss(NamedTuple):
     reason: str
 
 
-def find_loss(bounds: Sequence[Bound], planned: int) -> Loss | None:
+def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
     """Return where a loop of so many planned ticks was lost first; None where it held."""
     found = []
     for bound in bounds:

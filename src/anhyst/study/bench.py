@@ -31,8 +31,7 @@ from anhyst.study.excite.on_board import measure_on_board
 from anhyst.study.prepared import Prepared, PreparedBearing, PreparedBoard, PreparedForce
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import Kind as FileKind
-from anhyst.support.kinds import refuse_other
+from anhyst.support.kinds import FileKind, refuse_other
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
 

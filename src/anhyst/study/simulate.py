@@ -9,7 +9,7 @@ from anhyst.study.piezo.track import PiezoTracking, track
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import TAKES, Kind
+from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
 
@@ -44,10 +44,10 @@ def simulate_rig(
         Levitation was lost before anything could be compared.
     """
     kind = take_kind(rig, TAKES["simulate"])
-    if kind is not Kind.BEARING and controller is not None:
+    if kind is not FileKind.BEARING and controller is not None:
         raise InputError(f"{controller}: this rig takes no controller file; leave it out")
-    if kind is Kind.PIEZO:
+    if kind is FileKind.PIEZO:
         return track(read_piezo_rig(rig))
-    if kind is Kind.STAGE:
+    if kind is FileKind.STAGE:
         return explore_stage(read_stage(rig), progress=progress)
     return explore(rig, None, controller, progress)

@@ -11,7 +11,7 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 
 
-class Kind(StrEnum):
+class FileKind(StrEnum):
     """What a verb can be given; of a TOML file, what its key ``format`` says."""
 
     BEARING = "anhyst-bearing"
@@ -26,21 +26,21 @@ class Kind(StrEnum):
     UNKNOWN = ""
 
 
-NAMES: Mapping[Kind, tuple[str, str]] = {
-    Kind.BEARING: ("a bearing", "bearings"),
-    Kind.STAGE: ("a stage", "stages"),
-    Kind.PIEZO: ("a piezo stage", "piezo stages"),
-    Kind.FORCE: ("a rig of force control", "rigs of force control"),
-    Kind.MODEL: ("a model", "models"),
-    Kind.CONTROLLER: ("a controller file", "controller files"),
-    Kind.COMPILED: ("a compiled folder", "compiled folders"),
-    Kind.MEASUREMENT: ("a measurement", "measurements"),
-    Kind.PORT: ("the port of a controller", "ports of controllers"),
+NAMES: Mapping[FileKind, tuple[str, str]] = {
+    FileKind.BEARING: ("a bearing", "bearings"),
+    FileKind.STAGE: ("a stage", "stages"),
+    FileKind.PIEZO: ("a piezo stage", "piezo stages"),
+    FileKind.FORCE: ("a rig of force control", "rigs of force control"),
+    FileKind.MODEL: ("a model", "models"),
+    FileKind.CONTROLLER: ("a controller file", "controller files"),
+    FileKind.COMPILED: ("a compiled folder", "compiled folders"),
+    FileKind.MEASUREMENT: ("a measurement", "measurements"),
+    FileKind.PORT: ("the port of a controller", "ports of controllers"),
 }
 """One of a kind, and several, as messages call them."""
 
-_MEASURED, _MODEL = (Kind.MEASUREMENT,), (Kind.MODEL,)
-TAKES: Mapping[str, tuple[Kind, ...]] = {
+_MEASURED, _MODEL = (FileKind.MEASUREMENT,), (FileKind.MODEL,)
+TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "inspect": _MEASURED,
     "convert": _MEASURED,
     "identify": _MEASURED,
@@ -52,14 +52,14 @@ TAKES: Mapping[str, tuple[Kind, ...]] = {
     "diff": _MODEL,
     "compile": _MODEL,
     "watch": _MODEL,
-    "export": (Kind.MODEL, Kind.BEARING),
-    "verify": (Kind.COMPILED,),
-    "simulate": (Kind.BEARING, Kind.STAGE, Kind.PIEZO),
-    "tune": (Kind.BEARING,),
-    "force-control": (Kind.FORCE,),
-    "excite": (Kind.BEARING, Kind.FORCE),
-    "live": (Kind.BEARING, Kind.FORCE, Kind.COMPILED),
-    "xcp": (Kind.PORT,),
+    "export": (FileKind.MODEL, FileKind.BEARING),
+    "verify": (FileKind.COMPILED,),
+    "simulate": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
+    "tune": (FileKind.BEARING,),
+    "force-control": (FileKind.FORCE,),
+    "excite": (FileKind.BEARING, FileKind.FORCE),
+    "live": (FileKind.BEARING, FileKind.FORCE, FileKind.COMPILED),
+    "xcp": (FileKind.PORT,),
 }
 """What the first argument of every verb may be."""
 
@@ -69,40 +69,40 @@ MEASUREMENTS = frozenset(
 """Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
 
 
-def kind_named(text: object) -> Kind:
+def kind_named(text: object) -> FileKind:
     """Return the kind that a key ``format`` names."""
-    if isinstance(text, str) and text.startswith("anhyst-") and text in list(Kind):
-        return Kind(text)
-    return Kind.UNKNOWN
+    if isinstance(text, str) and text.startswith("anhyst-") and text in list(FileKind):
+        return FileKind(text)
+    return FileKind.UNKNOWN
 
 
-def kind_of(path: PathLike) -> Kind:
+def kind_of(path: PathLike) -> FileKind:
     """Return what a file or a folder is; unknown where it says nothing or cannot be read.
 
     Whoever reads it then says what is wrong with it.
     """
     place = Path(path)
     if place.is_dir():
-        return Kind.COMPILED if (place / "manifest.json").is_file() else Kind.UNKNOWN
+        return FileKind.COMPILED if (place / "manifest.json").is_file() else FileKind.UNKNOWN
     if not place.is_file():  # a port must not be read from
-        return Kind.UNKNOWN
+        return FileKind.UNKNOWN
     if place.suffix.lower() in MEASUREMENTS:
-        return Kind.MEASUREMENT
+        return FileKind.MEASUREMENT
     try:
         return kind_named(tomllib.loads(place.read_text(encoding="utf-8")).get("format"))
     except (OSError, ValueError, RecursionError):
-        return Kind.UNKNOWN
+        return FileKind.UNKNOWN
 
 
 def refuse_other(
-    path: PathLike, wanted: Collection[Kind], verb: str = "", found: Kind | None = None
-) -> Kind:
+    path: PathLike, wanted: Collection[FileKind], verb: str = "", found: FileKind | None = None
+) -> FileKind:
     """Return what a file is, or refuse one of another kind and name the verbs that take it.
 
     ``found`` is what it is, where that is known already.
     """
     kind = kind_of(path) if found is None else found
-    if kind in wanted or kind is Kind.UNKNOWN:
+    if kind in wanted or kind is FileKind.UNKNOWN:
         return kind
     plural = verb != ""
     names = _listed([NAMES[one][plural] for one in wanted], "and" if plural else "or")
@@ -110,9 +110,9 @@ def refuse_other(
     raise InputError(f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}")
 
 
-def _taken(kind: Kind) -> str:
+def _taken(kind: FileKind) -> str:
     """Say which verbs take a kind."""
-    if kind is Kind.CONTROLLER:
+    if kind is FileKind.CONTROLLER:
         return "anhyst simulate, tune, compile and live take it with --controller"
     verbs = [verb for verb, kinds in TAKES.items() if kind in kinds]
     return f"anhyst {_listed(verbs, 'and')} take{'s' if len(verbs) == 1 else ''} it"

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning
-from anhyst.support.kinds import NAMES, Kind, kind_named, refuse_other
+from anhyst.support.kinds import NAMES, FileKind, kind_named, refuse_other
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -216,16 +216,16 @@ def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) 
         raise file.error() from error
 
 
-def take_kind(path: PathLike, wanted: Collection[Kind]) -> Kind:
+def take_kind(path: PathLike, wanted: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a TOML file is; refuse what is none of them."""
     kind = refuse_other(path, wanted)
-    return check_kind(TomlFile(path), wanted) if kind is Kind.UNKNOWN else kind
+    return check_kind(TomlFile(path), wanted) if kind is FileKind.UNKNOWN else kind
 
 
-def check_kind(file: TomlFile, wanted: Collection[Kind]) -> Kind:
+def check_kind(file: TomlFile, wanted: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a file says that it is; refuse what says none of them."""
     kind = refuse_other(file.path, wanted, found=kind_named(file.content.get("format")))
-    if kind is Kind.UNKNOWN:
+    if kind is FileKind.UNKNOWN:
         formats = " or ".join(f'"{one}"' for one in wanted)
         names = " or ".join(NAMES[one][0] for one in wanted)
         file.add(("format",), f"must be {formats}; is this {names}?")

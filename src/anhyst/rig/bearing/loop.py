@@ -11,7 +11,7 @@ from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording
 from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.holding import Bound, find_loss
+from anhyst.rig.holding import SignalBound, find_loss
 
 
 class SimulatedLoop:
@@ -87,8 +87,8 @@ def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | No
         since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
     bounds = (
-        Bound("an end stop was reached", gap, mechanics.stop_low_m, mechanics.stop_high_m),
-        Bound("the controller gave up", state, RISE - 1, DESCEND + 1),
+        SignalBound("an end stop was reached", gap, mechanics.stop_low_m, mechanics.stop_high_m),
+        SignalBound("the controller gave up", state, RISE - 1, DESCEND + 1),
     )
     loss = find_loss(bounds, planned=len(gap))
     return None if loss is None else float(recording["t_s"][since + loss.tick])

@@ -12,7 +12,7 @@ from anhyst._core import LOOP_COLUMNS, BearingLoop, Tracking
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.plant import current_loop
-from anhyst.rig.holding import OUT_OF_PROPORTION, Bound, Loss, find_loss
+from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
 from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mistaken
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.setpoint import SetPoint
@@ -232,8 +232,8 @@ def _loss(rig: StageRig, table: FloatArray, planned: int) -> Loss | None:
     stops, most = rig.settings.mechanics, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
     gap, demand = table[:, _COLUMN["gap_m"]], table[:, _COLUMN["demand_N"]]
     bounds = (
-        Bound("an end stop was reached", gap, stops.stop_low_m, stops.stop_high_m),
-        Bound("the demanded force left all bounds", demand, -most, most),
+        SignalBound("an end stop was reached", gap, stops.stop_low_m, stops.stop_high_m),
+        SignalBound("the demanded force left all bounds", demand, -most, most),
     )
     return find_loss(bounds, planned)
 

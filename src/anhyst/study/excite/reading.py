@@ -10,7 +10,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.excite.limits import Specimen, bearing_specimen, force_specimen
 from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import TAKES, Kind
+from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.toml_file import take_kind
 
 
@@ -38,7 +38,7 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
         A file cannot be read or does not fit its schema.
     """
     place = Path(path)
-    if take_kind(place, TAKES["excite"]) is Kind.FORCE:
+    if take_kind(place, TAKES["excite"]) is FileKind.FORCE:
         rig = read_rig(place)
         named = rig.settings.solenoid
         files = [place] if named is None else [place, place.parent / named]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.rig.force.file import Rig
-from anhyst.rig.holding import Bound, find_loss
+from anhyst.rig.holding import SignalBound, find_loss
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.arrays import FloatArray
 
@@ -129,8 +129,8 @@ def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
         off = (recording.force - demand.force)[demand.lead_in :]
         current = recording.current[demand.lead_in :]
         bounds = (
-            Bound("the force was off by the largest of the rig", off, -force_max, force_max),
-            Bound("the current left all bounds", current, -math.inf, math.inf),
+            SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
+            SignalBound("the current left all bounds", current, -math.inf, math.inf),
         )
         loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
         if loss is not None:

@@ -24,7 +24,7 @@ from anhyst.data.history import History
 from anhyst.data.writing import check_recording, write_recording
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.rig.holding import Bound, Loss, find_loss
+from anhyst.rig.holding import Loss, SignalBound, find_loss
 from anhyst.rig.piezo.file import PiezoRig
 from anhyst.rig.piezo.stack import StageMotion
 from anhyst.support.arrays import FloatArray
@@ -291,8 +291,8 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
     time = dt * np.arange(wanted.size, dtype=np.float64)
     stroke = settings.reference.stroke_m
     bounds = (
-        Bound("the deviation was the whole stroke", error, -stroke, stroke),
-        Bound("the feedback asked for more than the stroke", fed_back, -stroke, stroke),
+        SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
+        SignalBound("the feedback asked for more than the stroke", fed_back, -stroke, stroke),
     )
     return PiezoRun(time, found, error, voltage, errors, find_loss(bounds, planned=wanted.size))
 
