@@ -299,20 +299,20 @@ def test_a_named_file_that_is_not_there(folder: Path) -> None:
 
 def test_files_of_another_kind(folder: Path) -> None:
     said = refused("simulate", "controller.toml", "--out", "out/run.csv", cwd=folder)
-    assert said.startswith("controller.toml:4: format: must be 'anhyst-bearing', is 'anhyst-contr")
+    assert said.startswith("controller.toml: this is a controller file; simulate is for bearings")
     said = refused(*RUN, "--controller", "rig.toml", cwd=folder)
-    assert said.startswith("rig.toml:4: format: must be 'anhyst-controller', is 'anhyst-bearing'")
+    assert said.startswith("rig.toml: this is a bearing; a controller file is needed")
     said = refused("simulate", "loops.csv", "--out", "out/run.csv", cwd=folder)
-    assert said.startswith("loops.csv:4: damaged TOML")
+    assert said.startswith("loops.csv: this is a measurement; simulate is for bearings")
 
 
 @pytest.mark.parametrize(
     ("out", "said"),
     [
-        pytest.param("out/run.txt", "out/run.txt: a recording is written as .csv or .mat; name it "
-                     "so", id="another ending"),
-        pytest.param("out/run", "out/run: a recording is written as .csv or .mat; name it so",
-                     id="no ending"),
+        pytest.param("out/run.txt", "out/run.txt: is written as .csv, .mat, .mf4, .tdms, .h5, "
+                     ".hdf5, .parquet; name it so", id="another ending"),
+        pytest.param("out/run", "out/run: is written as .csv, .mat, .mf4, .tdms, .h5, .hdf5, "
+                     ".parquet; name it so", id="no ending"),
         pytest.param("none/run.csv", "none/run.csv: cannot be written: No such file or directory; "
                      "create the folder first", id="no folder"),
         pytest.param("loops.csv", "loops.csv: is read by this command; write to another file",

@@ -172,7 +172,7 @@ def test_what_does_not_fit_a_board_is_refused(quick: PreparedForce, tmp_path: Pa
     assert main(["excite", rig, *out, "--folder", str(folder)]) == 2  # nobody to measure through
     assert main(["live", rig, "--rig", rig]) == 2
     bearing = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
-    with pytest.raises(InputError, match="no rig file of force control"):
+    with pytest.raises(InputError, match="this is a bearing"):
         prepare_board(bearing, folder)
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     manifest["model"]["sha256"] = "0" * 64

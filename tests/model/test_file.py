@@ -233,7 +233,7 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
         (b'name = "x\n', r":1: damaged TOML: "),
         (b"a = 1\na = 2\n", r":2: damaged TOML: cannot overwrite a value"),
         (b"\xff\xfe\x00\x01", "is no UTF-8 text; name a TOML file"),
-        (b"", 'format: must be "anhyst-model"; is this a model file?'),
+        (b"", 'format: must be "anhyst-model"; is this a model?'),
         (b"I_A,F_N\n0,1\n", ":1: damaged TOML"),
     ],
 )

@@ -64,7 +64,7 @@ def test_a_key_inside_a_list_of_tables_is_reported_too(rig: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "reported"),
     [
-        ('format = "anhyst-rig"', 'format = "rig"', "format: must be 'anhyst-rig'"),
+        ('format = "anhyst-rig"', 'format = "rig"', 'format: must be "anhyst-rig"'),
         ("rate_Hz = 1000.0", "rate_Hz = 3.0", "rate_Hz: must be greater than or equal to 100"),
         ("dac_bits = 12", "dac_bits = 12.5", "amplifier.dac_bits: must be a valid integer"),
         ("noise_N = 0.06", "noise_N = -0.06", "force_sensor.noise_N: must be greater than"),

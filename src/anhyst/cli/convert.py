@@ -10,13 +10,16 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, warn
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A measurement in any format that is read.")
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A measurement in any format that is read.", callback=of_its_kind
+        ),
     ],
     out: Annotated[
         Path,

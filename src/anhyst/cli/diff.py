@@ -10,7 +10,7 @@ import typer
 
 import anhyst
 from anhyst.cli.console import in_small_units, print_json, show, table
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 
 if TYPE_CHECKING:
     from anhyst import Model, ModelDiff
@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 
 def diff(
-    first: Annotated[Path, typer.Argument(metavar="A", help="A model.toml.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="Another model.toml.")],
+    first: Annotated[Path, typer.Argument(metavar="A", help="A model.toml.", callback=of_its_kind)],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="Another model.toml.", callback=of_its_kind)
+    ],
     as_json: AsJson = False,
 ) -> None:
     """Show what two models have different, and by how much in newtons.

@@ -9,7 +9,7 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 def excite(
     rig: Annotated[
-        Path, typer.Argument(metavar="RIG", help="Rig file, of a bearing or of force control.")
+        Path,
+        typer.Argument(
+            metavar="RIG", help="Rig file, of a bearing or of force control.", callback=of_its_kind
+        ),
     ],
     out: Annotated[
         Path,

@@ -11,7 +11,7 @@ import typer
 import anhyst
 from anhyst.cli.compile import IoChoice
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, LoopHistory, Scheduler
+from anhyst.cli.options import AsJson, LoopHistory, Scheduler, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ def fleet(
     magnets: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", help="Folder with a file of loops, or a folder of them, for each magnet."
+            metavar="DIR",
+            help="Folder with a file of loops, or a folder of them, for each magnet.",
+            callback=of_its_kind,
         ),
     ],
     out: Annotated[

@@ -19,6 +19,7 @@ from anhyst.cli.options import (
     LoopHistory,
     Schedule,
     Sidecar,
+    of_its_kind,
     read_options,
 )
 from anhyst.cli.progress import progress_bar
@@ -34,7 +35,9 @@ def init(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     loops: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[LOOPS]", help="CSV files, or folders of them."),
+        typer.Argument(
+            metavar="[LOOPS]", help="CSV files, or folders of them.", callback=of_its_kind
+        ),
     ] = None,
     mass: Annotated[
         float | None,

@@ -11,6 +11,7 @@ import typer
 
 import anhyst
 from anhyst.cli.console import show
+from anhyst.cli.options import of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
@@ -24,6 +25,7 @@ def live(
             metavar="RIG",
             help="Rig file: a bearing, or a force rig. With --xcp or --port the compiled folder "
             "around which the firmware is built.",
+            callback=of_its_kind,
         ),
     ],
     controller: Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,8 +19,19 @@ class BoardChoice(StrEnum):
     QEMU = "qemu-mps2"
 
 
+def of_its_kind(context: typer.Context, given: Any) -> Any:
+    """Refuse a first argument of another kind than the verb takes, and name the verbs that do."""
+    from anhyst.support.kinds import TAKES, refuse_other
+
+    verb = str(context.info_name)
+    for path in given if isinstance(given, list) else [given] if given else []:
+        refuse_other(path, TAKES[verb], verb)
+    return given
+
+
 LoopFiles = Annotated[
-    list[Path], typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.")
+    list[Path],
+    typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.", callback=of_its_kind),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Scheduler = Annotated[
@@ -93,7 +104,9 @@ RunHistory = Annotated[
         show_default=False,
     ),
 ]
-ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.toml.")]
+ModelPath = Annotated[
+    Path, typer.Argument(metavar="MODEL", help="A model.toml.", callback=of_its_kind)
+]
 
 
 def read_options(

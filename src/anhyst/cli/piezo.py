@@ -23,10 +23,11 @@ def show_piezo(found: PiezoTracking, out: Path) -> None:
         rows.add_row(
             TITLES[name], f"{1e9 * run.errors.worst_m:.0f}", f"{1e9 * run.errors.rms_m:.0f}"
         )
-    show(
-        rows,
+    verdict = (
         f"rms with compensation over without: {found.ratio:.2f}; "
         + ("worth it" if found.ratio < WORTH_IT else "hardly worth it")
-        + " behind this feedback",
-        f"{out} and {out.with_suffix('.svg')} written",
+        + " behind this feedback"
     )
+    lost = [f"lost: {one}" for one in found.lost_in]
+    written = f"{out} and {out.with_suffix('.svg')} written"
+    show(*lost, rows, *([] if lost else [verdict]), written)

@@ -9,7 +9,7 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, BoardChoice, Scheduler
+from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
 from anhyst.cli.piezo import show_piezo
 from anhyst.cli.progress import progress_bar
 from anhyst.cli.stage import show_calibrations, show_tracking
@@ -32,11 +32,20 @@ REPORT = "report.html"
 def simulate(
     rig: Annotated[
         Path,
-        typer.Argument(metavar="RIG", help="Rig file of a bearing, a stage, or a piezo stage."),
+        typer.Argument(
+            metavar="RIG",
+            help="Rig file of a bearing, a stage, or a piezo stage.",
+            callback=of_its_kind,
+        ),
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="FILE", help="Recording to write, '.csv' or '.mat'."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
+        ),
     ],
     controller: Annotated[
         Path | None,
@@ -134,7 +143,7 @@ def _show_any(found: Any, out: Path) -> None:
 
 def _refuse(found: Any) -> None:
     """End with 1 where what is controlled was lost."""
-    if isinstance(found, anhyst.Simulation):
+    if isinstance(found, anhyst.Simulation | anhyst.TrackingStudy | anhyst.PiezoTracking):
         found.refuse_losses()
     elif isinstance(found, anhyst.BoardComparison):
         found.refuse()
@@ -270,13 +279,18 @@ def _show(found: Simulation, out: Path) -> None:
     iron = found.at.slopes
     label = f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A"
     show(
+        *(f"lost levitation: {one}" for one in found.lost_in),
         rows,
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
         *found.plant.lines,
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
-        f"verdict: {judge(grouped(found.cells), found.own).sentence()}",
+        *(
+            []
+            if found.lost_in
+            else [f"verdict: {judge(grouped(found.cells), found.own).sentence()}"]
+        ),
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

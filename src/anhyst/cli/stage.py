@@ -33,13 +33,17 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     )
     for name, one in found.tried.items():
         rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
-    show(
-        rows,
-        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
-        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+    judged = (
         f"verdict: {verdict(found)[1]}",
         *(one.text for one in verdicts(found)),
         *limits(found),
+    )
+    show(
+        *(f"lost: {one}" for one in found.lost_in),
+        rows,
+        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
+        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+        *(() if found.lost_in else judged),
         *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

@@ -9,7 +9,7 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, Scheduler
+from anhyst.cli.options import AsJson, Scheduler, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import Interrupted, NegativeResult
 
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 
 def tune(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.", callback=of_its_kind)
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     controller: Annotated[
         Path | None,

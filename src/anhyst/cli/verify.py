@@ -9,7 +9,7 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError, NegativeResult
 
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 def verify(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A folder that 'anhyst compile' wrote.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="A folder that 'anhyst compile' wrote.", callback=of_its_kind
+        ),
     ],
     on: Annotated[
         str | None,

@@ -8,13 +8,16 @@ import typer
 
 import anhyst
 from anhyst.cli.console import show
+from anhyst.cli.options import of_its_kind
 
 
 def xcp(
     port: Annotated[
         str,
         typer.Argument(
-            metavar="PORT", help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT."
+            metavar="PORT",
+            help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.",
+            callback=of_its_kind,
         ),
     ],
     listen: Annotated[

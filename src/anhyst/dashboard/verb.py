@@ -16,6 +16,7 @@ from anhyst.study.bench import address_of, open_board, prepare_board
 from anhyst.study.kept import prepared_once
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind, kind_of
 from anhyst.support.progress import Progress
 
 
@@ -80,6 +81,12 @@ def live(
             "--controller: a controller that runs has one already; leave it out",
             code="option-not-for-this",
             key="--controller",
+        )
+    if url is None and kind_of(rig) is FileKind.COMPILED:
+        raise InputError(
+            f"{rig}: runs on a controller; name it with --xcp or --port",
+            code="options-missing",
+            key="--xcp",
         )
     rig = Path(rig)
     place = None if record is None else Path(record)

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, overload
 
+from anhyst.data.writing import check_recording
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_benefit import subject_of_benefit
 from anhyst.reports.bearing.from_plants import subject_of_plants
 from anhyst.reports.bearing.from_simulation import subject_of
 from anhyst.reports.piezo import write_picture
 from anhyst.reports.tracking import write_tracking_report
-from anhyst.rig.piezo.file import FORMAT as PIEZO
 from anhyst.rig.piezo.file import read_piezo_rig
-from anhyst.rig.stage.file import FORMAT as STAGE
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.benefit import Benefit
 from anhyst.study.bearing.benefit import benefit as map_benefit
@@ -30,8 +29,9 @@ from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import workers_of
 from anhyst.support.json_text import json_text
+from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
-from anhyst.support.toml_file import format_of
+from anhyst.support.toml_file import take_kind
 
 REPORT = "report.html"
 
@@ -121,11 +121,11 @@ def simulate_rig(
             code="options-together",
             key=asked[0],
         )
-    kind = format_of(rig)
+    kind = take_kind(rig, TAKES["simulate"])
     refused = ["--controller"] if controller is not None else []
-    refused += [name for name in asked if kind == PIEZO or name != "--monte-carlo"]
-    if refused and kind in {PIEZO, STAGE}:
-        what = "piezo stage" if kind == PIEZO else "stage"
+    refused += [name for name in asked if kind is FileKind.PIEZO or name != "--monte-carlo"]
+    if refused and kind is not FileKind.BEARING:
+        what = "piezo stage" if kind is FileKind.PIEZO else "stage"
         raise InputError(
             f"a {what} has no {' or '.join(refused)}; leave it out",
             code="option-not-for-this",
@@ -135,9 +135,9 @@ def simulate_rig(
         raise InputError(f"{asked[0]}: needs a file to write to", code="missing", key="--out")
     task = _Task(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
-        if kind == PIEZO:
+        if kind is FileKind.PIEZO:
             return task.piezo()
-        if kind == STAGE:
+        if kind is FileKind.STAGE:
             return task.stage() if monte_carlo is None else task.calibrations(monte_carlo)
         if board is not None:
             return task.firmware(board)
@@ -218,7 +218,11 @@ class _Task:
         if not self.written:
             return explore_stage(read_stage(self.rig), progress=self.progress)
         check_writable(self.report)
-        found = simulate_stage(self.rig, self.out, self.progress)
+        try:
+            found = simulate_stage(self.rig, self.out, self.progress)
+        except NegativeResult:
+            self.report.unlink(missing_ok=True)  # of another recording
+            raise
         write_tracking_report(self.report, found, self.command())
         return found
 
@@ -228,9 +232,8 @@ class _Task:
     def piezo(self) -> PiezoTracking:
         rig, picture = read_piezo_rig(self.rig), self.out.with_suffix(".svg")
         if self.written:
-            self._must_end(".csv", "a recording of a piezo stage is")
-            for path in (self.out, picture):
-                check_writable(path)
+            check_recording(self.out, [self.rig])
+            check_writable(picture)
         found = track(rig)
         if self.written:
             write_tracking(found, self.out)

@@ -227,7 +227,6 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    need_package(path, "h5py")
     import h5py
 
     notes = []

@@ -124,7 +124,6 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    need_package(path, "asammdf")
     from asammdf import MDF, Signal, Source
 
     notes = []

@@ -99,7 +99,6 @@ def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ..
     -------
     What the format cannot hold.
     """
-    need_package(path, "pyarrow")
     import pyarrow
     from pyarrow import parquet
 

@@ -118,7 +118,6 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    need_package(path, "nptdms")
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
     notes = []

@@ -12,13 +12,14 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
 from anhyst.control.controller_file import ControllerFile
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.plant_check import check_plant
-from anhyst.rig.bearing.recording import Recording, check_ending, write_recording
+from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.distance import PlantCheck
@@ -190,7 +191,7 @@ def explore(
     rig_path : path-like
         Rig file of a bearing.
     out : path-like, optional
-        Recording to be written, ``.csv`` or ``.mat``; ``figures.json`` goes beside it. Whether both
+        Recording to be written, in any format that is written; ``figures.json`` goes beside it. Whether both
         can be is found out first.
     controller_path : path-like, optional
         Controller file; ``controller.toml`` beside the rig file if left out.
@@ -240,7 +241,7 @@ def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike,
     """Return what is written for a recording."""
     if out is None:
         return ()
-    check_ending(out)
+    check_recording(out)
     model_file = [] if controller.model is not None else [_model_file(out)]
     return (out, Path(out).parent / FIGURES, *model_file)
 
@@ -267,7 +268,7 @@ def write_simulation(found: Simulation, out: PathLike) -> None:
 def _write_recording(
     out: PathLike, recording: Recording, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> None:
-    write_recording(out, recording)
+    write_recording(out, recording.columns)
     if controller.model is None:
         write_model(knowledge.model, _model_file(out))
 
