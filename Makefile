@@ -6,6 +6,7 @@
 #   make bench   the table of figures           make format  lay out Python and C sources
 #   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
+#   make house   count rooms, imports, circles, lines
 #   make build   compile the core again          make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
 #   make truths  identify the models again that tests start from
@@ -23,7 +24,8 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/fi
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check docs messages prove prove-all bench build wheel format clean fuzz truths \
+.PHONY: demo test test-all check docs house messages prove prove-all bench build wheel format \
+	clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -45,6 +47,9 @@ docs: build
 
 messages: build
 	@$(BIN)/python tools/messages.py
+
+house:
+	@$(PYTHON) -m tools.house
 
 prove: build
 	@$(BIN)/python -m tools.prove

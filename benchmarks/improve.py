@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.control.states import Command, State
+from anhyst.dashboard.drift import SAMPLES_HZ, BenchWatch
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.orders import perform
+from anhyst.dashboard.session import LiveSession
 from anhyst.data.reading import read_loops
-from anhyst.live.drift import SAMPLES_HZ, BenchWatch
-from anhyst.live.improver import Improver
-from anhyst.live.orders import perform
-from anhyst.live.session import LiveSession
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.rig.force.file import read_rig

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anhyst.control.states import Command
-from anhyst.live.recorder import start_recording
-from anhyst.live.run import listen_on, make_server, settle
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.run import listen_on, make_server, settle
+from anhyst.dashboard.session import LiveSession
 from anhyst.study.bench import open_bench
 from rows import ROOT, Row
 

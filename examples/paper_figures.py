@@ -34,7 +34,7 @@ from scipy.interpolate import CubicSpline
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.paper.search import spline_model_at
+from anhyst.identification.paper_search import spline_model_at
 from anhyst.model.actuator import Model
 from anhyst.reports.model.figures import figure_reduction
 from anhyst.support.arrays import FloatArray

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.rig.piezo.file import PiezoRig, read_piezo_rig
 from anhyst.support.arrays import FloatArray
 

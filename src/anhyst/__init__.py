@@ -1,6 +1,7 @@
 """From a measured loop to a linear actuator.
 
-The verbs are functions and the nouns are what they give; each is imported once it is used::
+Every verb of the command line is a function with the same names and defaults, and the nouns are what
+they give; each is imported once it is used::
 
     import anhyst
 
@@ -27,29 +28,57 @@ if TYPE_CHECKING:
     __version__: str
 
     from anhyst.compilation.output import Compiled
+    from anhyst.compilation.play import CompiledPlay
     from anhyst.compilation.verb import compile_actuator as compile  # noqa: A004
+    from anhyst.dashboard.verb import live
+    from anhyst.data.clean import clean
+    from anhyst.data.convert import convert
     from anhyst.data.inspection import Inspection, inspect
     from anhyst.data.loops import Loop, Loops
     from anhyst.data.reading import read_loops
+    from anhyst.draft.drafting import Drafted, init
     from anhyst.draft.examples import example_files
+    from anhyst.exchange.verb import export
     from anhyst.identification.identify import identify
     from anhyst.identification.result import IdentifyResult
+    from anhyst.link.xcp_bridge import xcp
     from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff, diff
     from anhyst.model.file import read_model
+    from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
+    from anhyst.reports.measuring import excite_rig as excite
     from anhyst.reports.model.page import write_report as report
+    from anhyst.reports.simulate import simulate_rig as simulate
+    from anhyst.study.bearing.benefit import Benefit
+    from anhyst.study.bearing.monte_carlo import MonteCarlo
+    from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
-    from anhyst.study.force.force_control import force_control
-    from anhyst.study.simulate import simulate_rig as simulate
-    from anhyst.study.tuning.tuning import tune
+    from anhyst.study.excite.excite import Excitation
+    from anhyst.study.fleet.fleet import Fleet
+    from anhyst.study.fleet.verb import judge_fleet as fleet
+    from anhyst.study.force.force_control import ForceControl, force_control
+    from anhyst.study.piezo.track import PiezoTracking
+    from anhyst.study.tracking.monte_carlo import CalibrationStudy
+    from anhyst.study.tracking.simulate import TrackingStudy
+    from anhyst.study.tuning.result import Tuning
+    from anhyst.study.tuning.verb import tune_bearing as tune
+    from anhyst.study.watch.recording import watch
     from anhyst.support.errors import InputError, NegativeResult
     from anhyst.verification.result import Verification
     from anhyst.verification.verify import verify
 
 __all__ = [
+    "Benefit",
+    "BoardComparison",
+    "CalibrationStudy",
     "Compiled",
+    "CompiledPlay",
+    "Drafted",
+    "Excitation",
+    "Fleet",
+    "ForceControl",
     "IdentifyResult",
     "InputError",
     "Inspection",
@@ -57,52 +86,92 @@ __all__ = [
     "Loops",
     "Model",
     "ModelDiff",
+    "MonteCarlo",
     "NegativeResult",
+    "PiezoTracking",
     "Prediction",
+    "RunSummary",
     "Simulation",
+    "TrackingStudy",
+    "Tuning",
     "Verification",
     "__version__",
+    "clean",
     "compile",
+    "convert",
     "diff",
     "example_files",
+    "excite",
+    "export",
+    "fleet",
     "force_control",
     "identify",
+    "init",
     "inspect",
+    "invert",
     "linearise",
+    "live",
+    "predict",
     "read_loops",
     "read_model",
     "report",
     "simulate",
     "tune",
     "verify",
+    "watch",
+    "xcp",
 ]
 
 _PLACES = {
+    "Benefit": "study.bearing.benefit",
+    "BoardComparison": "study.bearing.on_board",
+    "CalibrationStudy": "study.tracking.monte_carlo",
     "Compiled": "compilation.output",
+    "CompiledPlay": "compilation.play",
+    "Drafted": "draft.drafting",
+    "Excitation": "study.excite.excite",
+    "Fleet": "study.fleet.fleet",
+    "ForceControl": "study.force.force_control",
     "IdentifyResult": "identification.result",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
     "Loop": "data.loops",
-    "Loops": "data.loops:Loops",
+    "Loops": "data.loops",
     "Model": "model.actuator",
     "ModelDiff": "model.diff",
+    "MonteCarlo": "study.bearing.monte_carlo",
     "NegativeResult": "support.errors",
+    "PiezoTracking": "study.piezo.track",
     "Prediction": "model.prediction",
+    "RunSummary": "model.predict_file",
     "Simulation": "study.bearing.simulate",
+    "TrackingStudy": "study.tracking.simulate",
+    "Tuning": "study.tuning.result",
     "Verification": "verification.result",
+    "clean": "data.clean",
     "compile": "compilation.verb:compile_actuator",
+    "convert": "data.convert",
     "diff": "model.diff",
     "example_files": "draft.examples",
+    "excite": "reports.measuring:excite_rig",
+    "export": "exchange.verb",
+    "fleet": "study.fleet.verb:judge_fleet",
     "force_control": "study.force.force_control",
     "identify": "identification.identify",
+    "init": "draft.drafting",
     "inspect": "data.inspection",
+    "invert": "model.predict_file",
     "linearise": "study.bearing.state_space",
+    "live": "dashboard.verb",
+    "predict": "model.predict_file",
     "read_loops": "data.reading",
     "read_model": "model.file",
     "report": "reports.model.page:write_report",
-    "simulate": "study.simulate:simulate_rig",
-    "tune": "study.tuning.tuning",
+    "simulate": "reports.simulate:simulate_rig",
+    "tune": "study.tuning.verb:tune_bearing",
     "verify": "verification.verify",
+    "watch": "study.watch.recording",
+    "xcp": "link.xcp_bridge",
 }
 """Where each name lives, and what it is called there if not the same."""
 

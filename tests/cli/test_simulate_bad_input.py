@@ -430,11 +430,11 @@ def test_a_named_file_that_is_not_there(folder: Path) -> None:
 
 def test_files_of_another_kind(folder: Path) -> None:
     said = refused("simulate", "controller.toml", "--out", "out/run.csv", cwd=folder)
-    assert says(said, "literal-error format: controller.toml; :4:; 'anhyst-bearing'")
+    assert says(said, "wrong-kind: controller.toml: this is a controller file; simulate")
     said = refused(*RUN, "--controller", "rig.toml", cwd=folder)
-    assert says(said, "literal-error format: rig.toml; :4:; 'anhyst-controller'; 'anhyst-bearing'")
+    assert says(said, "wrong-kind: rig.toml: this is a bearing; controller file")
     said = refused("simulate", "loops.csv", "--out", "out/run.csv", cwd=folder)
-    assert says(said, "damaged-toml: loops.csv; :4:")
+    assert says(said, "wrong-kind: loops.csv: this is a measurement; simulate")
 
 
 @pytest.mark.parametrize(

@@ -17,9 +17,9 @@ from anhyst.compensate.paths import Path as Way
 from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compensate.twin import FixedTwin, Io, twin_of
+from anhyst.data.read_options import ReadOptions
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.model.sources import ReadOptions
 from anhyst.model.writer import write_model
 from anhyst.support.arrays import FloatArray
 from tests.cli.command import quick

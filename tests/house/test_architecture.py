@@ -54,7 +54,7 @@ def test_no_public_class_name_stands_in_two_modules() -> None:
 
 
 def test_the_page_loads_nothing_from_elsewhere() -> None:
-    assets = ROOT / "src" / "anhyst" / "live" / "assets"
+    assets = ROOT / "src" / "anhyst" / "dashboard" / "assets"
     own = [path for path in assets.iterdir() if path.suffix in {".js", ".css", ".html"}]
     assert own
     assert [path.name for path in own if "//" in _without_comments(path)] == []

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loops
+from anhyst.data.read_options import ReadOptions
 from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.dead_band import COST, PARTS
-from anhyst.model.sources import ReadOptions
 from tests.identification.truths import core, largest, loops_of, magnet, predicted
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -10,21 +10,20 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loops
-from anhyst.identification import IdentifyResult, identify
+from anhyst.identification import IdentifyResult, identify, paper_sequence
 from anhyst.identification.fit_records import FitRecords, records_of
 from anhyst.identification.gauge import form_of
-from anhyst.identification.paper import sequence as sequence_module
-from anhyst.identification.paper.criterion import IMPOSSIBLE, Criterion, mean_deviation
-from anhyst.identification.paper.reduction import reductions
-from anhyst.identification.paper.search import (
+from anhyst.identification.paper_criterion import IMPOSSIBLE, Criterion, mean_deviation
+from anhyst.identification.paper_reduction import reductions
+from anhyst.identification.paper_search import (
     SearchBench,
     SearchEffort,
     Stand,
     search_each_gap,
     spline_model_at,
 )
-from anhyst.identification.paper.sequence import search_paper
-from anhyst.identification.paper.seven import (
+from anhyst.identification.paper_sequence import search_paper
+from anhyst.identification.paper_seven import (
     AIR_SLOPE,
     SEVEN,
     Values,
@@ -99,7 +98,7 @@ def reduced(loops: Loops, free: Stand) -> list[Stand]:
 @pytest.fixture(scope="module")
 def quick(two_gaps: Loops) -> IdentifyResult:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sequence_module, "SearchEffort", lambda: SHORT)
+        patch.setattr(paper_sequence, "SearchEffort", lambda: SHORT)
         return identify(two_gaps, search="paper", offsets=False)
 
 
@@ -188,13 +187,13 @@ def test_cost_of_the_last_step_is_that_of_the_model(quick: IdentifyResult, two_g
 
 
 @pytest.fixture(scope="module")
-def whole(two_gaps: Loops) -> sequence_module.Sequence:
+def whole(two_gaps: Loops) -> paper_sequence.Sequence:
     return search_paper(run_of(two_gaps), two_gaps, "auto", BRIEF)
 
 
 @pytest.mark.parametrize("stage", [1, 5, 20])
 def test_a_killed_run_goes_on_to_the_same_result(
-    stage: int, two_gaps: Loops, whole: sequence_module.Sequence, tmp_path: Path
+    stage: int, two_gaps: Loops, whole: paper_sequence.Sequence, tmp_path: Path
 ) -> None:
     kept = tmp_path / "checkpoint"
 

@@ -16,8 +16,8 @@ from pya2l.api.inspect import Project
 from pya2l.api.validate import Validator
 from pyxcp.types import XcpResponseError
 
-from anhyst.compilation.xcp_map import INPUTS, SETTINGS, SIGNALS
 from anhyst.control.states import Command, Fault, Phase, State
+from anhyst.control.xcp_map import INPUTS, SETTINGS, SIGNALS
 from anhyst.link.firmware import build
 from anhyst.link.plant_bus import Reading
 from anhyst.link.process import Running, run_host

@@ -18,8 +18,8 @@ import pytest
 from pyxcp.types import XcpResponseError
 
 from anhyst.compensate.layout import PLACES
-from anhyst.compilation.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
 from anhyst.control.states import Command, Fault, State
+from anhyst.control.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting

@@ -11,8 +11,8 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from anhyst.compilation.xcp_map import SIGNALS
 from anhyst.control.states import Command, State
+from anhyst.control.xcp_map import SIGNALS
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
 from anhyst.link.xcp import XcpMaster

@@ -14,7 +14,7 @@ from pyxcp.daq_stim import DaqOnlinePolicy
 from pyxcp.master.master import Master
 from pyxcp.types import XcpResponseError
 
-from anhyst.compilation.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
+from anhyst.control.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
 from anhyst.link.process import Running
 from anhyst.link.xcp_key import key_for
 

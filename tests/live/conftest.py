@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst.live.curves import DrawnLoop
-from anhyst.live.improver import Improver
-from anhyst.live.recorder import start_recording
-from anhyst.live.run import listen_on, make_server
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.curves import DrawnLoop
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.run import listen_on, make_server
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench

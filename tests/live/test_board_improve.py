@@ -12,8 +12,8 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command, State
-from anhyst.live.improver import Improver
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.force import StandPlant
 from anhyst.study.bench import open_board, prepare_board
 from anhyst.study.prepared import PreparedForce
@@ -123,7 +123,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
 
 
 def order_command(session: LiveSession, name: str) -> None:
-    from anhyst.live.orders import perform
+    from anhyst.dashboard.orders import perform
 
     session.do(lambda: perform(session, "browser 1", {"do": "command", "name": name}))
 
@@ -172,7 +172,7 @@ def test_what_does_not_fit_a_board_is_refused(quick: PreparedForce, tmp_path: Pa
     assert main(["excite", rig, *out, "--folder", str(folder)]) == 2  # nobody to measure through
     assert main(["live", rig, "--rig", rig]) == 2
     bearing = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
-    with refused("wrong-rig"):
+    with refused("wrong-kind"):
         prepare_board(bearing, folder)
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     manifest["model"]["sha256"] = "0" * 64

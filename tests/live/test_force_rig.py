@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, State
-from anhyst.live.generator import Generator
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.generator import Generator
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.force import ForceBench
 from anhyst.support.arrays import FloatArray
 from tests.live.conftest import Serve, Show, wait_for

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from anhyst.live.frames import MOST, Outbox, Run, encode, thin
+from anhyst.dashboard.frames import MOST, Outbox, Run, encode, thin
 from anhyst.support.arrays import FloatArray
 
 

@@ -10,13 +10,15 @@ from contextlib import ExitStack
 from typing import Any
 
 import pytest
+from anhyst.live.guard import POLICY, read_address
+from anhyst.live.server import CLIENTS_MOST
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst.live.guard import POLICY, read_address
-from anhyst.live.server import CLIENTS_MOST
+from anhyst.dashboard.guard import POLICY, read_address
+from anhyst.dashboard.server import CLIENTS_MOST
 from tests.live.conftest import Serve, Served, wait_for
 from tests.refusals import refused, says
 

@@ -13,12 +13,12 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command, Fault, State
+from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.session import LiveSession
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
 from anhyst.link.plant_bus import Reading
 from anhyst.link.xcp import XcpMaster
-from anhyst.live.recorder import start_recording
-from anhyst.live.session import LiveSession
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.force.programs import Program

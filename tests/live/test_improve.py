@@ -14,11 +14,11 @@ import pytest
 
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.control.states import Command, State
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.job import Job
+from anhyst.dashboard.orders import perform
+from anhyst.dashboard.session import LiveSession
 from anhyst.link.blocks import regenerate
-from anhyst.live.improver import Improver
-from anhyst.live.job import Job
-from anhyst.live.orders import perform
-from anhyst.live.session import LiveSession
 from anhyst.model.parameters import Parameter
 from anhyst.study.prepared import PreparedBearing, PreparedForce, block_of
 from anhyst.support.progress import Progress

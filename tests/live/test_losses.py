@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Fault, State
+from anhyst.dashboard.session import LiveSession
 from anhyst.link.xcp import XcpMaster
-from anhyst.live.session import LiveSession
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.bench.pace import PacedBench
@@ -59,8 +59,8 @@ def children(parent: int) -> list[int]:
 SERVER = """\
 import sys
 from pathlib import Path
-from anhyst.live.recorder import start_recording
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.force import ForceBench
 from tests.rig import forces
 bench = ForceBench(forces.example(), forces.load(Path(sys.argv[1])))

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Fault, State
+from anhyst.dashboard.generator import Generator
+from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.session import LiveSession
 from anhyst.link.plant_bus import Reading
 from anhyst.link.xcp import XcpMaster
-from anhyst.live.generator import Generator
-from anhyst.live.recorder import start_recording
-from anhyst.live.session import LiveSession
 from anhyst.rig.bearing.board import BearingPlant
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench

@@ -16,7 +16,7 @@ from websockets.typing import Origin
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command
-from anhyst.live.recorder import start_recording
+from anhyst.dashboard.recorder import start_recording
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.arrays import FloatArray
 from tests.live.conftest import wait_for

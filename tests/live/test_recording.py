@@ -14,9 +14,9 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.control.states import Command
+from anhyst.dashboard.recorder import start_recording
+from anhyst.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorder
 from anhyst.data.formats import open_table
-from anhyst.live.recorder import start_recording
-from anhyst.live.recording import KEPT_S, Crossing, Ring, Span, TickRecorder
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Signal
 from anhyst.rig.bench.subscription import Subscription

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.live.sets import ENDING, ParameterSets, values_for
+from anhyst.dashboard.sets import ENDING, ParameterSets, values_for
 from anhyst.rig.bench.protocol import Parameter
 from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_page import ready, until

@@ -233,7 +233,7 @@ def test_everything_wrong_is_reported_at_once(tmp_path: Path) -> None:
         (b'name = "x\n', "damaged-toml: :1:"),
         (b"a = 1\na = 2\n", "damaged-toml: :2:"),
         (b"\xff\xfe\x00\x01", "not-utf8"),
-        (b"", "wrong-format format"),
+        (b"", "wrong-format format: anhyst-model"),
         (b"I_A,F_N\n0,1\n", "damaged-toml: :1:"),
     ],
 )

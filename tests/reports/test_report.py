@@ -14,11 +14,11 @@ import pytest
 from anhyst.cli import app as cli
 from anhyst.data.history import History
 from anhyst.data.loops import Loops, Source
+from anhyst.data.read_options import ReadOptions
 from anhyst.data.verdict import Level
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.parameters import Parameter
-from anhyst.model.sources import ReadOptions
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
 from anhyst.reports.model.evidence import gather, own_figures

@@ -12,7 +12,7 @@ import pytest
 
 from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import lost_at

@@ -63,7 +63,7 @@ def test_a_key_inside_a_list_of_tables_is_reported_too(rig: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "reported"),
     [
-        ('format = "anhyst-rig"', 'format = "rig"', "literal-error format: 'anhyst-rig'"),
+        ('format = "anhyst-rig"', 'format = "rig"', "wrong-format format: anhyst-rig"),
         ("rate_Hz = 1000.0", "rate_Hz = 3.0", "greater-than-equal rate_Hz: 100"),
         ("dac_bits = 12", "dac_bits = 12.5", "int-type amplifier.dac_bits"),
         ("noise_N = 0.06", "noise_N = -0.06", "greater-than-equal force_sensor.noise_N"),

@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from scipy.io import loadmat
 
 from anhyst.cli.app import main
 from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
 from anhyst.control.states import Command, Flag, Phase, State
+from anhyst.data.table import read_columns
 from anhyst.model.writer import write_model
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_simulation import subject_of
@@ -31,6 +31,7 @@ from anhyst.study.bearing import variations
 from anhyst.study.bearing.responses import FIGURES
 from anhyst.study.bearing.simulate import Simulation, simulate
 from anhyst.support.errors import NegativeResult
+from anhyst.support.units import split_header
 from tests.refusals import refused, says
 from tests.study import bearings
 from tests.truths import truth
@@ -213,10 +214,12 @@ def test_what_was_not_reached_is_null(folder: Path) -> None:
     means = [cell.figures["settling_time_s"].mean for cell in found.cells]
     assert settling == [mean if np.isfinite(mean) else None for mean in means]
     assert None in settling
-    table = loadmat(folder / "out" / "run.mat")
-    assert {name for name in table if not name.startswith("__")} == set(COLUMNS)
-    for name in COLUMNS:
-        np.testing.assert_array_equal(table[name].ravel(), found.recording[name], name)
+    table = read_columns(folder / "out" / "run.mat")
+    names = [split_header(name)[0] for name in COLUMNS]
+    assert sorted(table.opened.header) == sorted(names)
+    for name, plain in zip(COLUMNS, names, strict=True):
+        column = np.asarray(table.columns[table.opened.header.index(plain)])
+        np.testing.assert_array_equal(column, found.recording[name], name)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from anhyst._core import allocate
+from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
@@ -182,5 +183,17 @@ def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path)
     assert list(table.index) == list(found.tried)
     assert table.loc["full", "peak_m"] < table.loc["single-valued", "peak_m"]
     assert len(found.plot(Figure().add_subplot()).lines) == len(found.tried)
-    found.save(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.mf4", "run.h5"])
+def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
+    name: str, tmp_path: Path
+) -> None:
+    found = stages.study()
+    found.save(tmp_path / name)
     assert (tmp_path / "figures.json").is_file()
+    table = read_columns(tmp_path / name)
+    place = table.opened.find("error_m")
+    place = table.opened.find("error") if place is None else place
+    assert place is not None
+    assert np.array_equal(np.asarray(table.columns[place]), found.tried["full"].shown.error)

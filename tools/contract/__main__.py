@@ -32,7 +32,7 @@ def wanted() -> dict[Path, str]:
         SOURCE / "link" / "frames.py": frames_module(frames, signals),
         PLANT / "bus_words.h": bus_header(frames["plant"]),
         ROOT / "firmware" / "xcp" / "map.h": map_header(xcp, signals),
-        SOURCE / "compilation" / "xcp_map.py": map_module(xcp, signals),
+        SOURCE / "control" / "xcp_map.py": map_module(xcp, signals),
         CORE / "control" / "states.h": states_header(controller),
         CORE / "compensator" / "flags.h": flags_header(controller),
         SOURCE / "control" / "states.py": states_module(controller),

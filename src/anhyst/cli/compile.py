@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, ModelPath
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst.compilation.output import Compiled
-    from anhyst.compilation.play import CompiledPlay
+    from anhyst import Compiled, CompiledPlay
 
 
 class KindChoice(StrEnum):
@@ -108,11 +108,8 @@ def compile_(
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
-    from anhyst.compilation.play import CompiledPlay
-    from anhyst.compilation.verb import compile_actuator
-
     with progress_bar("choosing tables and measuring") as progress:
-        compiled = compile_actuator(
+        compiled = anhyst.compile(
             model,
             out,
             rate=rate,
@@ -123,12 +120,12 @@ def compile_(
             controller=controller,
             progress=progress,
         )
-    warnings = () if isinstance(compiled, CompiledPlay) else compiled.warnings
+    warnings = () if isinstance(compiled, anhyst.CompiledPlay) else compiled.warnings
     for text in warnings:
         warn(text)
     if as_json:
         print_json(compiled.as_dict())
-    elif isinstance(compiled, CompiledPlay):
+    elif isinstance(compiled, anhyst.CompiledPlay):
         _show_play(compiled)
     else:
         _show(compiled)
@@ -156,28 +153,26 @@ def _show_play(compiled: CompiledPlay) -> None:
 
 
 def _show(compiled: Compiled) -> None:
-    from anhyst.compensate.budget import percent
-    from anhyst.compensate.choices import explain
-    from anhyst.compilation.memory import parameters_bytes
-
-    plan, budget = compiled.plan, compiled.budget
+    manifest, budget = compiled.manifest, compiled.budget
     rows = table(
         f"accuracy, per cent of {budget.largest:.4g} {budget.unit}", ("part", "worst", "rms")
     )
     for part in (*budget.parts, budget.compiled, budget.total, budget.drift):
         if part.worst is not None and part.rms is not None:
-            worst, rms = (f"{percent(budget, value):.2g}" for value in (part.worst, part.rms))
+            worst, rms = (
+                f"{100.0 * value / budget.largest:.2g}" for value in (part.worst, part.rms)
+            )
             rows.add_row(part.title, worst, rms)
     lines = []
-    if around := compiled.manifest["controller"]:
+    if around := manifest["controller"]:
         lines.append(
             f"position controller '{around['name']}': {around['rate_Hz']:g} Hz, "
             f"{around['state_bytes']} bytes of state"
         )
-    lines += [f"{choice.name}: {choice.value} ({choice.reason})" for choice in explain(plan)]
-    size = parameters_bytes(plan.block)
+    lines += [f"{name}: {choice}" for name, choice in manifest["plan"].items()]
+    size = manifest["memory"]["parameters_bytes"]
     show(
-        f"{compiled.out}: {plan.block.kind}, {plan.request.io}, {size} bytes of parameters",
+        f"{compiled.out}: {manifest['kind']}, {manifest['io']}, {size} bytes of parameters",
         rows,
         *lines,
         f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",

@@ -8,14 +8,18 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, warn
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 
 def convert(
     source: Annotated[
-        Path, typer.Argument(metavar="FILE", help="A measurement in any format that is read.")
+        Path,
+        typer.Argument(
+            metavar="FILE", help="A measurement in any format that is read.", callback=of_its_kind
+        ),
     ],
     out: Annotated[
         Path,
@@ -30,10 +34,8 @@ def convert(
 
     Example: anhyst convert recording.mf4 recording.csv
     """
-    from anhyst.data.convert import convert as write
-
     with progress_bar(f"reading {source.name}") as progress:
-        done = write(source, out, progress)
+        done = anhyst.convert(source, out, progress=progress)
     for text in done.notes:
         warn(text)
     if as_json:

@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import in_small_units, print_json, show, table
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import Model
-    from anhyst.model.diff import ModelDiff
+    from anhyst import Model, ModelDiff
     from anhyst.model.parameters import Parameter
 
 
 def diff(
-    first: Annotated[Path, typer.Argument(metavar="A", help="A model.toml.")],
-    second: Annotated[Path, typer.Argument(metavar="B", help="Another model.toml.")],
+    first: Annotated[Path, typer.Argument(metavar="A", help="A model.toml.", callback=of_its_kind)],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="Another model.toml.", callback=of_its_kind)
+    ],
     as_json: AsJson = False,
 ) -> None:
     """Show what two models have different, and by how much in newtons.
@@ -29,11 +31,8 @@ def diff(
 
     Example: anhyst diff old.toml new.toml
     """
-    from anhyst.model.diff import diff as compare
-    from anhyst.model.file import read_model
-
-    one, other = read_model(first), read_model(second)
-    result = compare(one, other)
+    one, other = anhyst.read_model(first), anhyst.read_model(second)
+    result = anhyst.diff(one, other)
     if as_json:
         print_json(asdict(result) | {"same": result.same, "unit": one.output.unit})
     else:

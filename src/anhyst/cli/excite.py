@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table
-from anhyst.cli.inspect import check_plot
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
-from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
-    from anhyst.study.excite.excite import Excitation
+    from anhyst import Excitation
 
 
 def excite(
     rig: Annotated[
-        Path, typer.Argument(metavar="RIG", help="Rig file, of a bearing or of force control.")
+        Path,
+        typer.Argument(
+            metavar="RIG", help="Rig file, of a bearing or of force control.", callback=of_its_kind
+        ),
     ],
     out: Annotated[
         Path,
@@ -62,46 +64,14 @@ def excite(
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
     """
-    from anhyst.study.bench import through
-    from anhyst.study.excite.excite import excite as run
-
-    if plot is not None:
-        check_plot(plot)
-    url = port if xcp is None else f"socket://{xcp}"
-    if xcp is not None and port is not None:
-        raise InputError(
-            "--port: one controller at a time; leave it or --xcp out",
-            code="options-together",
-            key="--port",
-        )
-    if (url is None) is not (folder is None):
-        raise InputError(
-            "--folder: goes together with --xcp or --port, and they with it",
-            code="options-missing",
-            key="--folder",
-        )
     with progress_bar("measuring") as progress:
-        if folder is None or url is None:
-            found = run(rig, out, progress)
-        else:
-            found = run(rig, out, progress, through(folder, url))
-    if plot is not None:
-        _draw(found, plot)
+        found = anhyst.excite(
+            rig, out, plot=plot, folder=folder, xcp=xcp, port=port, progress=progress
+        )
     if as_json:
         print_json(found.as_dict())
     else:
         _show(found, out, plot)
-
-
-def _draw(found: Excitation, path: Path) -> None:
-    from io import BytesIO
-
-    from anhyst.reports.excite import figure_excitation
-    from anhyst.support.atomic import write_bytes
-
-    picture = BytesIO()
-    figure_excitation(found).savefig(picture, format=path.suffix[1:].lower(), dpi=150)
-    write_bytes(path, picture.getvalue())
 
 
 def _show(found: Excitation, out: Path, plot: Path | None) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show
 from anhyst.cli.options import AsJson, ModelPath
 from anhyst.cli.progress import progress_bar
@@ -106,27 +107,19 @@ def export(
 
     Example: anhyst export model.toml --as lut --out magnet.csv
     """
-    from anhyst.exchange.fmu_file import PLATFORMS_ALL, export_fmu
-    from anhyst.exchange.sfunction import export_sfunction
-    from anhyst.exchange.tables import export_tables
-    from anhyst.model.file import read_model
-
-    if as_ is ExportChoice.LUT:
-        export_tables(read_model(model), out)
-    elif as_ is ExportChoice.SIMULINK:
-        export_sfunction(
-            model, out, of=of.value if of else None, rate=rate, kind=kind.value if kind else None
+    with progress_bar(as_.value) as progress:
+        done = anhyst.export(
+            model,
+            out,
+            as_=as_.value,
+            of=of.value if of else None,
+            rate=rate,
+            kind=kind.value if kind else None,
+            fmi=fmi.value,
+            platforms=None if platforms is None else platforms.split(","),
+            progress=progress,
         )
-    else:
-        wanted = PLATFORMS_ALL if platforms is None else tuple(platforms.split(","))
-        with progress_bar("fmu") as progress:
-            export_fmu(
-                model, out, of=of.value if of else None, rate=rate, kind=kind.value if kind else None,
-                fmi=fmi.value, platforms=wanted, progress=progress,
-            )  # fmt: skip
     if as_json:
-        files = [out] if out.is_file() else [path for path in out.rglob("*") if path.is_file()]
-        size = sum(path.stat().st_size for path in files)
-        print_json({"out": str(out), "as": as_.value, "bytes": size})
+        print_json(done.as_dict())
     else:
         show(f"written: {out}")

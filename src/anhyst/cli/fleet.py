@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.compile import IoChoice
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, LoopHistory, Scheduler
+from anhyst.cli.options import AsJson, LoopHistory, Scheduler, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst.study.fleet.fleet import Fleet
+    from anhyst import Fleet
 
 REPORT = "report.html"
 
@@ -30,7 +31,9 @@ def fleet(
     magnets: Annotated[
         Path,
         typer.Argument(
-            metavar="DIR", help="Folder with a file of loops, or a folder of them, for each magnet."
+            metavar="DIR",
+            help="Folder with a file of loops, or a folder of them, for each magnet.",
+            callback=of_its_kind,
         ),
     ],
     out: Annotated[
@@ -75,16 +78,24 @@ def fleet(
 
     Example: anhyst fleet magnets --out fleet --tolerance 0.5
     """
-    from anhyst.identification.identify import check_wanted
     from anhyst.reports.fleet import write_fleet_report
-    from anhyst.study.fleet.fleet import fleet as run
-    from anhyst.study.fleet.judge import FleetSettings
-    from anhyst.support.jobs import workers_of
 
-    check_wanted(law, gap_map, "default")
-    settings = FleetSettings(rate, kind.value, io.value, law, gap_map, on, tolerance, seed, history)
-    with workers_of(scheduler), progress_bar("magnets") as progress:
-        found = run(magnets, out, settings, progress=progress)
+    with progress_bar("magnets") as progress:
+        found = anhyst.fleet(
+            magnets,
+            out,
+            rate=rate,
+            tolerance=tolerance,
+            law=law,
+            gap_map=gap_map,
+            kind=kind.value,
+            io=io.value,
+            on=on,
+            seed=seed,
+            history=history,
+            scheduler=scheduler,
+            progress=progress,
+        )
     write_fleet_report(out / REPORT, found)
     for text in found.warnings:
         warn(text)

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, BoardChoice
+from anhyst.cli.options import AsJson, BoardChoice, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.study.force.force_control import ForceControl
+    from anhyst import ForceControl
 
 
 STAGES = {
@@ -25,7 +26,9 @@ STAGES = {
 
 
 def force_control(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file, such as rig.toml.")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG", help="Rig file of force control.", callback=of_its_kind)
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     board: Annotated[
         BoardChoice,
@@ -41,6 +44,13 @@ def force_control(
             metavar="FILE", help="CSV with a demand (t_s, F_N), beside those of the rig file."
         ),
     ] = None,
+    recordings: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT",
+            help="Format of the recordings: csv, mat, mf4, tdms, h5 or parquet.",
+        ),
+    ] = "csv",
     as_json: AsJson = False,
 ) -> None:
     """Control the force of a magnet, open loop, with and without compensation.
@@ -54,10 +64,11 @@ def force_control(
     Example: anhyst force-control examples/solenoid/rig.toml --out run
     """
     from anhyst.reports.force.figures import draw
-    from anhyst.study.force.force_control import force_control as run
 
     with progress_bar("force control") as progress:
-        found = run(rig, out, board=board.value, demand=demand, progress=progress)
+        found = anhyst.force_control(
+            rig, out, board=board.value, demand=demand, recordings=recordings, progress=progress
+        )
         draw(found)
     for text in found.plant.warnings:
         warn(text)
@@ -65,6 +76,10 @@ def force_control(
         print_json(found.figures)
     else:
         _show(found)
+    if found.lost_in:
+        raise NegativeResult(
+            f"the force was lost: {'; '.join(found.lost_in)}; all files are kept", code="force-lost"
+        )
     differing = found.figures["ticks_that_differ"]
     if differing:
         raise NegativeResult(
@@ -85,10 +100,11 @@ def _show(found: ForceControl) -> None:
         cells = [f"{worst[name]['worst_percent']:.2f}" if name in worst else "" for name in TITLES]
         rows.add_row(title, *cells)
     show(
+        *(f"lost: {one}" for one in found.lost_in),
         rows,
-        f"verdict: {figures['verdict']['text']}",
+        *([] if found.lost_in else [f"verdict: {figures['verdict']['text']}"]),
         *found.plant.lines,
         f"firmware on {figures['board']} against the simulated program: "
         f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
-        f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one CSV for each trial",
+        f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, warn
 from anhyst.cli.options import (
     AsJson,
@@ -28,8 +29,7 @@ from anhyst.laws.registry import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.identification import IdentifyResult
-    from anhyst.model.actuator import Model
+    from anhyst import IdentifyResult, Model
     from anhyst.model.fit_record import CandidateFit
 
 
@@ -154,24 +154,22 @@ def identify(
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
     # Only now: these take longer to import than it takes to refuse a bad file.
-    from anhyst.identification import identify as find_model
-    from anhyst.identification.options import IdentifyTable
     from anhyst.model.sources import with_read_options
     from anhyst.model.writer import write_model
 
-    wanted = IdentifyTable(
-        law=law,
-        gap_map=gap_map.value,
-        search=search.value,
-        seed=seed,
-        weights=weights.value,
-        offsets=offsets,
-        dead_band=dead_band,
-    )
     checkpoint = _checkpoint(out) if search is SearchChoice.PAPER else None
     with _stoppable(checkpoint), progress_bar("searching") as progress:
-        result = find_model(
-            measured, **wanted.searching(), progress=progress, checkpoint=checkpoint
+        result = anhyst.identify(
+            measured,
+            law=law,
+            gap_map=gap_map.value,
+            search=search.value,
+            seed=seed,
+            weights=weights.value,
+            offsets=offsets,
+            dead_band=dead_band,
+            progress=progress,
+            checkpoint=checkpoint,
         )
     write_model(with_read_options(result.model, options), out)
     _report(result, out, checkpoint, as_json)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show
 from anhyst.cli.options import (
     AsJson,
@@ -17,13 +19,13 @@ from anhyst.cli.options import (
     LoopHistory,
     Schedule,
     Sidecar,
+    of_its_kind,
     read_options,
 )
 from anhyst.cli.progress import progress_bar
-from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
-    from anhyst.draft.drafting import Drafted
+    from anhyst import Drafted
 
 _NAMED = 6
 """Files that are named one by one."""
@@ -33,7 +35,9 @@ def init(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     loops: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[LOOPS]", help="CSV files, or folders of them."),
+        typer.Argument(
+            metavar="[LOOPS]", help="CSV files, or folders of them.", callback=of_its_kind
+        ),
     ] = None,
     mass: Annotated[
         float | None,
@@ -84,35 +88,18 @@ def init(
 
     Example: anhyst init --example bearing --out my
     """
-    from anhyst.draft.drafting import init_bearing, init_example, init_force_control
-    from anhyst.draft.machine import Wanted
-    from anhyst.model.sources import ReadOptions
-
-    wanted = Wanted(mass, load, gap)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
-    if force_control and wanted != Wanted():
-        raise InputError(
-            "--mass, --load and --gap belong to a bearing; leave out --force-control",
-            code="option-not-for-this",
-            key="--mass",
-        )
-    if example is not None:
-        if loops or force_control or wanted != Wanted() or options != ReadOptions():
-            raise InputError(
-                "--example is complete: leave out all but --out",
-                code="option-not-for-this",
-                key="--example",
-            )
-        drafted = init_example(example, out)
-    elif loops:
-        with progress_bar("reading") as progress:
-            if force_control:
-                drafted = init_force_control(loops, out, options, progress)
-            else:
-                drafted = init_bearing(loops, out, wanted, options, progress)
-    else:
-        raise InputError(
-            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
+    with progress_bar("reading") as progress:
+        drafted = anhyst.init(
+            out,
+            loops,
+            mass=mass,
+            load=load,
+            gap=gap,
+            force_control=force_control,
+            example=example,
+            progress=progress,
+            **asdict(options),
         )
     if as_json:
         print_json(drafted.as_dict())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import in_small_units, print_json, show, table, warn
 from anhyst.cli.options import (
     AsJson,
@@ -22,11 +23,12 @@ from anhyst.cli.options import (
     read_options,
 )
 from anhyst.cli.progress import progress_bar
+from anhyst.support.picture import check_picture, write_figure
 
 if TYPE_CHECKING:
-    from anhyst.data.inspection import Inspection, LoopFigures
+    from anhyst import Inspection
+    from anhyst.data.inspection import LoopFigures
     from anhyst.data.listing import ChannelFigures
-    from anhyst.data.loops import Loops
 
 
 def inspect(
@@ -55,10 +57,8 @@ def inspect(
 
     Example: anhyst inspect loops.csv --plot loops.png
     """
-    from anhyst.data.inspection import inspect as look_at
-
     if plot is not None:
-        check_plot(plot)
+        check_picture(plot)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     # Thinning would hide noise and skew, which are what is looked for.
     options = replace(options, clean=tuple(step for step in options.clean if step != "thin"))
@@ -67,9 +67,11 @@ def inspect(
         _show_channels(listed)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
-    found = look_at(measured)
+    found = anhyst.inspect(measured)
     if plot is not None:
-        _draw(found, measured, plot)
+        from anhyst.data.plot import plot_inspection
+
+        write_figure(plot_inspection(found, measured), plot)
     if as_json:
         channels = {"channels": [one.as_dict() for one in listed]} if listed else {}
         print_json(found.as_dict() | channels)
@@ -99,31 +101,6 @@ def _show_channels(listed: list[ChannelFigures]) -> None:
         rate = "" if one.rate is None else f"{one.rate:.6g}"
         figures.add_row(escape(one.name), escape(one.unit), str(one.samples), rate, span, one.role)
     show(figures)
-
-
-def check_plot(path: Path) -> None:
-    """Refuse a plot that could not be written in the end."""
-    from anhyst.support.atomic import check_writable
-    from anhyst.support.errors import InputError
-
-    if path.suffix.lower() not in {".png", ".svg", ".pdf"}:
-        raise InputError(
-            f"{path}: a plot is written as .png, .svg or .pdf; change the ending",
-            code="wrong-ending",
-        )
-    check_writable(path)
-
-
-def _draw(found: Inspection, loops: Loops, path: Path) -> None:
-    from io import BytesIO
-
-    from anhyst.data.plot import plot_inspection
-    from anhyst.support.atomic import write_bytes
-
-    picture = BytesIO()
-    figure = plot_inspection(found, loops)
-    figure.savefig(picture, format=path.suffix[1:].lower(), dpi=150)
-    write_bytes(path, picture.getvalue())
 
 
 def _show(found: Inspection) -> None:

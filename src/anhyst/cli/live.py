@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import importlib.util
-import secrets
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import show
+from anhyst.cli.options import of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
-
-if TYPE_CHECKING:
-    from anhyst.live.improver import Improver
-    from anhyst.rig.bench.protocol import Bench
 
 _PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
 
@@ -27,6 +25,7 @@ def live(
             metavar="RIG",
             help="Rig file: a bearing, or a force rig. With --xcp or --port the compiled folder "
             "around which the firmware is built.",
+            callback=of_its_kind,
         ),
     ],
     controller: Annotated[
@@ -95,66 +94,23 @@ def live(
                 code="not-installed",
                 key=name,
             )
-    from anhyst.live.guard import read_address
-    from anhyst.live.recorder import start_recording
-    from anhyst.live.run import listen_on, serve
-    from anhyst.live.session import LiveSession
+    with ExitStack() as opening:
 
-    if xcp is not None and port is not None:
-        raise InputError(
-            "--port: one controller at a time; leave it or --xcp out",
-            code="options-together",
-            key="--port",
-        )
-    url = port if xcp is None else f"socket://{xcp}"
-    if url is None and known is not None:
-        raise InputError(
-            "--rig: the rig file of a virtual rig is the argument; leave --rig out",
-            code="option-not-for-this",
-            key="--rig",
-        )
-    if url is not None and controller is not None:
-        raise InputError(
-            "--controller: a controller that runs has one already; leave it out",
-            code="option-not-for-this",
-            key="--controller",
-        )
-    shown = secrets.token_urlsafe(16) if token else ""
+        def started(address: str, token: str) -> None:
+            opening.close()  # ends the bar
+            show(*([f"token: {token}"] if token else []), f"{address}  ctrl-C ends it")
 
-    def started(address: str) -> None:
-        show(*([f"token: {shown}"] if shown else []), f"{address}  ctrl-C ends it")
-
-    with listen_on(*read_address(listen, token)) as taken:
-        bench, improver = _open(rig, controller, url, known)
-        try:
-            recording = (
-                None if record is None else start_recording(record, bench.signals, bench.rate)
-            )
-        except BaseException:
-            bench.close()
-            raise
-        folder = Path() if record is None else record.parent
-        session = LiveSession(
-            bench, recording, folder, improver, improver.curves if improver else ()
+        recording = anhyst.live(
+            rig,
+            controller,
+            xcp=xcp,
+            port=port,
+            known=known,
+            record=record,
+            listen=listen,
+            token=token,
+            progress=opening.enter_context(progress_bar("live")),
+            started=started,
         )
-        title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
-        serve(session, title, taken, shown, started)
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")
-
-
-def _open(
-    rig: Path, controller: Path | None, url: str | None, known: Path | None
-) -> tuple[Bench, Improver | None]:
-    """Open a virtual rig, whose model can be improved, or a controller that runs."""
-    from anhyst.live.improver import Improver
-    from anhyst.study.bench import open_board, prepare_board
-    from anhyst.study.kept import prepared_once
-
-    if url is not None:
-        on_board = None if known is None else prepare_board(known, rig)
-        board = open_board(rig, url)
-        return board, None if on_board is None else Improver(on_board, board)
-    with progress_bar("live") as progress, prepared_once(rig, controller, progress) as prepared:
-        bench = prepared.open()  # runs on without the folder
-        return bench, Improver(prepared, bench)

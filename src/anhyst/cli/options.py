@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from anhyst.model.sources import ReadOptions
+    from anhyst.data.read_options import ReadOptions
 
 
 class BoardChoice(StrEnum):
@@ -19,8 +19,19 @@ class BoardChoice(StrEnum):
     QEMU = "qemu-mps2"
 
 
+def of_its_kind(context: typer.Context, given: Any) -> Any:
+    """Refuse a first argument of another kind than the verb takes, and name the verbs that do."""
+    from anhyst.support.kinds import TAKES, refuse_other
+
+    verb = str(context.info_name)
+    for path in given if isinstance(given, list) else [given] if given else []:
+        refuse_other(path, TAKES[verb], verb)
+    return given
+
+
 LoopFiles = Annotated[
-    list[Path], typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.")
+    list[Path],
+    typer.Argument(metavar="LOOPS", help="CSV files, recordings or folders.", callback=of_its_kind),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Scheduler = Annotated[
@@ -93,17 +104,19 @@ RunHistory = Annotated[
         show_default=False,
     ),
 ]
-ModelPath = Annotated[Path, typer.Argument(metavar="MODEL", help="A model.toml.")]
+ModelPath = Annotated[
+    Path, typer.Argument(metavar="MODEL", help="A model.toml.", callback=of_its_kind)
+]
 
 
 def read_options(
-    columns: str | None,
-    sidecar: Path | None,
-    schedule: str | None,
-    loop: str | None,
-    constants: str | None,
-    history: str | None,
-    clean: str | None,
+    columns: str | None = None,
+    sidecar: Path | None = None,
+    schedule: str | None = None,
+    loop: str | None = None,
+    constants: str | None = None,
+    history: str | None = None,
+    clean: str | None = None,
 ) -> ReadOptions:
     """Collect what the options say about reading measurements.
 
@@ -112,7 +125,7 @@ def read_options(
     InputError
         A text that is not of the right form.
     """
-    from anhyst.model.sources import ReadOptions
+    from anhyst.data.read_options import ReadOptions
 
     return ReadOptions.from_text(
         columns=columns,

@@ -3,44 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from anhyst.cli.console import print_json, show, table
-from anhyst.support.errors import InputError
+from anhyst.cli.console import show, table
+
+if TYPE_CHECKING:
+    from anhyst import PiezoTracking
 
 WORTH_IT = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
 
 
-def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
-    """Let a piezo stage follow its triangle."""
-    from anhyst.reports.piezo import write_picture
-    from anhyst.rig.piezo.file import read_piezo_rig
-    from anhyst.study.piezo.track import TITLES, track, write_tracking
-    from anhyst.support.atomic import check_writable
+def show_piezo(found: PiezoTracking, out: Path) -> None:
+    """Print how a piezo stage followed its triangle."""
+    from anhyst.study.piezo.track import TITLES
 
-    picture = out.with_suffix(".svg")
-    if out.suffix != ".csv":
-        raise InputError(
-            f"{out}: a recording of a piezo stage is written as .csv", code="wrong-ending"
-        )
-    for path in (out, picture):
-        check_writable(path)
-    read = read_piezo_rig(rig)
-    found = track(read)
-    write_tracking(found, out)
-    write_picture(found, 1.0 / read.settings.reference.frequency_Hz, picture)
-    if as_json:
-        print_json(found.as_dict())
-        return
     rows = table("deviation from the triangle", ("compensation", "worst nm", "rms nm"))
     for name, run in found.runs.items():
         rows.add_row(
             TITLES[name], f"{1e9 * run.errors.worst_m:.0f}", f"{1e9 * run.errors.rms_m:.0f}"
         )
-    show(
-        rows,
+    verdict = (
         f"rms with compensation over without: {found.ratio:.2f}; "
         + ("worth it" if found.ratio < WORTH_IT else "hardly worth it")
-        + " behind this feedback",
-        f"{out} and {picture} written",
+        + " behind this feedback"
     )
+    lost = [f"lost: {one}" for one in found.lost_in]
+    written = f"{out} and {out.with_suffix('.svg')} written"
+    show(*lost, rows, *([] if lost else [verdict]), written)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, warn
 from anhyst.cli.options import AsJson, ModelPath
 
@@ -27,11 +28,10 @@ def report(
 
     Example: anhyst report model.toml --out report.html
     """
-    from anhyst.reports import write_report
     from anhyst.support.atomic import check_writable
 
     check_writable(out, reads=[model])
-    warnings = write_report(model, out)
+    warnings = anhyst.report(model, out)
     for text in warnings:
         warn(text)
     if as_json:

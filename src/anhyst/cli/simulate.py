@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, BoardChoice, Scheduler
-from anhyst.cli.piezo import simulate_piezo
+from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
+from anhyst.cli.piezo import show_piezo
 from anhyst.cli.progress import progress_bar
-from anhyst.cli.stage import simulate_stage_verb
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.cli.stage import show_calibrations, show_tracking
+from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from rich.table import Table
 
-    from anhyst.study.bearing.benefit import Benefit, Comparison, Measure
+    from anhyst import Benefit, BoardComparison, MonteCarlo, Simulation
+    from anhyst.study.bearing.benefit import Comparison, Measure
     from anhyst.study.bearing.board_faults import Ending
-    from anhyst.study.bearing.monte_carlo import MonteCarlo
     from anhyst.study.bearing.responses import StepCell
-    from anhyst.study.bearing.simulate import Simulation
 
 
 REPORT = "report.html"
@@ -32,11 +32,20 @@ REPORT = "report.html"
 def simulate(
     rig: Annotated[
         Path,
-        typer.Argument(metavar="RIG", help="Rig file of a bearing, a stage, or a piezo stage."),
+        typer.Argument(
+            metavar="RIG",
+            help="Rig file of a bearing, a stage, or a piezo stage.",
+            callback=of_its_kind,
+        ),
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="FILE", help="Recording to write, '.csv' or '.mat'."),
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
+        ),
     ],
     controller: Annotated[
         Path | None,
@@ -97,92 +106,64 @@ def simulate(
 
     Example: anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
-    from anhyst.rig.piezo.file import FORMAT as PIEZO
-    from anhyst.rig.stage.file import FORMAT as STAGE
-    from anhyst.support.jobs import workers_of
-    from anhyst.support.toml_file import format_of
-
-    chosen = "" if controller is None else f" --controller {controller}"
-    command = f"anhyst simulate {rig}{chosen} --out {out}"
-    given = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
-    asked = [name for name, value in given.items() if value]
-    if len(asked) > 1:
-        raise InputError(
-            f"{' and '.join(asked)} do not go together; give one of them",
-            code="options-together",
-            key=asked[0],
+    with progress_bar("simulate") as progress:
+        found = anhyst.simulate(
+            rig,
+            controller,
+            out=out,
+            monte_carlo=monte_carlo,
+            benefit=benefit,
+            board=None if board is None else board.value,
+            scheduler=scheduler,
+            progress=progress,
         )
-    kind = format_of(rig)
-    with workers_of(scheduler):
-        if kind == PIEZO:
-            if controller is not None or asked:
-                more = ["--controller"] if controller is not None else []
-                raise InputError(
-                    f"a piezo stage has no {' or '.join(more + asked)}; leave it out",
-                    code="option-not-for-this",
-                    key=(more + asked)[0],
-                )
-            simulate_piezo(rig, out, as_json)
-        elif kind == STAGE:
-            if controller is not None or board is not None or benefit:
-                raise InputError(
-                    "a stage has no --controller, --board or --benefit; leave them out",
-                    code="option-not-for-this",
-                )
-            simulate_stage_verb(rig, out, monte_carlo, command, as_json)
-        elif board is not None:
-            _firmware(rig, out, controller, board.value, as_json)
-        elif benefit:
-            _map(rig, out, controller, f"{command} --benefit", as_json)
-        elif monte_carlo is not None:
-            command = f"{command} --monte-carlo {monte_carlo}"
-            _fly(rig, out, controller, monte_carlo, command, as_json)
-        else:
-            _simulate(rig, out, controller, command, as_json)
-
-
-def _simulate(rig: Path, out: Path, controller: Path | None, command: str, as_json: bool) -> None:
-    from anhyst.reports.bearing import write_simulation_report
-    from anhyst.reports.bearing.from_simulation import subject_of
-    from anhyst.study.bearing.simulate import explore, refuse_losses, write_simulation
-    from anhyst.support.atomic import check_writable
-
-    for path in (out, out.parent / REPORT):
-        check_writable(path)
-    try:
-        with progress_bar("simulate") as progress:
-            found = explore(rig, out, controller, progress)
-            subject = subject_of(found, command)
-    except NegativeResult:
-        (out.parent / REPORT).unlink(missing_ok=True)  # of another recording
-        raise
-    write_simulation(found, out)
-    write_simulation_report(out.parent / REPORT, subject)
-    for text in found.plant.warnings:
-        warn(text)
+    if isinstance(found, anhyst.Simulation):
+        for text in found.plant.warnings:
+            warn(text)
     if as_json:
-        print_json(found.figures)
+        print_json(found.figures if hasattr(found, "figures") else found.as_dict())
     else:
-        _show(found, out)
-    refuse_losses(found)
+        _show_any(found, out)
+    _refuse(found)
 
 
-def _firmware(rig: Path, out: Path, controller: Path | None, board: str, as_json: bool) -> None:
-    from anhyst.study.bearing.on_board import run_board, write_comparison
+def _show_any(found: Any, out: Path) -> None:
+    """Print a result, whichever was asked for."""
+    shown: dict[type, Callable[[Any, Path], None]] = {
+        anhyst.Simulation: _show,
+        anhyst.MonteCarlo: _show_plants,
+        anhyst.Benefit: _show_map,
+        anhyst.BoardComparison: _show_firmware,
+        anhyst.TrackingStudy: show_tracking,
+        anhyst.CalibrationStudy: show_calibrations,
+        anhyst.PiezoTracking: show_piezo,
+    }
+    shown[type(found)](found, out)
 
-    with progress_bar(f"firmware on {board}") as progress:
-        found = run_board(rig, out, board, controller, progress)
-    write_comparison(found, out)
-    if as_json:
-        print_json(found.as_dict())
-    else:
-        show(
-            _faults(found.endings),
-            f"firmware on {board} against the simulation: {found.differ} of {len(found.recorded)} "
-            f"ticks differ, from lift-off to a landing at {1e3 * found.landing_speed:.1f} mm/s",
-            f"written: {out}",
-        )
-    found.refuse()
+
+def _refuse(found: Any) -> None:
+    """End with 1 where what is controlled was lost."""
+    if isinstance(found, anhyst.Simulation | anhyst.TrackingStudy | anhyst.PiezoTracking):
+        found.refuse_losses()
+    elif isinstance(found, anhyst.BoardComparison):
+        found.refuse()
+    elif isinstance(found, anhyst.MonteCarlo):
+        lost = sum(run.lost is not None for run in found.runs[found.own])
+        if lost:
+            raise NegativeResult(
+                f"{lost} of {len(found.drifts)} plants lost levitation with '{found.own}'",
+                code="levitation-lost",
+            )
+
+
+def _show_firmware(found: BoardComparison, out: Path) -> None:
+    show(
+        _faults(found.endings),
+        f"firmware on {found.board} against the simulation: {found.differ} of "
+        f"{len(found.recorded)} ticks differ, from lift-off to a landing at "
+        f"{1e3 * found.landing_speed:.1f} mm/s",
+        f"written: {out}",
+    )
 
 
 def _faults(endings: Sequence[Ending]) -> Table:
@@ -205,72 +186,6 @@ def _faults(endings: Sequence[Ending]) -> Table:
             f"{1e3 * one.magnet_speed:.1f}" if one.magnet_speed else "",
         )
     return rows
-
-
-def _fly(
-    rig_path: Path, out: Path, controller_path: Path | None, count: int, command: str, as_json: bool
-) -> None:
-    from anhyst.reports.bearing import write_simulation_report
-    from anhyst.reports.bearing.from_plants import subject_of_plants
-    from anhyst.study.bearing.monte_carlo import COMPARED, monte_carlo
-    from anhyst.study.bearing.ready import make_ready, read_files
-    from anhyst.support.atomic import atomic_writer
-    from anhyst.support.json_text import json_text
-
-    files = read_files(rig_path, controller_path)
-    if out.suffix != ".jsonl":
-        raise InputError(
-            f"{out}: results of a Monte Carlo are written as .jsonl; name it so",
-            code="wrong-ending",
-        )
-    figures_path, report_path = out.parent / "montecarlo.json", out.parent / REPORT
-    ready = make_ready(*files, (figures_path, report_path))
-    rig, controller = ready.rig, ready.controller
-    own = controller.settings.compensation.variant
-    compared = tuple(dict.fromkeys((*COMPARED, own)))
-    with progress_bar("monte carlo") as progress:
-        found = monte_carlo(rig, controller, out, count, compared, progress=progress)
-    figures = found.as_dict()
-    with atomic_writer(figures_path) as stream:
-        stream.write(json_text(figures))
-    write_simulation_report(report_path, subject_of_plants(rig, controller, found, command))
-    if as_json:
-        print_json(figures)
-    else:
-        _show_plants(found, own, out)
-    lost = figures["variants"][own]["lost"]
-    if lost:
-        raise NegativeResult(
-            f"{lost} of {count} plants lost levitation with '{own}'", code="levitation-lost"
-        )
-
-
-def _map(
-    rig_path: Path, out: Path, controller_path: Path | None, command: str, as_json: bool
-) -> None:
-    from anhyst.reports.bearing import write_simulation_report
-    from anhyst.reports.bearing.from_benefit import subject_of_benefit
-    from anhyst.study.bearing.benefit import benefit
-    from anhyst.study.bearing.ready import make_ready, read_files
-    from anhyst.support.atomic import atomic_writer
-    from anhyst.support.json_text import json_text
-
-    files = read_files(rig_path, controller_path)
-    if out.suffix != ".json":
-        raise InputError(f"{out}: the map is written as .json; name it so", code="wrong-ending")
-    report_path = out.parent / REPORT
-    ready = make_ready(*files, (out, report_path))
-    rig, controller = ready.rig, ready.controller
-    with progress_bar("benefit") as progress:
-        found = benefit(rig, controller, progress=progress)
-    figures = found.as_dict()
-    with atomic_writer(out) as stream:
-        stream.write(json_text(figures))
-    write_simulation_report(report_path, subject_of_benefit(rig, controller, found, command))
-    if as_json:
-        print_json(figures)
-    else:
-        _show_map(found, out)
 
 
 def _show_map(found: Benefit, out: Path) -> None:
@@ -310,7 +225,7 @@ def _map_against(
     return rows
 
 
-def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
+def _show_plants(found: MonteCarlo, out: Path) -> None:
     from anhyst.study.bearing.monte_carlo import percentile
 
     rows = table(
@@ -323,7 +238,7 @@ def _show_plants(found: MonteCarlo, own: str, out: Path) -> None:
         ]
         standstill = percentile(found.values(name, "standstill_rms_m"), 95)
         rows.add_row(
-            f"{name} *" if name == own else name,
+            f"{name} *" if name == found.own else name,
             *(f"{percentile(one, 50):.2f}, {percentile(one, 95):.2f}" for one in spreads),
             f"{1e9 * standstill:.1f}",
             str(sum(run.lost is not None for run in runs)),
@@ -364,13 +279,18 @@ def _show(found: Simulation, out: Path) -> None:
     iron = found.at.slopes
     label = f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A"
     show(
+        *(f"lost levitation: {one}" for one in found.lost_in),
         rows,
         f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
         *found.plant.lines,
         f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
-        f"verdict: {judge(grouped(found.cells), found.own).sentence()}",
+        *(
+            []
+            if found.lost_in
+            else [f"verdict: {judge(grouped(found.cells), found.own).sentence()}"]
+        ),
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

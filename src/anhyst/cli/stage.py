@@ -5,38 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from anhyst.cli.console import print_json, show, table
-from anhyst.cli.progress import progress_bar
+from anhyst.cli.console import show, table
 
 if TYPE_CHECKING:
-    from anhyst.study.tracking.monte_carlo import CalibrationStudy
-    from anhyst.study.tracking.simulate import TrackingStudy
+    from anhyst import CalibrationStudy, TrackingStudy
 
 REPORT = "report.html"
 
 
-def simulate_stage_verb(
-    rig: Path, out: Path, plants: int | None, command: str, as_json: bool
-) -> None:
-    """Try every variant on a stage, or on so many that were calibrated wrongly."""
-    if plants is not None:
-        _wrong(rig, out, plants, as_json)
-        return
-    from anhyst.reports.tracking import write_tracking_report
-    from anhyst.study.tracking.simulate import simulate_stage
-    from anhyst.support.atomic import check_writable
-
-    check_writable(out.parent / REPORT)
-    with progress_bar("tracking") as progress:
-        found = simulate_stage(rig, out, progress)
-    write_tracking_report(out.parent / REPORT, found, command)
-    if as_json:
-        print_json(found.figures)
-    else:
-        _show(found, out)
-
-
-def _show(found: TrackingStudy, out: Path) -> None:
+def show_tracking(found: TrackingStudy, out: Path) -> None:
+    """Print how every variant followed the set-points."""
     from anhyst.reports.bearing.look import interval_text
     from anhyst.reports.tracking.verdict import limits, verdict, verdicts
 
@@ -55,30 +33,24 @@ def _show(found: TrackingStudy, out: Path) -> None:
     )
     for name, one in found.tried.items():
         rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
-    show(
-        rows,
-        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
-        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+    judged = (
         f"verdict: {verdict(found)[1]}",
         *(one.text for one in verdicts(found)),
         *limits(found),
+    )
+    show(
+        *(f"lost: {one}" for one in found.lost_in),
+        rows,
+        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
+        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+        *(() if found.lost_in else judged),
         *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )
 
 
-def _wrong(rig: Path, out: Path, plants: int, as_json: bool) -> None:
-    from anhyst.study.tracking.monte_carlo import calibrate_wrongly
-
-    with progress_bar("wrong calibrations") as progress:
-        found = calibrate_wrongly(rig, out, plants, progress)
-    if as_json:
-        print_json(found.figures)
-    else:
-        _show_wrong(found, out)
-
-
-def _show_wrong(found: CalibrationStudy, out: Path) -> None:
+def show_calibrations(found: CalibrationStudy, out: Path) -> None:
+    """Print how stages that were calibrated wrongly followed them."""
     kinds = list(next(iter(found.runs.values())))
     rows = table("moving average that 50 and 95 % of the plants stay below, nm", ["", *kinds])
     for name, runs in found.runs.items():

@@ -7,17 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, Scheduler
+from anhyst.cli.options import AsJson, Scheduler, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.study.tuning.result import Tuning
+    from anhyst import Tuning
 
 
 def tune(
-    rig: Annotated[Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.", callback=of_its_kind)
+    ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     controller: Annotated[
         Path | None,
@@ -68,21 +71,22 @@ def tune(
     Example: anhyst tune examples/bearing/rig.toml --out tuned
     """
     from anhyst.reports.bearing.tuning import write_pareto
-    from anhyst.study.tuning.aims import Aims
     from anhyst.study.tuning.output import figures_of, shortfall
-    from anhyst.study.tuning.tuning import tune as run
-    from anhyst.support.jobs import workers_of
 
-    aims = Aims(overshoot, peak, settling, standstill, effort)
-    with workers_of(scheduler), progress_bar("tuning") as progress:
-        found = run(
+    with progress_bar("tuning") as progress:
+        found = anhyst.tune(
             rig,
             out,
             controller,
-            aims=aims,
             all_variants=all_variants,
+            overshoot=overshoot,
+            peak=peak,
+            settling=settling,
+            standstill=standstill,
+            effort=effort,
             budget=budget,
             seed=seed,
+            scheduler=scheduler,
             progress=progress,
         )
         write_pareto(found, out)

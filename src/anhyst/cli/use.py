@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, warn
-from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory
+from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory, read_options
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst.model.predict_file import Direction, RunSummary
+    from collections.abc import Callable
+
+    from anhyst import RunSummary
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")]
 
@@ -37,7 +40,7 @@ def predict(
 
     Example: anhyst predict model.toml drive.csv --out force.csv
     """
-    _run("predict", model, drive, out, columns, history, as_json)
+    _run(anhyst.predict, model, drive, out, columns, history, as_json)
 
 
 def invert(
@@ -59,30 +62,21 @@ def invert(
 
     Example: anhyst invert model.toml demand.csv --out current.csv
     """
-    _run("invert", model, demand, out, columns, history, as_json)
+    _run(anhyst.invert, model, demand, out, columns, history, as_json)
 
 
 def _run(
-    direction: Direction,
-    model_path: Path,
+    verb: Callable[..., RunSummary],
+    model: Path,
     path: Path,
     out: Path,
     columns: str | None,
     history: str | None,
     as_json: bool,
 ) -> None:
-    from anhyst.model.file import read_model
-    from anhyst.model.predict_file import run_file
-    from anhyst.model.sources import ReadOptions
-    from anhyst.support.atomic import check_writable
-
-    check_writable(out, reads=[model_path, path])
-    mapping = ReadOptions.from_text(columns=columns).columns
-    model = read_model(model_path)
+    mapping = read_options(columns=columns).columns
     with progress_bar(f"reading {path.name}") as progress:
-        summary = run_file(
-            model, direction, path, out, columns=mapping, history=history, progress=progress
-        )
+        summary = verb(model, path, out, columns=mapping, history=history, progress=progress)
     for text in summary.warnings:
         warn(text)
     if as_json:

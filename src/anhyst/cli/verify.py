@@ -7,18 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show, table
-from anhyst.cli.options import AsJson
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst.verification import Verification
+    from anhyst import Verification
 
 
 def verify(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="A folder that 'anhyst compile' wrote.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="A folder that 'anhyst compile' wrote.", callback=of_its_kind
+        ),
     ],
     on: Annotated[
         str | None,
@@ -43,11 +47,10 @@ def verify(
 
     Example: anhyst verify controller --on host,cortex-m4,avr
     """
-    from anhyst.verification import verify as run
     from anhyst.verification.report import write_report
 
     with progress_bar("verifying") as progress:
-        found = run(folder, on, progress=progress)
+        found = anhyst.verify(folder, on, progress=progress)
     write_report(found, folder)
     if as_json:
         print_json(found.as_dict())

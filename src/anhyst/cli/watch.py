@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import print_json, show
 from anhyst.cli.options import AsJson, ModelPath
 from anhyst.support.errors import InputError, NegativeResult
@@ -41,34 +42,12 @@ def watch(
 
     Example: anhyst watch model.toml monday.csv
     """
-    from anhyst.data.reading import read_loops
-    from anhyst.model.file import read_model
-    from anhyst.study.watch.recording import watch_recording
-
-    if least is not None and not least > 0.0:
-        raise InputError(
-            f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"
-        )
-    found, rate = watch_recording(read_model(model), read_loops(recording), least, run_length)
-    drifted = found.drifted
+    found = anhyst.watch(model, recording, least=least, run_length=run_length)
     if as_json:
-        since = None if drifted is None else drifted.since / rate
-        print_json(
-            {
-                "cycles": found.cycles,
-                "learning": found.learning,
-                "fits": drifted is None and not found.learning,
-                "drift": None if drifted is None else drifted.name,
-                "shift_N": None if drifted is None else drifted.shift,
-                "since_s": since,
-                "text": found.text(rate),
-            }
-        )
-    if drifted is not None:
-        raise NegativeResult(found.text(rate), code="drifted")
-    if found.learning:
-        raise InputError(
-            f"{recording}: too short to say: {found.text(rate)}; record more", code="too-short"
-        )
+        print_json(found.as_dict())
+    if found.finding.drifted is not None:
+        raise NegativeResult(str(found), code="drifted")
+    if found.finding.learning:
+        raise InputError(f"{recording}: too short to say: {found}; record more", code="too-short")
     if not as_json:
-        show(found.text(rate))
+        show(str(found))

@@ -6,14 +6,18 @@ from typing import Annotated
 
 import typer
 
+import anhyst
 from anhyst.cli.console import show
+from anhyst.cli.options import of_its_kind
 
 
 def xcp(
     port: Annotated[
         str,
         typer.Argument(
-            metavar="PORT", help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT."
+            metavar="PORT",
+            help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.",
+            callback=of_its_kind,
         ),
     ],
     listen: Annotated[
@@ -33,14 +37,6 @@ def xcp(
 
     Example: anhyst xcp /dev/ttyACM0
     """
-    from anhyst.link.client import ControllerLink
-    from anhyst.link.xcp_bridge import XcpBridge
-
-    with ControllerLink(port) as controller:
-        bridge = XcpBridge(controller, listen)
-        show(f"XCP on TCP: 127.0.0.1:{bridge.port}  ctrl-C ends it")
-        try:
-            while True:
-                bridge.serve_one()
-        finally:
-            bridge.close()
+    anhyst.xcp(
+        port, listen, started=lambda taken: show(f"XCP on TCP: 127.0.0.1:{taken}  ctrl-C ends it")
+    )

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.block import DemandLimits, Kind, Scales, TableSizes
-from anhyst.compensate.naming import c_name, check_name
 from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilable
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.compensate.start import StartUp, plan_start
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.data.output_map import output_map
 from anhyst.model.actuator import Model
+from anhyst.support.c_names import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
 
 GAPS = 65

@@ -12,7 +12,8 @@ from typing import Any
 from anhyst.compensate.layout import HEAD, MOST_WORDS
 from anhyst.compensate.words import ONES
 from anhyst.compilation.source import render
-from anhyst.compilation.xcp_map import (
+from anhyst.control.states import Command, Fault, Phase, State
+from anhyst.control.xcp_map import (
     AREAS,
     EVENT,
     INPUTS,
@@ -22,7 +23,6 @@ from anhyst.compilation.xcp_map import (
     SIGNALS,
     XcpValue,
 )
-from anhyst.control.states import Command, Fault, Phase, State
 
 HEARTBEAT_MS = 500
 """Ceiling of the boards for the setting heartbeat_ticks."""

@@ -14,7 +14,6 @@ import numpy as np
 from anhyst._core import FixedForceController
 from anhyst.compensate.cycles import CycleErrors, cycle_errors, rms, worst
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.naming import c_name
 from anhyst.compensate.plan import CompileRequest, find_limits
 from anhyst.compensate.play_map import PlayMap, one_play
 from anhyst.compensate.sources import Operating, Sources
@@ -30,6 +29,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
+from anhyst.support.c_names import c_name
 from anhyst.support.errors import InputError
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version

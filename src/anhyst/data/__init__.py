@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.data.history import History
 from anhyst.data.loops import Loop, Loops, Source
 from anhyst.data.reading import read_loops

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.columns import Texts
-from anhyst.data.formats import ONE_TABLE, WRITERS, ChannelTable, open_table
+from anhyst.data.formats import ONE_TABLE, ChannelTable, open_table
 from anhyst.data.formats.channels import (
     Channel,
     ChannelFile,
@@ -20,8 +19,10 @@ from anhyst.data.formats.channels import (
     clocks_by_name,
     sections,
 )
+from anhyst.data.formats.columns import Texts
 from anhyst.data.table import read_columns
-from anhyst.support.atomic import PathLike, check_writable, write_error
+from anhyst.data.writing import check_recording, write_sections
+from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 from anhyst.support.units import split_header
@@ -61,16 +62,11 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
         The source cannot be read, the format cannot be written, or holds nothing of the source.
     """
     source, out = Path(source), Path(out)
-    suffix = out.suffix.lower()
-    if suffix not in WRITERS:
-        raise InputError(
-            f"{out}: is written as {', '.join(WRITERS)}; name it so", code="wrong-ending"
-        )
-    check_writable(out, reads=[source])
+    check_recording(out, reads=[source])
     opened = open_table(source, least=1)
     file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
     notes = [*file.notes]
-    if suffix in ONE_TABLE:
+    if out.suffix.lower() in ONE_TABLE:
         parts, said = _one_table(ChannelTable(file))
         notes += said
     else:
@@ -82,17 +78,7 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
             f"{source}: holds nothing that can be written; {'; '.join(left)}",
             code="nothing-to-write",
         )
-    try:
-        notes += [*left, *WRITERS[suffix](out, parts)]
-    except (InputError, MemoryError):
-        raise
-    except OSError as error:  # where a library keeps what it has not written yet
-        raise write_error(out, error) from None
-    except Exception as error:  # of the format's library: names or types that it does not take
-        raise InputError(
-            f"{out}: {suffix} cannot hold this recording ({error}); choose another format",
-            code="format-cannot-hold",
-        ) from None
+    notes += [*left, *write_sections(out, parts)]
     return Conversion(str(out), len(lengths), max(lengths), tuple(notes))
 
 

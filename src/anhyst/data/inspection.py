@@ -180,7 +180,7 @@ class Inspection(Result):
         return units
 
 
-def inspect(loopset: Loops) -> Inspection:
+def inspect(loops: Loops) -> Inspection:
     """Look at loops: figures of each, warnings, and whether a hysteresis model is worth it.
 
     Noise and delay are those of the record as it is: inspect before thinning it.
@@ -190,25 +190,25 @@ def inspect(loopset: Loops) -> Inspection:
     InputError
         If the record cannot be what its headers say, as `check_plausible`.
     """
-    warnings = list(check_plausible(loopset))
-    residuals = {id(loop): residual for loop, residual in single_valued(loopset)}
-    even = is_even(loopset)
-    proposals = propose_histories(loopset.loops, even=even)
+    warnings = list(check_plausible(loops))
+    residuals = {id(loop): residual for loop, residual in single_valued(loops)}
+    even = is_even(loops)
+    proposals = propose_histories(loops.loops, even=even)
     figures = tuple(
         _figures(loop, np.abs(residuals[id(loop)]), proposal, even=even)
-        for loop, proposal in zip(loopset.loops, proposals, strict=True)
+        for loop, proposal in zip(loops.loops, proposals, strict=True)
     )
-    warnings += _warnings(loopset, figures)
+    warnings += _warnings(loops, figures)
     return Inspection(
-        loopset.input,
-        loopset.output,
-        loopset.schedule,
-        loopset.schedule_values,
+        loops.input,
+        loops.output,
+        loops.schedule,
+        loops.schedule_values,
         figures,
-        loopset.notes,
-        loopset.repairs,
+        loops.notes,
+        loops.repairs,
         tuple(warnings),
-        judge(loopset),
+        judge(loops),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.columns import Texts
+from anhyst.data.formats.columns import Texts
 from anhyst.data.hints import mapping
 from anhyst.data.path import reversal_count
 from anhyst.support.arrays import FloatArray

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.data.columns import TextInNumbersError, is_number
 from anhyst.data.formats import ChannelTable, OpenTable, open_table
+from anhyst.data.formats.columns import TextInNumbersError, is_number
 from anhyst.data.hints import likely
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.table import map_headers

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.data.columns import Texts
-from anhyst.data.files import Column, write_csv
+from anhyst.data.formats.columns import Texts
+from anhyst.data.formats.text import Column, write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.look import few, group_label, length_scale, shades
 from anhyst.data.path import reversal_count, time_fault, value_fault

@@ -93,3 +93,13 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     turned = np.flatnonzero(up[1:] != up[:-1])
     inner = moving[turned] + 1
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
+
+
+def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
+    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
+    if drive.size <= most:
+        return np.arange(drive.size)
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
+    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
+    return np.union1d(np.clip(places, 0, drive.size - 1), turns)

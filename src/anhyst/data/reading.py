@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data.branches import are_even
-from anhyst.data.columns import Texts, is_number
 from anhyst.data.formats import FORMATS, OpenTable, open_table
+from anhyst.data.formats.columns import Texts, is_number
 from anhyst.data.frames import is_frame, table_of
 from anhyst.data.history import History
 from anhyst.data.joining import LoopPart, join

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.columns import TextInNumbersError, Texts, is_number
 from anhyst.data.formats import OpenTable, open_table
+from anhyst.data.formats.columns import TextInNumbersError, Texts, is_number
 from anhyst.data.formats.raw_table import shown
 from anhyst.data.hints import map_one, mapping
 from anhyst.data.path import time_fault

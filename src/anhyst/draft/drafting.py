@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from anhyst.data.clean import DEFAULT_STEPS
+from anhyst.data.read_options import ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.draft.bearing import draft_bearing
 from anhyst.draft.examples import NEXT, example_files
@@ -16,7 +18,6 @@ from anhyst.draft.machine import Machine, Wanted, machine_of
 from anhyst.draft.magnet import MeasuredMagnet, reach_of
 from anhyst.draft.rules import Numbers, numbers_of
 from anhyst.draft.text import Draft
-from anhyst.model.sources import ReadOptions
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -61,6 +62,89 @@ class Drafted:
             "guesses": {name: dict(one) for name, one in self.guesses.items()},
             "run": list(self.run),
         }
+
+
+def init(
+    out: PathLike,
+    loops: Sequence[PathLike] | None = None,
+    *,
+    mass: float | None = None,
+    load: float | None = None,
+    gap: float | None = None,
+    force_control: bool = False,
+    example: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    sidecar: PathLike | None = None,
+    schedule: str | None = None,
+    loop: str | None = None,
+    constants: Mapping[str, float | str] | None = None,
+    history: str | None = None,
+    clean: Sequence[str] | None = None,
+    progress: Progress | None = None,
+) -> Drafted:
+    """Write a rig of your own from measured loops, ready to run, or copy an example.
+
+    Parameters
+    ----------
+    out : path-like
+        Folder to write; made where it is not there. What is in it already is not written over.
+    loops : sequence of path-like, optional
+        Loops of the magnet: files, folders; without them an example is wanted.
+    mass, load, gap : float, optional
+        Of a bearing, kg, N and m, as far as they are known; the rest is guessed by rules.
+    force_control : bool
+        Instead, a rig whose force is controlled.
+    example : str, optional
+        Instead, one of the examples that come with anhyst, such as ``"bearing"``.
+    columns, sidecar, schedule, loop, constants, history
+        How the loops are read, as `read_loops` has them; it goes into the rig file.
+    clean : sequence of str, optional
+        Cleaning steps, as `clean` has them.
+    progress : callable, optional
+        Called with bytes read and file size.
+
+    Returns
+    -------
+    Drafted
+        The folder and its files, what was found and what was guessed.
+
+    Raises
+    ------
+    InputError
+        The loops cannot be read or do not fit, options do not go together, or one of the files is
+        there already.
+    """
+    wanted = Wanted(mass, load, gap)
+    options = ReadOptions(
+        columns=columns or {},
+        constants=constants or {},
+        schedule=schedule,
+        loop=loop,
+        history=history,
+        sidecar=None if sidecar is None else str(sidecar),
+        clean=DEFAULT_STEPS if clean is None else tuple(clean),
+    )
+    if force_control and wanted != Wanted():
+        raise InputError(
+            "--mass, --load and --gap belong to a bearing; leave out --force-control",
+            code="option-not-for-this",
+            key="--mass",
+        )
+    if example is not None:
+        if loops or force_control or wanted != Wanted() or options != ReadOptions():
+            raise InputError(
+                "--example is complete: leave out all but --out",
+                code="option-not-for-this",
+                key="--example",
+            )
+        return init_example(example, out)
+    if not loops:
+        raise InputError(
+            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
+        )
+    if force_control:
+        return init_force_control(loops, out, options, progress)
+    return init_bearing(loops, out, wanted, options, progress)
 
 
 def init_bearing(

@@ -19,14 +19,12 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike, check_writable, write_bytes
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
-from anhyst.support.toml_file import format_of
+from anhyst.support.toml_file import take_kind
 from anhyst.verification.toolchain import zig_cc
 
 Of = Literal["compensator", "actuator"]
-BEARING = "anhyst-bearing"
-"""Format of a rig file."""
-
 _BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
 
 
@@ -138,7 +136,7 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
     InputError
         As :func:`export_fmu`.
     """
-    if not isinstance(model, Model) and format_of(model) == BEARING:
+    if not isinstance(model, Model) and take_kind(model, TAKES["export"]) is FileKind.BEARING:
         for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if given is not None:
                 raise InputError(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from anhyst.compensate.naming import c_name
 from anhyst.exchange.compensator_part import Kind
 from anhyst.exchange.fmu_file import Of, part_of
 from anhyst.exchange.part import Part
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
+from anhyst.support.c_names import c_name
 from anhyst.support.errors import InputError
 from anhyst.support.folder import whole_folder, write_texts
 from anhyst.support.version import running_version

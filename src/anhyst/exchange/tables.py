@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError

@@ -8,10 +8,9 @@ from functools import cached_property
 from itertools import chain, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
-from anhyst.data.path import turning_points
+from anhyst.data.path import thinned
 from anhyst.data.verdict import largest_output
 from anhyst.identification.past import Past
 from anhyst.identification.rest import Rest
@@ -143,16 +142,6 @@ class FitRecords:
                 )
             )
         return replace(self, loops=tuple(loops))
-
-
-def thinned(drive: FloatArray, most: int) -> NDArray[np.intp]:
-    """Places of at most about `most` samples spread evenly over the way, and of every reversal."""
-    if drive.size <= most:
-        return np.arange(drive.size)
-    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    places = np.searchsorted(way, np.linspace(0.0, way[-1], most))
-    turns = turning_points(drive, 0.02 * float(np.ptp(drive)))
-    return np.union1d(np.clip(places, 0, drive.size - 1), turns)
 
 
 def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:

@@ -26,8 +26,8 @@ from anhyst.identification.default import FoundModel
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
-from anhyst.identification.paper.search import check_splines
-from anhyst.identification.paper.sequence import search_paper
+from anhyst.identification.paper_search import check_splines
+from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rest import rest_of
 from anhyst.identification.result import IdentifyResult
 from anhyst.identification.run import SEARCHED, SearchRun
@@ -61,7 +61,7 @@ FEWEST = 5
 
 
 def identify(
-    loopset: Loops,
+    loops: Loops,
     *,
     law: str = AUTO,
     gap_map: str = "auto",
@@ -77,7 +77,7 @@ def identify(
 
     Parameters
     ----------
-    loopset : Loops
+    loops : Loops
         Loops at constant scheduling values; all are fitted together.
     law : str
         One of :data:`anhyst.laws.registry.LAWS`, or ``auto``: the law of Jiles and Atherton, and
@@ -119,28 +119,28 @@ def identify(
     """
     began = time.perf_counter()
     check_wanted(law, gap_map, search)
-    odd = check_plausible(loopset)
-    own, cells = _compared(loopset, law, search)
-    if _creeps(loopset, law, search):
-        outcome = _creeping(loopset)
+    odd = check_plausible(loops)
+    own, cells = _compared(loops, law, search)
+    if _creeps(loops, law, search):
+        outcome = _creeping(loops)
     elif LAWS[own].kernel is None:
-        outcome = _any_law(loopset, own, gap_map, seed, weights, offsets=offsets)
+        outcome = _any_law(loops, own, gap_map, seed, weights, offsets=offsets)
     else:
-        rest = rest_of(loopset) if offsets and search == "default" else None
+        rest = rest_of(loops) if offsets and search == "default" else None
         run = SearchRun(
-            form=form_of(loopset.input, loopset.output, own),
+            form=form_of(loops.input, loops.output, own),
             cells=cells,
             only_cells=law != AUTO,
-            records=records_of(loopset, weights, rest),
+            records=records_of(loops, weights, rest),
             seed=seed,
             held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
             progress=progress,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
-        outcome = _search(run, loopset, gap_map, search)
-    outcome = _resolved(outcome, loopset)
-    warnings = [*odd, *_warnings(loopset, outcome)]
+        outcome = _search(run, loops, gap_map, search)
+    outcome = _resolved(outcome, loops)
+    warnings = [*odd, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
         "weights": weights,
@@ -152,10 +152,10 @@ def identify(
         "dead_band": outcome.dead_band,
     }
     common = {
-        "name": _name(loopset),
-        "history": _history(loopset),
-        "valid": valid_range(loopset),
-        "provenance": Provenance(running_version(), seed, loopset.sources, settings),
+        "name": _name(loops),
+        "history": _history(loops),
+        "valid": valid_range(loops),
+        "provenance": Provenance(running_version(), seed, loops.sources, settings),
     }
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
@@ -164,7 +164,7 @@ def identify(
     model = replace(
         model,
         fit=fit_figures(
-            loopset,
+            loops,
             fitted,
             outcome.left_out,
             acceptance.passed,
@@ -176,7 +176,7 @@ def identify(
     warnings += [reason] if (reason := obstacle(model)) is not None else []
     return IdentifyResult(
         model=model,
-        loops=loopset,
+        loops=loops,
         fitted=fitted,
         acceptance=acceptance,
         warnings=tuple(warnings),

@@ -9,8 +9,8 @@ from pydantic import AfterValidator, Field
 
 from anhyst.data.clean import STEPS
 from anhyst.data.history import History
+from anhyst.data.read_options import ReadOptions
 from anhyst.model.schema import LawName
-from anhyst.model.sources import ReadOptions
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Table
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import batch
+from anhyst.data.path import thinned
 from anhyst.identification.dispatch import batch_level
-from anhyst.identification.fit_records import FitRecord, FitRecords, thinned
+from anhyst.identification.fit_records import FitRecord, FitRecords
 from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.response import LOCAL, Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace

@@ -1,7 +1,7 @@
 """A master of XCP for the slave of this firmware: values, commands, every tick's signals.
 
 Knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample, addresses
-of :mod:`anhyst.compilation.xcp_map`.
+of :mod:`anhyst.control.xcp_map`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compilation.xcp_map import AREAS, INPUTS, SIGNALS
 from anhyst.control.states import Command, State
+from anhyst.control.xcp_map import AREAS, INPUTS, SIGNALS
 from anhyst.link.blocks import GENERATION_AT, LENGTH_AT
 from anhyst.link.client import Refused
 from anhyst.link.frames import (

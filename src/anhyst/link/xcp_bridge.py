@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason, XcpPacketsAnswer, XcpRequest
@@ -124,3 +124,31 @@ def _packets(answer: bytes) -> Iterator[bytes]:
     while at < len(answer):
         yield answer[at + 1 : at + 1 + answer[at]]
         at += 1 + answer[at]
+
+
+def xcp(port: str, listen: int = 5555, *, started: Callable[[int], None] | None = None) -> None:
+    """Offer XCP on TCP for a controller on a serial port, until ctrl-C.
+
+    Parameters
+    ----------
+    port : str
+        Link of the controller: ``/dev/ttyACM0``, ``COM3`` or ``socket://HOST:PORT``.
+    listen : int
+        Port of this machine for the tool; 0 takes a free one.
+    started : callable, optional
+        Called with that port once it listens.
+
+    Raises
+    ------
+    InputError
+        The port cannot be opened, or the firmware carries no XCP.
+    """
+    with ControllerLink(port) as controller:
+        bridge = XcpBridge(controller, listen)
+        if started is not None:
+            started(bridge.port)
+        try:
+            while True:
+                bridge.serve_one()
+        finally:
+            bridge.close()

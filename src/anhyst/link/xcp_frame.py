@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-from anhyst.compilation.xcp_map import PACKET
+from anhyst.control.xcp_map import PACKET
 
 _HEAD = struct.Struct("<HH")
 _CHECKSUM_BYTES = 2

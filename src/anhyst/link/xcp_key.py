@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 
-from anhyst.compilation.xcp_map import SECRET
+from anhyst.control.xcp_map import SECRET
 
 
 def key_for(seed: bytes, secret: int = SECRET) -> bytes:

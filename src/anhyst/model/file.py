@@ -31,7 +31,7 @@ from anhyst.model.fit_record import (
     Uncertainty,
     ValidRange,
 )
-from anhyst.model.keys import FORMAT, VERSION, Names, meant, section_names
+from anhyst.model.keys import VERSION, Names, meant, section_names
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.schema import (
     CellsTable,
@@ -43,7 +43,8 @@ from anhyst.model.schema import (
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import Advice, TomlFile, explain
+from anhyst.support.kinds import FileKind
+from anhyst.support.toml_file import Advice, TomlFile, check_kind, explain
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.units import QUANTITIES, Quantity, find_unit
 
@@ -107,11 +108,8 @@ class _Reader:
         return self._build(table, given, answer, schedule, cells)
 
     def _check_version(self, content: dict[str, Any]) -> None:
-        if content.get("format") != FORMAT:
-            self.file.add(
-                ("format",), f'must be "{FORMAT}"; is this a model file?', code="wrong-format"
-            )
-        elif content.get("version") != VERSION:
+        check_kind(self.file, [FileKind.MODEL])
+        if content.get("version") != VERSION:
             version = content.get("version")
             self.file.add(
                 ("version",),

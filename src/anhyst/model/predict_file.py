@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.columns import Texts
-from anhyst.data.files import write_csv
+from anhyst.data.formats.columns import Texts
+from anhyst.data.formats.text import write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.loops import Loop
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.sequence import IN_ONE_RUN, one_after_another
 from anhyst.data.table import DataTable, read_columns
+from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.valid_range import Given, flag
 from anhyst.support.arrays import FloatArray
@@ -25,7 +27,6 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:
-    from anhyst.model.actuator import Model
     from anhyst.support.units import Quantity
 Rows = NDArray[np.intp]
 Direction = Literal["predict", "invert"]
@@ -76,6 +77,92 @@ class RunSummary:
     outside: int
     deviation: Deviation | None
     warnings: tuple[str, ...]
+
+
+def predict(
+    model: Model | PathLike,
+    drive: PathLike,
+    out: PathLike,
+    *,
+    columns: Mapping[str, str] | None = None,
+    history: str | None = None,
+    progress: Progress | None = None,
+) -> RunSummary:
+    """Compute the output that a drive in a file gives: current to force, as the model was made.
+
+    Parameters
+    ----------
+    model : Model or path-like
+        The model, or its file.
+    drive, out : path-like
+        The file to read, with the drive and whatever the model runs over, and the CSV file to
+        write: its columns again, the output, and ``valid``, 1 inside the valid range, else 0.
+    columns : mapping of str to str, optional
+        What columns of the file are, where their headers do not say.
+    history : str, optional
+        What happened before each run, instead of what the model says.
+    progress : callable, optional
+        Called with bytes read and file size.
+
+    Returns
+    -------
+    RunSummary
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or written, a column is missing, or a sample is refused.
+    """
+    return _run(model, "predict", drive, out, columns, history, progress)
+
+
+def invert(
+    model: Model | PathLike,
+    demand: PathLike,
+    out: PathLike,
+    *,
+    columns: Mapping[str, str] | None = None,
+    history: str | None = None,
+    progress: Progress | None = None,
+) -> RunSummary:
+    """Compute the drive that a demanded output in a file needs: force to current.
+
+    Parameters
+    ----------
+    model, out, columns, history, progress
+        As of `predict`.
+    demand : path-like
+        The file to read, with the demanded output and whatever the model runs over.
+
+    Returns
+    -------
+    RunSummary
+
+    Raises
+    ------
+    InputError
+        As of `predict`.
+    """
+    return _run(model, "invert", demand, out, columns, history, progress)
+
+
+def _run(
+    model: Model | PathLike,
+    direction: Direction,
+    path: PathLike,
+    out: PathLike,
+    columns: Mapping[str, str] | None,
+    history: str | None,
+    progress: Progress | None,
+) -> RunSummary:
+    if isinstance(model, Model):
+        check_writable(out, reads=[path])
+    else:
+        check_writable(out, reads=[model, path])
+        model = read_model(model)
+    return run_file(
+        model, direction, path, out, columns=columns, history=history, progress=progress
+    )
 
 
 def run_file(

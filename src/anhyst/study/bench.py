@@ -31,8 +31,9 @@ from anhyst.study.excite.on_board import measure_on_board
 from anhyst.study.prepared import Prepared, PreparedBearing, PreparedBoard, PreparedForce
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind, refuse_other
 from anhyst.support.progress import Progress
-from anhyst.support.toml_file import format_of
+from anhyst.support.toml_file import take_kind
 
 _WORK = 3.0
 """Parts of the work: reading, model and code, the firmware's start."""
@@ -93,6 +94,17 @@ def open_board(folder: PathLike, url: str) -> HardwareBench:
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
 
+def address_of(xcp: str | None, port: str | None) -> str | None:
+    """Return where a controller offers XCP, by TCP or on a serial port; None where neither is given."""
+    if xcp is not None and port is not None:
+        raise InputError(
+            "--port: one controller at a time; leave it or --xcp out",
+            code="options-together",
+            key="--port",
+        )
+    return port if xcp is None else f"socket://{xcp}"
+
+
 def through(folder: PathLike, url: str) -> Measuring:
     """Return what measures loops through a controller that runs by itself.
 
@@ -125,17 +137,12 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
         A file that cannot be read, a folder of another kind, no model file that it was made of.
     """
     manifest = _manifest(folder)
-    if not is_force_rig(rig_path):
-        raise InputError(
-            f"{rig_path}: no rig file of force control; loops need a controlled force",
-            code="wrong-rig",
-        )
+    rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
         raise InputError(
             f"{folder}: is no fixed-point controller of force; compile one",
             code="not-a-compiled-folder",
         )
-    rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
     signals, limits = manifest["signals"], manifest["limits"]
     gap = signals["gap"] or {"low": 0.0, "high": 0.0}
@@ -152,6 +159,7 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
 
 def _manifest(folder: PathLike) -> dict[str, Any]:
     """Read the manifest of a compiled folder."""
+    refuse_other(folder, [FileKind.COMPILED])
     place = Path(folder) / "manifest.json"
     try:
         manifest = json.loads(place.read_text(encoding="utf-8"))
@@ -239,8 +247,8 @@ def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> Prepar
 
 
 def is_force_rig(path: PathLike) -> bool:
-    """Whether a file is that of a force rig; one that cannot be read is not."""
-    return format_of(path) == "anhyst-rig"
+    """Whether a rig file is of force control or of a bearing; no other has a virtual bench."""
+    return take_kind(path, (FileKind.BEARING, FileKind.FORCE)) is FileKind.FORCE
 
 
 def _report(progress: Progress | None, done: float) -> None:

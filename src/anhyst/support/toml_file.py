@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning
+from anhyst.support.kinds import NAMES, FileKind, kind_named, refuse_other
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -228,11 +229,13 @@ def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) 
     Raises
     ------
     InputError
-        The file cannot be read or is no TOML.
+        The file cannot be read, is no TOML or of another kind.
     TomlFileError
         Keys that are unknown (the nearest known one is named), missing or out of range.
     """
     file = TomlFile(path)
+    if (field := schema.model_fields.get("format")) is not None:
+        check_kind(file, [kind_named(word) for word in get_args(field.annotation)])
     _rename(file, renamed)
     try:
         return schema.model_validate(file.content)
@@ -241,15 +244,21 @@ def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) 
         raise file.error() from error
 
 
-def format_of(path: PathLike) -> str:
-    """Return what a TOML file says that it is; empty where it says nothing or cannot be read.
+def take_kind(path: PathLike, wanted: Collection[FileKind]) -> FileKind:
+    """Return which of several kinds a TOML file is; refuse what is none of them."""
+    kind = refuse_other(path, wanted)
+    return check_kind(TomlFile(path), wanted) if kind is FileKind.UNKNOWN else kind
 
-    Whoever reads it then says what is wrong with it.
-    """
-    try:
-        return str(tomllib.loads(Path(path).read_text(encoding="utf-8")).get("format", ""))
-    except (OSError, ValueError):
-        return ""
+
+def check_kind(file: TomlFile, wanted: Collection[FileKind]) -> FileKind:
+    """Return which of several kinds a file says that it is; refuse what says none of them."""
+    kind = refuse_other(file.path, wanted, found=kind_named(file.content.get("format")))
+    if kind is FileKind.UNKNOWN:
+        formats = " or ".join(f'"{one}"' for one in wanted)
+        names = " or ".join(NAMES[one][0] for one in wanted)
+        file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
+        raise file.error()
+    return kind
 
 
 def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:

@@ -1,6 +1,6 @@
 """File formats of measurements, one file a format.
 
-A further one is one more entry of `FORMATS`; of `WRITERS` too if it can be written.
+A further one is one more entry of `FORMATS`; of `WRITERS` and `PACKAGES` too if it can be written.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from anhyst.support.atomic import PathLike
 __all__ = [
     "FORMATS",
     "ONE_TABLE",
+    "PACKAGES",
     "WRITERS",
     "ChannelTable",
     "MemoryTable",
@@ -50,6 +51,14 @@ WRITERS: dict[str, Callable[[Path, Sequence[ChannelGroup]], tuple[str, ...]]] = 
     ".parquet": write_parquet,
 }
 """By suffix: what writes sections whole or not at all, and says what the format cannot hold."""
+
+PACKAGES = {
+    ".mf4": "asammdf",
+    ".tdms": "nptdms",
+    **dict.fromkeys((".h5", ".hdf5"), "h5py"),
+    ".parquet": "pyarrow",
+}
+"""By suffix: what a writer imports; whoever calls one asks for it first."""
 
 ONE_TABLE = frozenset({".csv", ".parquet"})
 """Formats that hold one clock, and each name once."""

@@ -9,8 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from anhyst.data.columns import RawColumns, TextInNumbersError, Texts
 from anhyst.data.formats.channels import Channel, ChannelFile, Values, hash_of
+from anhyst.data.formats.columns import RawColumns, TextInNumbersError, Texts
 from anhyst.data.formats.one_clock import Clock, held, onto, shared_clock
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

@@ -43,7 +43,7 @@ def open_excel(path: Path, least: int) -> ChannelTable:
         into memory, or python-calamine is not installed.
     """
     need_package(path, "python_calamine")
-    try_first(path)
+    try_first(path, open_excel)
     with one_line_if_damaged(path):
         check_workbook(path)
         from python_calamine import CalamineWorkbook

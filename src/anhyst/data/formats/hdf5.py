@@ -50,7 +50,7 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
         No file, damaged, links to other files, or h5py is not installed.
     """
     need_package(path, "h5py")
-    try_first(path)
+    try_first(path, open_hdf5)
     import h5py
 
     with one_line_if_damaged(path), h5py.File(path, "r") as file:
@@ -227,7 +227,6 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    need_package(path, "h5py")
     import h5py
 
     notes = []

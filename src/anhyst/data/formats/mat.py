@@ -36,7 +36,7 @@ def open_mat(path: Path, least: int) -> ChannelTable:
     with one_line_if_damaged(path):
         with path.open("rb") as stream:
             head = stream.read(520)
-        try_first(path)
+        try_first(path, open_mat)
         objects: list[tuple[str, str]] = []
         if head[512:520] == b"\x89HDF\r\n\x1a\n" or head.startswith(b"\x89HDF"):
             need_package(path, "h5py")

@@ -37,7 +37,7 @@ def open_mdf(path: Path, least: int) -> ChannelTable:
         No file, no MDF 4, damaged, too few channels of numbers, or asammdf is not installed.
     """
     need_package(path, "asammdf")
-    try_first(path)
+    try_first(path, open_mdf)
     with one_line_if_damaged(path):
         with path.open("rb") as stream:
             head = stream.read(16)
@@ -124,7 +124,6 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    need_package(path, "asammdf")
     from asammdf import MDF, Signal, Source
 
     notes = []

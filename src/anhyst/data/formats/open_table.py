@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from anhyst.data.columns import RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.columns import RawColumns, TextInNumbersError, Texts
 from anhyst.support.progress import Progress
 
 

@@ -35,7 +35,7 @@ def open_parquet(path: Path, least: int) -> ChannelTable:
         No file, damaged, too few columns of numbers, or pyarrow is not installed.
     """
     need_package(path, "pyarrow")
-    try_first(path)
+    try_first(path, open_parquet)
     from pyarrow import parquet
 
     with one_line_if_damaged(path), parquet.ParquetFile(path) as file:
@@ -99,7 +99,6 @@ def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ..
     -------
     What the format cannot hold.
     """
-    need_package(path, "pyarrow")
     import pyarrow
     from pyarrow import parquet
 

@@ -17,7 +17,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.columns import RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.columns import RawColumns, TextInNumbersError, Texts
 from anhyst.data.formats.layout import Layout
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

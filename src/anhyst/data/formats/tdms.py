@@ -40,7 +40,7 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
         No file, damaged, too few channels of numbers, or nptdms is not installed.
     """
     need_package(path, "nptdms")
-    try_first(path)
+    try_first(path, open_tdms)
     from nptdms import TdmsFile
 
     with one_line_if_damaged(path), TdmsFile.open(path) as file:
@@ -118,7 +118,6 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    need_package(path, "nptdms")
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
     notes = []

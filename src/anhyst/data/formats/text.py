@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.columns import RawColumns, Texts
-from anhyst.data.files import write_csv
 from anhyst.data.formats.channels import ChannelGroup
+from anhyst.data.formats.columns import RawColumns, Texts
 from anhyst.data.formats.layout import Layout, read_layout
 from anhyst.data.formats.raw_table import read_raw, row_line, split_lines
 from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.progress import Progress
 from anhyst.support.units import join_header
+
+Column = FloatArray | NDArray[np.bool_] | Texts
+
+_BLOCK = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,7 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     -------
     What the format cannot hold.
     """
-    columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = {}
+    columns: dict[str, Column] = {}
     notes = []
     for section in sections:
         for one in [*([section.clock] if section.clock else []), *section.series]:
@@ -97,3 +101,54 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
         notes.append(f"CSV holds no groups: {', '.join(dict.fromkeys(groups))} left out")
     write_csv(path, columns)
     return tuple(notes)
+
+
+def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
+    """Write columns of equal length as CSV, numbers to full precision, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file; one that exists is replaced.
+    columns
+        Header and values of each column: float64 or bool (written 0 and 1) of shape (n,), or
+        `Texts`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    ValueError
+        If the columns differ in length.
+    """
+    lengths = {len(column) for column in columns.values()}
+    if len(lengths) != 1:
+        raise ValueError(f"columns of different lengths: {sorted(lengths)}")
+    rows = lengths.pop()
+    with atomic_writer(path) as file:
+        file.write(",".join(_quote(header) for header in columns) + "\n")
+        for start in range(0, rows, _BLOCK):
+            stop = min(start + _BLOCK, rows)
+            fields = [_texts_of(column, start, stop) for column in columns.values()]
+            file.write("\n".join(map(",".join, zip(*fields, strict=True))) + "\n")
+
+
+def _texts_of(column: Column, start: int, stop: int) -> list[str]:
+    if isinstance(column, Texts):
+        quoted = [_quote(value) for value in column.values]
+        return [quoted[code] for code in column.codes[start:stop].tolist()]
+    if column.dtype == np.bool_:
+        return [("0", "1")[value] for value in column[start:stop].tolist()]
+    # Integral values are written without ".0": tables of counts and labels stay as they were.
+    return list(map(_number, column[start:stop].tolist()))
+
+
+def _number(value: float) -> str:
+    text = repr(value)
+    return text.removesuffix(".0")
+
+
+def _quote(text: str) -> str:
+    if any(sign in text for sign in ',;"\t\r\n#') or text != text.strip():
+        return '"' + text.replace('"', '""') + '"'
+    return text

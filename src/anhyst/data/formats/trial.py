@@ -13,9 +13,13 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
+from anhyst.data.formats.channel_table import ChannelTable
+from anhyst.data.formats.open_table import OpenTable
 from anhyst.support.errors import InputError
 
 SECONDS = 30.0
@@ -32,8 +36,10 @@ class _Here:
     tries = False
 
 
-def try_first(path: Path) -> None:
+def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
     """Read a file once in a process of its own; the same file is not tried twice.
+
+    The opener is a function of a module: the process imports it by its name.
 
     Raises
     ------
@@ -44,17 +50,20 @@ def try_first(path: Path) -> None:
     if _Here.tries or not path.is_file():
         return
     about = path.stat()
-    if (refusal := _tried(path, about.st_mtime_ns, about.st_size, SECONDS)) is not None:
+    name = f"{opener.__module__}:{opener.__name__}"
+    if (refusal := _tried(path, name, about.st_mtime_ns, about.st_size, SECONDS)) is not None:
         text, code, key = refusal
         raise InputError(text, code=code, key=key)
 
 
 @cache
-def _tried(path: Path, _changed: int, size: int, seconds: float) -> tuple[str, str, str] | None:
+def _tried(
+    path: Path, opener: str, _changed: int, size: int, seconds: float
+) -> tuple[str, str, str] | None:
     """Return why a file is refused: the text, code and key of the error."""
     limit = seconds + size / 4e6
     script = "from anhyst.data.formats.trial import read_here; read_here()"
-    command = [sys.executable, "-P", "-c", script, str(path), str(limit)]
+    command = [sys.executable, "-P", "-c", script, str(path), opener, str(limit)]
     try:
         done = subprocess.run(
             command,
@@ -80,12 +89,12 @@ def _tried(path: Path, _changed: int, size: int, seconds: float) -> tuple[str, s
 
 def read_here() -> None:
     """Read the file that the command line names, within bounds, and end with what came of it."""
-    path, seconds = Path(sys.argv[1]), float(sys.argv[2])
+    path, opener, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     stay_in_bounds(seconds, path.stat().st_size)
     said = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
     # Without the end of an interpreter, in which what a library left behind may crash.
-    code, text = _read(path)
+    code, text = _read(path, opener)
     os.write(said, text.encode())
     os._exit(code)
 
@@ -105,11 +114,10 @@ def stay_in_bounds(seconds: float, size: int) -> None:
             resource.setrlimit(what, (limit, resource.getrlimit(what)[1]))
 
 
-def _read(path: Path) -> tuple[int, str]:
-    from anhyst.data.formats import ChannelTable, open_table
-
+def _read(path: Path, opener: str) -> tuple[int, str]:
+    module, _, name = opener.partition(":")
     try:
-        table = open_table(path, least=1)
+        table = getattr(import_module(module), name)(path, 1)
         if isinstance(table, ChannelTable):
             for channel in [*table.clocks, *table.file.channels]:
                 table.file.read([channel])

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from anhyst.data.clean import DEFAULT_STEPS, clean
 from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
+from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, fit_figures
-from anhyst.model.sources import PREFIX, read_sources
+from anhyst.model.sources import read_sources
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult

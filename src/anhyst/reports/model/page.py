@@ -28,7 +28,7 @@ from anhyst.support.page.blocks import Section
 from anhyst.support.page.page import render_page
 
 
-def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
+def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
     """Write the report of a model: one HTML file that needs nothing else.
 
     The measurements are read again. Where they are missing or have changed, the report is written
@@ -36,7 +36,7 @@ def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
 
     Parameters
     ----------
-    model_path : path-like
+    model : path-like
         A model file.
     out : path-like
         Where the HTML file is to appear, whole or not at all.
@@ -52,7 +52,7 @@ def write_report(model_path: PathLike, out: PathLike) -> tuple[str, ...]:
     InputError
         The model file cannot be used, or the report cannot be written.
     """
-    path = Path(model_path)
+    path = Path(model)
     subject = subject_of(read_model(path), path.parent)
     html = render(subject, path.name, hashlib.sha256(path.read_bytes()).hexdigest())
     with atomic_writer(out) as stream:

@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
+from anhyst.data.read_options import PREFIX
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
 from anhyst.model.fit_record import CrossValidation, Uncertainty
-from anhyst.model.sources import PREFIX
 from anhyst.reports.model.figures import figure_correlation, figure_reduction
 from anhyst.reports.model.figures_over_schedule import (
     SHARES,

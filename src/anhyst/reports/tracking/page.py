@@ -10,7 +10,17 @@ from anhyst.reports.tracking.figures import figure_learning, figure_scan, figure
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.study.tracking.simulate import OWN, TrackingStudy
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import Block, Items, Note, PageTable, Picture, Section, Text, table
+from anhyst.support.page.blocks import (
+    Block,
+    Items,
+    Note,
+    PageTable,
+    Picture,
+    Section,
+    Text,
+    Tone,
+    table,
+)
 from anhyst.support.page.numbers import NBSP, number
 from anhyst.support.page.page import Headline, Tile, render_page
 from anhyst.support.page.style import svg_text
@@ -64,7 +74,8 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
 def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
     worth, sentence = verdict(study)
-    notes = [Note("good" if worth else "warn", "Verdict", f"{sentence}.")]
+    tone: Tone = "bad" if study.lost_in else "good" if worth else "warn"
+    notes = [Note(tone, "Verdict", f"{sentence}.")]
     notes += [
         Note(
             "good" if one.better else "warn",

@@ -72,10 +72,14 @@ def verdict(study: TrackingStudy) -> tuple[bool, str]:
         Whether it is, and the sentence.
     """
     own = study.tried[OWN]
-    rivals = [name for name in study.tried if METHODS[name].role == "baseline"]
+    if study.lost_in:
+        return False, f"None: the loop of '{OWN}' was lost: {'; '.join(study.lost_in)}"
+    held = [name for name in _held(study) if METHODS[name].role == "baseline"]
+    if not held:
+        return False, "None: every baseline lost the loop"
     gained, missed = [], []
     for measure, title in _NAMES.items():
-        best = min(rivals, key=lambda name: study.tried[name].of(measure).mean)
+        best = min(held, key=lambda name: study.tried[name].of(measure).mean)
         mine, its = own.of(measure), study.tried[best].of(measure)
         share = f"{mine.mean / its.mean:.2g}" if its.mean > 0.0 else "more than nothing"
         if _lower(mine, its):
@@ -93,17 +97,27 @@ def verdict(study: TrackingStudy) -> tuple[bool, str]:
 def memoryless(study: TrackingStudy) -> MethodName:
     """Return the variant without memory whose peak is the lowest."""
     found: list[MethodName] = [*AT_BIAS, "single-valued"]
-    return min(
-        (name for name in found if name in study.tried),
-        key=lambda name: study.tried[name].of("peak_m").mean,
-    )
+    tried = [name for name in found if name in study.tried]
+    held = [name for name in tried if name in _held(study)]
+    return min(held or tried, key=lambda name: study.tried[name].of("peak_m").mean)
+
+
+def _held(study: TrackingStudy) -> list[MethodName]:
+    """Return the variants that were not lost on the test set-point."""
+    return [name for name, one in study.tried.items() if not one.of("peak_m").lost]
 
 
 def verdicts(study: TrackingStudy) -> list[TrackingVerdict]:
-    """Compare with the best curve without memory, with what knows one play, and with the probe."""
+    """Compare with the best curve without memory, with what knows one play, and with the probe.
+
+    What was lost is compared with nothing.
+    """
+    held = _held(study)
+    if study.lost_in:
+        return []
     names: list[MethodName] = [memoryless(study)]
     names += [name for name in study.tried if name not in (OWN, *names, *AT_BIAS)]
-    return [judged(study, name) for name in names]
+    return [judged(study, name) for name in names if name in held]
 
 
 def limits(study: TrackingStudy) -> list[str]:

@@ -11,6 +11,7 @@ from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording
 from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.holding import SignalBound, find_loss
 
 
 class SimulatedLoop:
@@ -85,9 +86,9 @@ def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | No
     if fault.any():
         since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
-    levitating = (state >= RISE) & (state <= DESCEND)
-    touched = (gap <= mechanics.stop_low_m) | (gap >= mechanics.stop_high_m)
-    bad = ~levitating | touched | ~np.isfinite(gap)
-    if not bad.any():
-        return None
-    return float(recording["t_s"][since + int(np.argmax(bad))])
+    bounds = (
+        SignalBound("an end stop was reached", gap, mechanics.stop_low_m, mechanics.stop_high_m),
+        SignalBound("the controller gave up", state, RISE - 1, DESCEND + 1),
+    )
+    loss = find_loss(bounds, planned=len(gap))
+    return None if loss is None else float(recording["t_s"][since + loss.tick])

@@ -16,9 +16,6 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 
-FORMAT = "anhyst-piezo-stage"
-"""What distinguishes the file from other rigs."""
-
 
 class PiezoStackTable(Table):
     """``[stack]``: what the free stack does."""

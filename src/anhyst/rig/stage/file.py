@@ -43,9 +43,6 @@ from anhyst.support.toml_file import (
     read_toml,
 )
 
-FORMAT = "anhyst-stage"
-"""Of the rig file of a stage."""
-
 Peaks = Annotated[list[Positive], Field(min_length=2)]
 NumberSeeds = Annotated[int, Field(ge=2, le=1000)]
 

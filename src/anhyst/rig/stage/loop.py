@@ -12,6 +12,7 @@ from anhyst._core import LOOP_COLUMNS, BearingLoop, Tracking
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.plant import current_loop
+from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
 from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mistaken
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.setpoint import SetPoint
@@ -80,6 +81,8 @@ class TrackedRun:
         Wanted position, m.
     late : float
         Ticks after which a demanded force is looked for.
+    loss : Loss or None
+        Where the loop was lost, if it was.
     """
 
     motion: SetPoint
@@ -88,6 +91,7 @@ class TrackedRun:
     frame: FloatArray
     reference: FloatArray
     late: float
+    loss: Loss | None
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column of the loop's record."""
@@ -192,7 +196,7 @@ def track(
     Returns
     -------
     TrackedRun
-        Shorter than the motion where the simulation lost all bounds.
+        Shorter than the motion where the simulation lost all bounds; its ``loss`` says so.
     """
     rig, settings = setup.rig, setup.rig.settings
     n = ticks_of(rig, motion)
@@ -220,7 +224,18 @@ def track(
         np.ascontiguousarray(frame),
     )
     late = settings.timing.delay_ticks + 0.5
-    return TrackedRun(motion, rig.dt, table, frame, reference[:n], late)
+    return TrackedRun(motion, rig.dt, table, frame, reference[:n], late, _loss(rig, table, n))
+
+
+def _loss(rig: StageRig, table: FloatArray, planned: int) -> Loss | None:
+    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
+    stops, most = rig.settings.mechanics, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
+    gap, demand = table[:, _COLUMN["gap_m"]], table[:, _COLUMN["demand_N"]]
+    bounds = (
+        SignalBound("an end stop was reached", gap, stops.stop_low_m, stops.stop_high_m),
+        SignalBound("the demanded force left all bounds", demand, -most, most),
+    )
+    return find_loss(bounds, planned)
 
 
 def bias(rig: StageRig, method: str) -> float:

@@ -81,12 +81,15 @@ class MonteCarlo:
     runs : mapping of str to tuple of PlantRun
         One a plant, by variant.
     seed : int
+    own : str
+        The variant of the controller file.
     """
 
     heights: tuple[float, ...]
     drifts: tuple[Drift, ...]
     runs: Mapping[MethodName, tuple[PlantRun, ...]]
     seed: int
+    own: MethodName
 
     def values(self, variant: MethodName, name: str, place: int = 0) -> list[float]:
         """Return a figure of every plant, infinite where levitation was lost.
@@ -195,6 +198,7 @@ def monte_carlo(
             for name in variants
         },
         seed=seed,
+        own=controller.settings.compensation.variant,
     )
 
 

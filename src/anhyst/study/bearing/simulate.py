@@ -12,13 +12,14 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
 from anhyst.control.controller_file import ControllerFile
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.plant_check import check_plant
-from anhyst.rig.bearing.recording import Recording, check_ending, write_recording
+from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.distance import PlantCheck
@@ -102,6 +103,15 @@ class Simulation(Result):
         found: list[str] = self.figures["lost_in"]
         return found
 
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the controller file's own variant lost levitation."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"'{self.own}' of the controller file lost levitation: {'; '.join(self.lost_in)}; "
+                "figures and recording are kept",
+                code="levitation-lost",
+            )
+
     @property
     def own(self) -> MethodName:
         """MethodName of the controller file."""
@@ -181,7 +191,7 @@ def explore(
     rig_path : path-like
         Rig file of a bearing.
     out : path-like, optional
-        Recording to be written, ``.csv`` or ``.mat``; ``figures.json`` goes beside it. Whether both
+        Recording to be written, in any format that is written; ``figures.json`` goes beside it. Whether both
         can be is found out first.
     controller_path : path-like, optional
         Controller file; ``controller.toml`` beside the rig file if left out.
@@ -192,7 +202,7 @@ def explore(
     -------
     Simulation
         Where levitation was lost in the test cases beside the steps of the recording, its
-        ``lost_in`` says so: see :func:`refuse_losses`.
+        ``lost_in`` says so: see `refuse_losses`.
 
     Raises
     ------
@@ -231,7 +241,7 @@ def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike,
     """Return what is written for a recording."""
     if out is None:
         return ()
-    check_ending(out)
+    check_recording(out)
     model_file = [] if controller.model is not None else [_model_file(out)]
     return (out, Path(out).parent / FIGURES, *model_file)
 
@@ -258,7 +268,7 @@ def write_simulation(found: Simulation, out: PathLike) -> None:
 def _write_recording(
     out: PathLike, recording: Recording, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> None:
-    write_recording(out, recording)
+    write_recording(out, recording.columns)
     if controller.model is None:
         write_model(knowledge.model, _model_file(out))
 
@@ -266,22 +276,6 @@ def _write_recording(
 def _model_file(out: PathLike) -> Path:
     """Return where the model that was identified goes."""
     return Path(out).with_suffix(".model.toml")
-
-
-def refuse_losses(found: Simulation) -> None:
-    """Raise where the controller file's own variant lost levitation in anything that was tried.
-
-    Raises
-    ------
-    NegativeResult
-        Says in what.
-    """
-    if found.lost_in:
-        raise NegativeResult(
-            f"'{found.own}' of the controller file lost levitation: {'; '.join(found.lost_in)}; "
-            "figures and recording are kept",
-            code="levitation-lost",
-        )
 
 
 def _beside(

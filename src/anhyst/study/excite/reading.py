@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +10,8 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.excite.limits import Specimen, bearing_specimen, force_specimen
 from anhyst.support.atomic import PathLike
-
-FORCE = "anhyst-rig"
-"""Format of the rig file of force control; any other is read as that of a bearing, or refused."""
+from anhyst.support.kinds import TAKES, FileKind
+from anhyst.support.toml_file import take_kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +38,7 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
         A file cannot be read or does not fit its schema.
     """
     place = Path(path)
-    if _format(place) == FORCE:
+    if take_kind(place, TAKES["excite"]) is FileKind.FORCE:
         rig = read_rig(place)
         named = rig.settings.solenoid
         files = [place] if named is None else [place, place.parent / named]
@@ -55,11 +53,3 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
         files += bearing.measured.files
         bearing = complete_rig(bearing, bearing.measured.read())
     return ReadSpecimen(bearing_specimen(bearing), tuple(files))
-
-
-def _format(place: Path) -> object:
-    """Return what a file says it is; whatever is wrong with it, its schema reports."""
-    try:
-        return tomllib.loads(place.read_text(encoding="utf-8")).get("format")
-    except (OSError, ValueError, RecursionError):
-        return None

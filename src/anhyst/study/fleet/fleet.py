@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.data.files import write_csv
+from anhyst.data.formats.text import write_csv
 from anhyst.study.fleet.judge import MODEL, FleetSettings, SharedTask, judge, share
 from anhyst.study.fleet.members import Member, find_members
 from anhyst.study.fleet.pilots import decide
@@ -275,7 +275,7 @@ def fleet(
 
 def _plain(column: Sequence[Any]) -> Any:
     """Return a column as a CSV holds it: switches as 0 and 1, text as it is."""
-    from anhyst.data.columns import Texts
+    from anhyst.data.formats.columns import Texts
 
     if isinstance(column[0], str):
         values = tuple(dict.fromkeys(column))

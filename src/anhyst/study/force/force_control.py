@@ -13,8 +13,8 @@ from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
 from anhyst.data import Loops
-from anhyst.data.files import write_csv
 from anhyst.data.table import read_columns
+from anhyst.data.writing import check_format, write_recording
 from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.actuator import Model
@@ -66,7 +66,7 @@ class ForceControl(Result):
     rig : Rig
         The rig, complete.
     out : Path
-        Folder with everything: ``figures.json``, a CSV for each trial, and below ``end/`` and
+        Folder with everything: ``figures.json``, a recording of each trial, and below ``end/`` and
         ``stroke/`` models and controllers; :func:`anhyst.reports.force.figures.draw` adds pictures.
     figures : dict
         As in ``figures.json``.
@@ -82,6 +82,12 @@ class ForceControl(Result):
     outcomes: tuple[ForceOutcome, ...]
     plant: PlantCheck
 
+    @property
+    def lost_in(self) -> list[str]:
+        """Every trial in which the controlled force was lost."""
+        found: list[str] = self.figures["lost_in"]
+        return found
+
     def facts(self) -> dict[str, str]:
         """Return where everything is, and the error of each controller's force over all trials."""
         told = {"folder": str(self.out), "trials": str(len(self.outcomes))}
@@ -89,7 +95,7 @@ class ForceControl(Result):
         for name in dict.fromkeys(row["controller"] for row in rows):
             mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
             told[name] = f"force off by {mean:.3g} N rms"
-        return told
+        return told | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def _errors(self) -> list[dict[str, Any]]:
         return [
@@ -125,18 +131,19 @@ class ForceControl(Result):
 
 
 def force_control(
-    rig_path: PathLike,
+    rig: PathLike,
     out: PathLike,
     *,
     board: str = "host",
     demand: PathLike | None = None,
+    recordings: str = "csv",
     progress: Progress | None = None,
 ) -> ForceControl:
     """Identify, compile, build, and run every trial of a rig.
 
     Parameters
     ----------
-    rig_path : path-like
+    rig : path-like
         The rig file.
     out : path-like
         Folder to write; made where it is not there.
@@ -144,6 +151,8 @@ def force_control(
         Where the firmware runs: ``"host"`` or ``"qemu-mps2"``.
     demand : path-like, optional
         A CSV with columns ``t_s`` and ``F_N``: a demand beside those of the rig file.
+    recordings : str
+        Format of the recordings, such as ``"csv"``, ``"mat"`` or ``"mf4"``.
     progress : callable, optional
         Called with what is done and the total.
 
@@ -158,8 +167,19 @@ def force_control(
     NegativeResult
         A model cannot be compiled, or a controller did not follow its commands.
     """
-    rig = read_rig(rig_path)
+    return _run(read_rig(rig), out, board, demand, recordings, progress)
+
+
+def _run(
+    rig: Rig,
+    out: PathLike,
+    board: str,
+    demand: PathLike | None,
+    recordings: str,
+    progress: Progress | None,
+) -> ForceControl:
     demands = _demands(rig, demand)
+    check_format(Path(out) / f"recording.{recordings}")
     _check_tools(board)
     trials = list(plan_trials(rig, demands))
     report = _Steps(progress, total=2.0 * _PREPARED + len(trials))
@@ -187,8 +207,8 @@ def force_control(
         outcomes = all_of(_outcome, tasks, report.part(len(trials)))
         plant = rig.check(loops, models["stroke"])
         found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
-        found["verdict"] = verdict(found["summary"])
-        _write(rig, folder, found, outcomes)
+        found["verdict"] = None if found["lost_in"] else verdict(found["summary"])
+        _write(rig, folder, found, outcomes, recordings)
     return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
 
 
@@ -285,9 +305,11 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
     return with_lead_in("file", sampled, rig.settings.rate_Hz)
 
 
-def _write(rig: Rig, folder: Path, found: Mapping[str, Any], outcomes: list[ForceOutcome]) -> None:
+def _write(
+    rig: Rig, folder: Path, found: Mapping[str, Any], outcomes: list[ForceOutcome], recordings: str
+) -> None:
     for outcome in outcomes:
-        _write_trial(rig, folder / f"{outcome.trial.name}.csv", outcome)
+        _write_trial(rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
     with atomic_writer(folder / "figures.json") as stream:
         stream.write(json_text(found))
 
@@ -306,4 +328,4 @@ def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:
         columns[f"I_{name}_A"] = np.round(recording.current, 7)
         if name in outcome.simulated:
             columns[f"F_{name}_simulated_N"] = np.round(outcome.simulated[name], 5)
-    write_csv(path, columns)
+    write_recording(path, columns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.rig.force.file import Rig
+from anhyst.rig.holding import SignalBound, find_loss
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.arrays import FloatArray
 
@@ -119,6 +121,23 @@ def summary(scores: Sequence[tuple[ForceOutcome, dict[str, Score]]]) -> dict[str
     return result
 
 
+def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
+    """Name every trial in which the force of ``full`` left all proportion, when and how."""
+    found = []
+    for outcome in outcomes:
+        demand, recording = outcome.trial.demand, outcome.recordings["full"]
+        off = (recording.force - demand.force)[demand.lead_in :]
+        current = recording.current[demand.lead_in :]
+        bounds = (
+            SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
+            SignalBound("the current left all bounds", current, -math.inf, math.inf),
+        )
+        loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
+        if loss is not None:
+            found.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
+    return found
+
+
 def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
     """Return everything measured, as ``figures.json`` holds it."""
     force_max = rig.settings.force_control.force_max_N
@@ -132,6 +151,7 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
         "force_noise_N": rig.settings.force_sensor.noise_N,
         "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
         "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
+        "lost_in": lost_in(outcomes, force_max),
         "summary": summary(scores),
         "trials": [
             {

@@ -9,7 +9,7 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.loops import Loop
-from anhyst.identification.fit_records import thinned
+from anhyst.data.path import thinned
 from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 

@@ -20,15 +20,16 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import Loop, Loops
-from anhyst.data.files import write_csv
 from anhyst.data.history import History
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
+from anhyst.rig.holding import Loss, SignalBound, find_loss
 from anhyst.rig.piezo.file import PiezoRig
 from anhyst.rig.piezo.stack import StageMotion
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.result import Result, columns_of
 from anhyst.support.units import QUANTITIES
 
@@ -70,13 +71,23 @@ class PiezoErrors:
 
 @dataclass(frozen=True)
 class PiezoRun:
-    """One run: time, displacement and its deviation from the reference, s and m; voltage, V."""
+    """One run: time, displacement and its deviation from the reference, s and m; voltage, V.
+
+    ``loss`` says where the loop was lost, if it was.
+    """
 
     time: FloatArray
     displacement: FloatArray
     error: FloatArray
     voltage: FloatArray
     errors: PiezoErrors
+    loss: Loss | None
+
+    @property
+    def lost(self) -> str:
+        """When the loop was lost, and how; empty where it held."""
+        loss = self.loss
+        return "" if loss is None else f"at {self.time[loss.tick]:.4f} s, {loss.reason}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,7 +95,22 @@ class PiezoTracking(Result):
     """All that came out of one rig."""
 
     reference: FloatArray
+    bandwidth: float  # Hz, of the feedback
     runs: Mapping[str, PiezoRun] = field(default_factory=dict)
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Return with what the loop was lost, when and how."""
+        return [f"{name} {run.lost}" for name, run in self.runs.items() if run.lost]
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the loop with compensation was lost."""
+        if lost := self.runs["full"].lost:
+            raise NegativeResult(
+                f"the loop was lost {lost}: a bandwidth of {self.bandwidth:g} Hz does not hold "
+                "this stage; the recording is kept",
+                code="loop-lost",
+            )
 
     @property
     def ratio(self) -> float:
@@ -96,7 +122,7 @@ class PiezoTracking(Result):
         return {
             name: f"worst {1e9 * run.errors.worst_m:.0f} nm, rms {1e9 * run.errors.rms_m:.0f} nm"
             for name, run in self.runs.items()
-        }
+        } | ({"lost": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation of every way from the reference, m."""
@@ -113,12 +139,14 @@ class PiezoTracking(Result):
 
     def save(self, path: PathLike) -> Path:
         """Write time, reference and what each way did; see :func:`write_tracking`."""
+        check_recording(path)
         write_tracking(self, path)
         return Path(path)
 
     def as_dict(self) -> dict[str, object]:
         """Return the figures, for JSON."""
         return {
+            "lost_in": self.lost_in,
             "rms_with_over_without": self.ratio,
             "worst_with_over_without": self.runs["full"].errors.worst_m
             / self.runs["none"].errors.worst_m,
@@ -153,7 +181,8 @@ def track(rig: PiezoRig) -> PiezoTracking:
         "single-valued": _single_valued(loops),
         "full": _Compiled(model, rig),
     }
-    return PiezoTracking(wanted, {name: _follow(rig, wanted, way) for name, way in ways.items()})
+    runs = {name: _follow(rig, wanted, way) for name, way in ways.items()}
+    return PiezoTracking(wanted, rig.settings.control.bandwidth_Hz, runs)
 
 
 def write_tracking(found: PiezoTracking, out: PathLike) -> None:
@@ -166,7 +195,7 @@ def write_tracking(found: PiezoTracking, out: PathLike) -> None:
             f"x_{key}_m": run.displacement,
             f"e_{key}_m": run.error,
         }
-    write_csv(out, columns)
+    write_recording(out, columns)
 
 
 def measure(rig: PiezoRig) -> Loops:
@@ -258,7 +287,7 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
     noise = settings.sensor.noise_m * np.random.default_rng(SEED).standard_normal(wanted.size)
     motion, late = StageMotion(rig.stage, dt), _lateness(rig)
     notch = _Notch(rig.stage.resonance, rig.stage.damping, dt)
-    found, voltage = np.empty(wanted.size), np.empty(wanted.size)
+    found, voltage, fed_back = np.empty((3, wanted.size))
     correction = command = 0.0
     expected = np.interp(np.arange(wanted.size) * dt - late, np.arange(wanted.size) * dt, wanted)
     for i, value in enumerate(wanted.tolist()):
@@ -266,13 +295,19 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
         read = round((motion.x + noise[i]) / settings.sensor.step_m) * settings.sensor.step_m
         motion.step(command)
         correction += gain * notch(float(expected[i]) - read)
+        fed_back[i] = correction
         command = min(max(inverse(value + correction), low), high)
         voltage[i] = command
     error = found - expected
     judged = error[round(LEAD * settings.control.rate_Hz / settings.reference.frequency_Hz) :]
     errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
     time = dt * np.arange(wanted.size, dtype=np.float64)
-    return PiezoRun(time, found, error, voltage, errors)
+    stroke = settings.reference.stroke_m
+    bounds = (
+        SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
+        SignalBound("the feedback asked for more than the stroke", fed_back, -stroke, stroke),
+    )
+    return PiezoRun(time, found, error, voltage, errors, find_loss(bounds, planned=wanted.size))
 
 
 def _lateness(rig: PiezoRig) -> float:

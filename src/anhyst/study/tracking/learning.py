@@ -32,13 +32,13 @@ def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[T
     Returns
     -------
     list of TrackedRun
-        Shorter where a trial lost all bounds.
+        Fewer where a trial was lost.
     """
     table = setup.rig.settings.tracking
     motion = motion_of(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed=0)]
     learnt = np.zeros(len(runs[0].reference))
-    while len(runs) < trials and len(runs[-1].table) == learnt.size:
+    while len(runs) < trials and runs[-1].loss is None:
         learnt = _filtered(setup.rig, learnt, runs[-1].error)
         runs.append(track(setup, motion, gains, seed=len(runs), learnt=learnt))
     return runs

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -46,13 +47,18 @@ class Measures:
     force_peak_N: float
     force_rms_N: float
 
+    @property
+    def lost(self) -> bool:
+        """Whether the loop was lost in the run."""
+        return math.isinf(self.peak_m)
+
     def as_dict(self) -> dict[str, float]:
         """Return them by name."""
         return asdict(self)
 
 
 LOST = Measures(*[float("inf")] * 8)
-"""Of a run that lost all bounds."""
+"""Of a run in which the loop was lost."""
 
 
 def cruises(run: TrackedRun) -> list[slice]:
@@ -91,7 +97,7 @@ def settling(run: TrackedRun, band: float) -> list[float]:
 
 def measure(run: TrackedRun, slit: float) -> Measures:
     """Judge a run with a slit of so many seconds."""
-    if len(run.table) < len(run.reference) or not np.isfinite(run.error).all():
+    if run.loss is not None:
         return LOST
     late, ticks = round(EXPOSE_AFTER_S / run.dt), round(slit / run.dt)
     windows = [

@@ -17,7 +17,7 @@ from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.search import find_gains
-from anhyst.study.tracking.simulate import make_variants
+from anhyst.study.tracking.simulate import OWN, make_variants, refuse_unstable
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
@@ -113,6 +113,8 @@ def calibrate_wrongly(
     ------
     InputError
         The rig file, its loops or the place to write to will not do.
+    NegativeResult
+        The loop is unstable.
     """
     if Path(out).suffix != ".json":
         raise InputError(
@@ -121,6 +123,7 @@ def calibrate_wrongly(
     check_writable(out)
     rig = read_stage(path)
     made, _ = make_variants(rig, identify_magnet(rig.measured.read(), rig.settings.identify))
+    refuse_unstable(made[OWN])
     runs = all_of(_try, [_Job(setup, plants) for setup in made.values()], progress)
     found = CalibrationStudy(rig, plants, dict(zip(made, runs, strict=True)))
     with atomic_writer(out) as stream:

@@ -15,7 +15,7 @@ RUNS = 30
 _UNITS = np.array([0.01, 50e-6, 5e-9])
 """One of each in the first simplex: weight of the acceleration, jerk (s), snap (s2)."""
 _LOST = 1.0
-"""Cost of a run that lost all bounds, m."""
+"""Cost of a run in which the loop was lost, m."""
 
 
 def gains_at(place: FloatArray) -> Feedforward:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -11,19 +12,18 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
-from anhyst.data.files import write_csv
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
-from anhyst.rig.bearing.recording import check_ending
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, track
 from anhyst.rig.stage.make_setup import make_stage
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.metrics import Interval, mean_interval
+from anhyst.study.bearing.metrics import Interval, mean_interval, no_mean
 from anhyst.study.tracking.learning import learn
 from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
 from anhyst.study.tracking.search import find_gains
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
@@ -77,8 +77,23 @@ class TriedVariant:
     trials_m: tuple[float, ...]
 
     def of(self, name: str) -> Interval:
-        """Return a measure over the seeds."""
+        """Return a measure over the seeds; no mean where one of the runs was lost."""
+        lost, count = sum(one.lost for one in self.measures), len(self.measures)
+        if lost:
+            return no_mean(lost, count)
         return mean_interval([getattr(one, name) for one in self.measures])
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Everything tried in which the loop was lost, but for what learning control added."""
+        lost, count = sum(one.lost for one in self.measures), len(self.measures)
+        tried = {
+            f"test set-point ({lost} of {count} runs)": lost > 0,
+            "a tenth of its accelerations": self.small.lost,
+            "gains found on the test set-point": self.repeated.lost,
+            "standstill": math.isinf(self.standstill_m),
+        }
+        return [title for title, was in tried.items() if was]
 
 
 @dataclass(frozen=True, repr=False)
@@ -98,6 +113,19 @@ class TrackingStudy(Result):
     left_out: Mapping[MethodName, str]
 
     @property
+    def lost_in(self) -> list[str]:
+        """Everything tried in which the compensator's own loop was lost."""
+        return self.tried[OWN].lost_in
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the compensator's own loop was lost."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"the loop was lost: {'; '.join(self.lost_in)}; figures and recording are kept",
+                code="loop-lost",
+            )
+
+    @property
     def figures(self) -> dict[str, Any]:
         """Content of ``figures.json``."""
         table = self.rig.settings.tracking
@@ -109,6 +137,7 @@ class TrackingStudy(Result):
             "train_m_per_s2": table.train_m_per_s2,
             "test_m_per_s2": table.test_m_per_s2,
             "left_out": dict(self.left_out),
+            "lost_in": self.lost_in,
             "variants": {name: _figures(one) for name, one in self.tried.items()},
         }
 
@@ -118,7 +147,7 @@ class TrackingStudy(Result):
         for name, one in self.tried.items():
             peak, average = 1e9 * one.of("peak_m").mean, 1e9 * one.of("average_m").mean
             told[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
-        return told
+        return told | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the measures of every variant on the test set-point, means over the seeds, SI."""
@@ -149,8 +178,8 @@ class TrackingStudy(Result):
         InputError
             A place cannot be written.
         """
-        check_ending(path)
-        write_csv(path, recorded(self.tried[OWN].shown))
+        check_recording(path)
+        write_recording(path, recorded(self.tried[OWN].shown))
         with atomic_writer(Path(path).parent / FIGURES) as stream:
             stream.write(json_text(self.figures))
         return Path(path)
@@ -206,6 +235,8 @@ def _standing(setup: StageSetup, gains: Feedforward) -> float:
     table = setup.rig.settings.tracking
     moved = replace(motion_of(table, table.test_m_per_s2[:2]), cruise=_STILL_S, speed=0.0)
     run = track(setup, moved, gains, 1)
+    if run.loss is not None:
+        return math.inf
     return float(np.sqrt(np.mean(np.concatenate([run.error[part] for part in cruises(run)]) ** 2)))
 
 
@@ -228,11 +259,42 @@ def make_variants(
     return made, left_out
 
 
+def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
+    """Refuse a loop that does not even hold a tenth of the accelerations, with no gains found yet.
+
+    Parameters
+    ----------
+    setup : StageSetup
+    out : path-like, optional
+        Where the recording of a loop that was lost is kept; figures of a run before it go.
+
+    Raises
+    ------
+    NegativeResult
+        Says when it was lost, and how.
+    """
+    table = setup.rig.settings.tracking
+    gently = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2[:2]])
+    run = track(setup, gently, Feedforward(), seed=1)
+    if run.loss is None:
+        return
+    text = (
+        f"the loop was lost at {run.dt * run.loss.tick:.4f} s, {run.loss.reason}: a crossover of "
+        f"{table.crossover_Hz:g} Hz does not hold this stage"
+    )
+    if out is None:
+        raise NegativeResult(text, code="loop-lost")
+    write_recording(out, recorded(run))
+    (Path(out).parent / FIGURES).unlink(missing_ok=True)
+    raise NegativeResult(f"{text}; the recording is kept in {out}", code="loop-lost")
+
+
 def explore_stage(
     rig: StageRig,
     magnet: IdentifiedMagnet | None = None,
     names: Sequence[MethodName] = COMPARED,
     progress: Progress | None = None,
+    out: PathLike | None = None,
 ) -> TrackingStudy:
     """Try variants on a stage.
 
@@ -245,9 +307,17 @@ def explore_stage(
         The variants, the compensator among them.
     progress : callable, optional
         Called with what is done and what there is in all.
+    out : path-like, optional
+        As of :func:`refuse_unstable`.
+
+    Raises
+    ------
+    NegativeResult
+        The loop is unstable; see also ``lost_in`` of what is returned.
     """
     known = magnet or identify_magnet(rig.measured.read(), rig.settings.identify)
     made, left_out = make_variants(rig, known, names)
+    refuse_unstable(made[OWN], out)
     tried = all_of(try_variant, list(made.values()), progress)
     return TrackingStudy(rig, dict(zip(made, tried, strict=True)), left_out)
 
@@ -261,13 +331,14 @@ def simulate_stage(
     ------
     InputError
         The rig file, its loops or a place to write to will not do.
+    NegativeResult
+        The loop is unstable.
     """
-    check_ending(out)
     rig = read_stage(path)
-    figures = Path(out).parent / FIGURES
-    for place in (out, figures):
-        check_writable(place)
-    found = explore_stage(rig, progress=progress)
+    reads = [rig.path, *rig.measured.files]
+    check_recording(out, reads)
+    check_writable(Path(out).parent / FIGURES, reads)
+    found = explore_stage(rig, progress=progress, out=out)
     found.save(out)
     return found
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from anhyst.control.states import Command
-from anhyst.live.generator import Generator, Wave
-from anhyst.live.improve import improve
-from anhyst.live.recording import Span
-from anhyst.live.session import LiveSession, finite
-from anhyst.live.sets import ENDING, values_for
-from anhyst.live.waves import Chirp, read_table
+from anhyst.dashboard.generator import Generator, Wave
+from anhyst.dashboard.improve import improve
+from anhyst.dashboard.recording import Span
+from anhyst.dashboard.session import LiveSession, finite
+from anhyst.dashboard.sets import ENDING, values_for
+from anhyst.dashboard.waves import Chirp, read_table
 from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]

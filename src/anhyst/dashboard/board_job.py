@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from anhyst.live.job import Ended
+from anhyst.dashboard.job import Ended
 from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.progress import Progress

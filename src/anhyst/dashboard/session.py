@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.states import Command
-from anhyst.live.curves import DrawnLoop
-from anhyst.live.drift import BenchWatch
-from anhyst.live.drive import DrivenBench
-from anhyst.live.generator import Wave
-from anhyst.live.improver import Improver
-from anhyst.live.recorder import RecordingFile
-from anhyst.live.recording import Span, TickRecorder
-from anhyst.live.sets import ParameterSets
+from anhyst.dashboard.curves import DrawnLoop
+from anhyst.dashboard.drift import BenchWatch
+from anhyst.dashboard.drive import DrivenBench
+from anhyst.dashboard.generator import Wave
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.recorder import RecordingFile
+from anhyst.dashboard.recording import Span, TickRecorder
+from anhyst.dashboard.sets import ParameterSets
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench

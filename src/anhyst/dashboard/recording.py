@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.live.recorder import RecordingFile, start_recording
+from anhyst.dashboard.recorder import RecordingFile, start_recording
 from anhyst.rig.bench.protocol import Signal
 from anhyst.rig.bench.subscription import Subscription
 from anhyst.support.arrays import FloatArray

@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from anhyst.dashboard.board_job import BoardJob, Seat
+from anhyst.dashboard.curves import DrawnLoop, make_curves
+from anhyst.dashboard.job import Ended, Job, Work
 from anhyst.data.reading import read_loops
 from anhyst.link.blocks import GENERATION_AT, regenerate
-from anhyst.live.board_job import BoardJob, Seat
-from anhyst.live.curves import DrawnLoop, make_curves
-from anhyst.live.job import Ended, Job, Work
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bench.exchange import BlockHolder

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from anhyst.live.improver import Improver
-from anhyst.live.seat import SessionSeat
-from anhyst.live.session import LiveSession, finite
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.seat import SessionSeat
+from anhyst.dashboard.session import LiveSession, finite
 from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from anhyst.control.states import Command
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -23,7 +23,7 @@ _WAIT_S = 0.1
 class SessionSeat:
     """The bench of a session as who measures needs it: all is done between its chunks.
 
-    A :class:`anhyst.live.board_job.Seat`.
+    A :class:`anhyst.dashboard.board_job.Seat`.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from anhyst.identification.default import reference_gap
-from anhyst.identification.paper.search import SearchBench, Stand
-from anhyst.identification.paper.seven import (
+from anhyst.identification.paper_search import SearchBench, Stand
+from anhyst.identification.paper_seven import (
     POSITIVE,
     Values,
     chosen_by_gauge,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.live.generator import HIGHEST_HZ, LOWEST_HZ
+from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import Unit, parse_header, unit_of

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.identification.paper.criterion import Criterion, simplex
-from anhyst.identification.paper.evolution import EvolutionStrategy
-from anhyst.identification.paper.seven import OFFSETS, Values, mean_over_gaps, variables_of
+from anhyst.identification.paper_criterion import Criterion, simplex
+from anhyst.identification.paper_evolution import EvolutionStrategy
+from anhyst.identification.paper_seven import OFFSETS, Values, mean_over_gaps, variables_of
 from anhyst.identification.run import SearchRun
 from anhyst.model.acceptance import GapCheck, check_over_gap
 from anhyst.model.actuator import Model

@@ -7,10 +7,10 @@ from enum import IntEnum
 from typing import Any
 
 from anhyst.control.states import Fault, Phase, State
-from anhyst.live.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
-from anhyst.live.orders import parameters_of
-from anhyst.live.recording import KEPT_S
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
+from anhyst.dashboard.orders import parameters_of
+from anhyst.dashboard.recording import KEPT_S
+from anhyst.dashboard.session import LiveSession
 
 
 def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:

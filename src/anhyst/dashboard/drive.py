@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from anhyst.control.states import Command
-from anhyst.live.generator import Wave
+from anhyst.dashboard.generator import Wave
 from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

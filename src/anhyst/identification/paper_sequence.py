@@ -11,16 +11,16 @@ from anhyst.identification.bare import model_of
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.default import FoundModel
 from anhyst.identification.objective import Objective
-from anhyst.identification.paper.criterion import mean_deviation
-from anhyst.identification.paper.reduction import reductions, stages_of
-from anhyst.identification.paper.search import (
+from anhyst.identification.paper_criterion import mean_deviation
+from anhyst.identification.paper_reduction import reductions, stages_of
+from anhyst.identification.paper_search import (
     SearchBench,
     SearchEffort,
     Stand,
     model_at_nodes,
     search_each_gap,
 )
-from anhyst.identification.paper.seven import OFFSETS, local_of
+from anhyst.identification.paper_seven import OFFSETS, local_of
 from anhyst.identification.run import SearchRun
 from anhyst.identification.space import CoordinateSpace
 from anhyst.model.actuator import Model

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import uvicorn
 
-from anhyst.live.guard import names_of
-from anhyst.live.server import MESSAGE_MOST, LiveServer
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.guard import names_of
+from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
+from anhyst.dashboard.session import LiveSession
 from anhyst.support.errors import InputError
 
 _HTTP_MOST = 64

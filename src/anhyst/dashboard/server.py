@@ -16,13 +16,13 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from anhyst.live.curves import DrawnLoop
-from anhyst.live.describe import describe, loops_of
-from anhyst.live.desk import Desk
-from anhyst.live.frames import Outbox, encode
-from anhyst.live.guard import Allowance, Guard
-from anhyst.live.orders import BESIDE, parameters_of, perform
-from anhyst.live.session import LiveSession
+from anhyst.dashboard.curves import DrawnLoop
+from anhyst.dashboard.describe import describe, loops_of
+from anhyst.dashboard.desk import Desk
+from anhyst.dashboard.frames import Outbox, encode
+from anhyst.dashboard.guard import Allowance, Guard
+from anhyst.dashboard.orders import BESIDE, parameters_of, perform
+from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.json_text import plain
@@ -98,7 +98,7 @@ class LiveServer:
     title : str
         What the page calls the rig.
     names : frozenset of str
-        What browsers may call the server; :func:`anhyst.live.guard.names_of`.
+        What browsers may call the server; :func:`anhyst.dashboard.guard.names_of`.
     token : str, optional
         That browsers have to show first; empty for none.
     """

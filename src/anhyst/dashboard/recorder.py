@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 import orjson
 
-from anhyst.live.mdf import MdfRecorder
+from anhyst.dashboard.mdf import MdfRecorder
 from anhyst.rig.bench.protocol import Signal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

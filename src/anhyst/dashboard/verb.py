@@ -1,0 +1,127 @@
+"""The verb ``live``: a rig, or a controller that runs by itself, in a browser until ctrl-C."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+
+from anhyst.dashboard.guard import read_address
+from anhyst.dashboard.improver import Improver
+from anhyst.dashboard.recorder import RecordingFile, start_recording
+from anhyst.dashboard.run import listen_on, serve
+from anhyst.dashboard.session import LiveSession
+from anhyst.rig.bench.protocol import Bench
+from anhyst.study.bench import address_of, open_board, prepare_board
+from anhyst.study.kept import prepared_once
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind, kind_of
+from anhyst.support.progress import Progress
+
+
+def live(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    xcp: str | None = None,
+    port: str | None = None,
+    known: PathLike | None = None,
+    record: PathLike | None = None,
+    listen: str = "127.0.0.1:8642",
+    token: bool = False,
+    progress: Progress | None = None,
+    started: Callable[[str, str], None] | None = None,
+) -> RecordingFile | None:
+    """See, touch and record a rig in a browser while it runs, until ctrl-C.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file: a bearing, or a force rig. With `xcp` or `port` the compiled folder around which
+        the firmware is built.
+    controller : path-like, optional
+        Controller file; ``controller.toml`` beside the rig file if left out.
+    xcp : str, optional
+        ``HOST:PORT`` where a controller that runs by itself offers XCP, in place of a virtual rig.
+    port : str, optional
+        The same on a serial port that carries XCP.
+    known : path-like, optional
+        With `xcp` or `port`: rig file of the actuator, to measure and improve its model.
+    record : path-like, optional
+        New ``.csv`` or ``.mf4`` to which every tick is written, from the first on.
+    listen : str
+        ``HOST:PORT`` in digits, or ``PORT`` on this machine; beyond this machine with a token only.
+    token : bool
+        Let in only browsers that show a token.
+    progress : callable, optional
+        Called with what is done of opening the rig, and what there is in all.
+    started : callable, optional
+        Called with the address of the page, and the token or nothing.
+
+    Returns
+    -------
+    RecordingFile or None
+        What was recorded.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read or written, an address is not free, or no controller answers.
+    """
+    url = address_of(xcp, port)
+    if url is None and known is not None:
+        raise InputError(
+            "--rig: the rig file of a virtual rig is the argument; leave --rig out",
+            code="option-not-for-this",
+            key="--rig",
+        )
+    if url is not None and controller is not None:
+        raise InputError(
+            "--controller: a controller that runs has one already; leave it out",
+            code="option-not-for-this",
+            key="--controller",
+        )
+    if url is None and kind_of(rig) is FileKind.COMPILED:
+        raise InputError(
+            f"{rig}: runs on a controller; name it with --xcp or --port",
+            code="options-missing",
+            key="--xcp",
+        )
+    rig = Path(rig)
+    place = None if record is None else Path(record)
+    shown = secrets.token_urlsafe(16) if token else ""
+    with listen_on(*read_address(listen, token)) as taken:
+        bench, improver = _open(rig, controller, url, known, progress)
+        try:
+            recording = None if place is None else start_recording(place, bench.signals, bench.rate)
+        except BaseException:
+            bench.close()
+            raise
+        session = LiveSession(
+            bench,
+            recording,
+            Path() if place is None else place.parent,
+            improver,
+            improver.curves if improver else (),
+        )
+        title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
+        serve(session, title, taken, shown, started and (lambda address: started(address, shown)))
+    return recording
+
+
+def _open(
+    rig: Path,
+    controller: PathLike | None,
+    url: str | None,
+    known: PathLike | None,
+    progress: Progress | None,
+) -> tuple[Bench, Improver | None]:
+    """Open a virtual rig, whose model can be improved, or a controller that runs."""
+    if url is not None:
+        on_board = None if known is None else prepare_board(known, rig)
+        board = open_board(rig, url)
+        return board, None if on_board is None else Improver(on_board, board)
+    with prepared_once(rig, controller, progress) as prepared:
+        bench = prepared.open()  # runs on without the folder
+        return bench, Improver(prepared, bench)

@@ -1,1 +1,0 @@
-"""The paper's search: free parameters at each gap, then the reduction."""

@@ -1,0 +1,252 @@
+"""The verb ``simulate``: whatever a rig file describes, with its figures and its page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, overload
+
+from anhyst.data.writing import check_recording
+from anhyst.reports.bearing import write_simulation_report
+from anhyst.reports.bearing.from_benefit import subject_of_benefit
+from anhyst.reports.bearing.from_plants import subject_of_plants
+from anhyst.reports.bearing.from_simulation import subject_of
+from anhyst.reports.piezo import write_picture
+from anhyst.reports.tracking import write_tracking_report
+from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig.stage.file import read_stage
+from anhyst.study.bearing.benefit import Benefit
+from anhyst.study.bearing.benefit import benefit as map_benefit
+from anhyst.study.bearing.monte_carlo import COMPARED, MonteCarlo
+from anhyst.study.bearing.monte_carlo import monte_carlo as run_plants
+from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
+from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
+from anhyst.study.piezo.track import PiezoTracking, track, write_tracking
+from anhyst.study.tracking.monte_carlo import CalibrationStudy, calibrate_wrongly
+from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import workers_of
+from anhyst.support.json_text import json_text
+from anhyst.support.kinds import TAKES, FileKind
+from anhyst.support.progress import Progress
+from anhyst.support.toml_file import take_kind
+
+REPORT = "report.html"
+
+Simulated = Simulation | TrackingStudy | PiezoTracking
+Studied = Simulated | MonteCarlo | CalibrationStudy | Benefit | BoardComparison
+
+
+@overload
+def simulate_rig(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    out: PathLike | None = None,
+    monte_carlo: None = None,
+    benefit: Literal[False] = False,
+    board: None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Simulated: ...
+
+
+@overload
+def simulate_rig(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    out: PathLike | None = None,
+    monte_carlo: int | None = None,
+    benefit: bool = False,
+    board: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Studied: ...
+
+
+def simulate_rig(
+    rig: PathLike,
+    controller: PathLike | None = None,
+    *,
+    out: PathLike | None = None,
+    monte_carlo: int | None = None,
+    benefit: bool = False,
+    board: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+) -> Studied:
+    """Simulate a bearing, a stage or a piezo stage with and without compensation.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file.
+    controller : path-like, optional
+        Controller file of a bearing; ``controller.toml`` beside the rig file if left out.
+    out : path-like, optional
+        Recording to write; figures and a page go beside it. Without it nothing is written, and
+        the result has ``save``.
+    monte_carlo : int, optional
+        Instead, so many plants that have drifted as the rig file says, to ``.jsonl``, where the
+        same call goes on; stages that are calibrated wrongly, to ``.json``.
+    benefit : bool
+        Instead, map what compensation gains over loop width and step height, to ``.json``.
+    board : str, optional
+        Instead, run the firmware itself, on ``"host"`` or ``"qemu-mps2"``, to ``.json``.
+    scheduler : str, optional
+        Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Simulation, TrackingStudy or PiezoTracking
+        Or what was asked for instead: MonteCarlo, CalibrationStudy, Benefit, BoardComparison.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read or does not fit the others, or options that do not go together.
+    NegativeResult
+        Levitation was lost before anything could be compared.
+    """
+    given = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
+    asked = [name for name, value in given.items() if value]
+    if len(asked) > 1:
+        raise InputError(
+            f"{' and '.join(asked)} do not go together; give one of them",
+            code="options-together",
+            key=asked[0],
+        )
+    kind = take_kind(rig, TAKES["simulate"])
+    refused = ["--controller"] if controller is not None else []
+    refused += [name for name in asked if kind is FileKind.PIEZO or name != "--monte-carlo"]
+    if refused and kind is not FileKind.BEARING:
+        what = "piezo stage" if kind is FileKind.PIEZO else "stage"
+        raise InputError(
+            f"a {what} has no {' or '.join(refused)}; leave it out",
+            code="option-not-for-this",
+            key=refused[0],
+        )
+    if asked and out is None:
+        raise InputError(f"{asked[0]}: needs a file to write to", code="missing", key="--out")
+    task = _Task(rig, controller, Path(out or "-"), out is not None, progress)
+    with workers_of(scheduler):
+        if kind is FileKind.PIEZO:
+            return task.piezo()
+        if kind is FileKind.STAGE:
+            return task.stage() if monte_carlo is None else task.calibrations(monte_carlo)
+        if board is not None:
+            return task.firmware(board)
+        if benefit:
+            return task.map()
+        return task.bearing() if monte_carlo is None else task.plants(monte_carlo)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A rig file, and where its study goes."""
+
+    rig: PathLike
+    controller: PathLike | None
+    out: Path
+    written: bool
+    progress: Progress | None
+
+    @property
+    def report(self) -> Path:
+        return self.out.parent / REPORT
+
+    def command(self, option: str = "") -> str:
+        """Return what makes the study again."""
+        chosen = "" if self.controller is None else f" --controller {self.controller}"
+        return f"anhyst simulate {self.rig}{chosen} --out {self.out}{option}"
+
+    def bearing(self) -> Simulation:
+        if not self.written:
+            return explore(self.rig, None, self.controller, self.progress)
+        for path in (self.out, self.report):
+            check_writable(path)
+        try:
+            found = explore(self.rig, self.out, self.controller, self.progress)
+            subject = subject_of(found, self.command())
+        except NegativeResult:
+            self.report.unlink(missing_ok=True)  # of another recording
+            raise
+        write_simulation(found, self.out)
+        write_simulation_report(self.report, subject)
+        return found
+
+    def plants(self, count: int) -> MonteCarlo:
+        files = read_files(self.rig, self.controller)
+        self._must_end(".jsonl", "results of a Monte Carlo are")
+        figures = self.out.parent / "montecarlo.json"
+        ready = make_ready(*files, (figures, self.report))
+        own = ready.controller.settings.compensation.variant
+        compared = tuple(dict.fromkeys((*COMPARED, own)))
+        found = run_plants(
+            ready.rig, ready.controller, self.out, count, compared, progress=self.progress
+        )
+        _write_json(figures, found)
+        command = self.command(f" --monte-carlo {count}")
+        write_simulation_report(
+            self.report, subject_of_plants(ready.rig, ready.controller, found, command)
+        )
+        return found
+
+    def map(self) -> Benefit:
+        files = read_files(self.rig, self.controller)
+        self._must_end(".json", "the map is")
+        ready = make_ready(*files, (self.out, self.report))
+        found = map_benefit(ready.rig, ready.controller, progress=self.progress)
+        _write_json(self.out, found)
+        command = self.command(" --benefit")
+        write_simulation_report(
+            self.report, subject_of_benefit(ready.rig, ready.controller, found, command)
+        )
+        return found
+
+    def firmware(self, board: str) -> BoardComparison:
+        found = run_board(self.rig, self.out, board, self.controller, self.progress)
+        write_comparison(found, self.out)
+        return found
+
+    def stage(self) -> TrackingStudy:
+        if not self.written:
+            return explore_stage(read_stage(self.rig), progress=self.progress)
+        check_writable(self.report)
+        try:
+            found = simulate_stage(self.rig, self.out, self.progress)
+        except NegativeResult:
+            self.report.unlink(missing_ok=True)  # of another recording
+            raise
+        write_tracking_report(self.report, found, self.command())
+        return found
+
+    def calibrations(self, count: int) -> CalibrationStudy:
+        return calibrate_wrongly(self.rig, self.out, count, self.progress)
+
+    def piezo(self) -> PiezoTracking:
+        rig, picture = read_piezo_rig(self.rig), self.out.with_suffix(".svg")
+        if self.written:
+            check_recording(self.out, [self.rig])
+            check_writable(picture)
+        found = track(rig)
+        if self.written:
+            write_tracking(found, self.out)
+            write_picture(found, 1.0 / rig.settings.reference.frequency_Hz, picture)
+        return found
+
+    def _must_end(self, suffix: str, what: str) -> None:
+        if self.out.suffix != suffix:
+            raise InputError(
+                f"{self.out}: {what} written as {suffix}; name it so", code="wrong-ending"
+            )
+
+
+def _write_json(path: Path, found: MonteCarlo | Benefit) -> None:
+    with atomic_writer(path) as stream:
+        stream.write(json_text(found.as_dict()))

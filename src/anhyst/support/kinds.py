@@ -1,0 +1,124 @@
+"""What kind of file this is, and which verbs take it: asked in one place by all of them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Collection, Mapping
+from enum import StrEnum
+from pathlib import Path
+
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+
+
+class FileKind(StrEnum):
+    """What a verb can be given; of a TOML file, what its key ``format`` says."""
+
+    BEARING = "anhyst-bearing"
+    STAGE = "anhyst-stage"
+    PIEZO = "anhyst-piezo-stage"
+    FORCE = "anhyst-rig"
+    MODEL = "anhyst-model"
+    CONTROLLER = "anhyst-controller"
+    COMPILED = "compiled folder"
+    MEASUREMENT = "measurement"
+    PORT = "port"
+    UNKNOWN = ""
+
+
+NAMES: Mapping[FileKind, tuple[str, str]] = {
+    FileKind.BEARING: ("a bearing", "bearings"),
+    FileKind.STAGE: ("a stage", "stages"),
+    FileKind.PIEZO: ("a piezo stage", "piezo stages"),
+    FileKind.FORCE: ("a rig of force control", "rigs of force control"),
+    FileKind.MODEL: ("a model", "models"),
+    FileKind.CONTROLLER: ("a controller file", "controller files"),
+    FileKind.COMPILED: ("a compiled folder", "compiled folders"),
+    FileKind.MEASUREMENT: ("a measurement", "measurements"),
+    FileKind.PORT: ("the port of a controller", "ports of controllers"),
+}
+"""One of a kind, and several, as messages call them."""
+
+_MEASURED, _MODEL = (FileKind.MEASUREMENT,), (FileKind.MODEL,)
+TAKES: Mapping[str, tuple[FileKind, ...]] = {
+    "inspect": _MEASURED,
+    "convert": _MEASURED,
+    "identify": _MEASURED,
+    "fleet": _MEASURED,
+    "init": _MEASURED,
+    "predict": _MODEL,
+    "invert": _MODEL,
+    "report": _MODEL,
+    "diff": _MODEL,
+    "compile": _MODEL,
+    "watch": _MODEL,
+    "export": (FileKind.MODEL, FileKind.BEARING),
+    "verify": (FileKind.COMPILED,),
+    "simulate": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
+    "tune": (FileKind.BEARING,),
+    "force-control": (FileKind.FORCE,),
+    "excite": (FileKind.BEARING, FileKind.FORCE),
+    "live": (FileKind.BEARING, FileKind.FORCE, FileKind.COMPILED),
+    "xcp": (FileKind.PORT,),
+}
+"""What the first argument of every verb may be."""
+
+MEASUREMENTS = frozenset(
+    {".csv", ".tsv", ".mat", ".mf4", ".tdms", ".h5", ".hdf5", ".parquet", ".xlsx", ".xlsm"}
+)
+"""Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
+
+
+def kind_named(text: object) -> FileKind:
+    """Return the kind that a key ``format`` names."""
+    if isinstance(text, str) and text.startswith("anhyst-") and text in list(FileKind):
+        return FileKind(text)
+    return FileKind.UNKNOWN
+
+
+def kind_of(path: PathLike) -> FileKind:
+    """Return what a file or a folder is; unknown where it says nothing or cannot be read.
+
+    Whoever reads it then says what is wrong with it.
+    """
+    place = Path(path)
+    if place.is_dir():
+        return FileKind.COMPILED if (place / "manifest.json").is_file() else FileKind.UNKNOWN
+    if not place.is_file():  # a port must not be read from
+        return FileKind.UNKNOWN
+    if place.suffix.lower() in MEASUREMENTS:
+        return FileKind.MEASUREMENT
+    try:
+        return kind_named(tomllib.loads(place.read_text(encoding="utf-8")).get("format"))
+    except (OSError, ValueError, RecursionError):
+        return FileKind.UNKNOWN
+
+
+def refuse_other(
+    path: PathLike, wanted: Collection[FileKind], verb: str = "", found: FileKind | None = None
+) -> FileKind:
+    """Return what a file is, or refuse one of another kind and name the verbs that take it.
+
+    ``found`` is what it is, where that is known already.
+    """
+    kind = kind_of(path) if found is None else found
+    if kind in wanted or kind is FileKind.UNKNOWN:
+        return kind
+    plural = verb != ""
+    names = _listed([NAMES[one][plural] for one in wanted], "and" if plural else "or")
+    needed = f"{verb} is for {names}" if plural else f"{names} is needed"
+    raise InputError(
+        f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"
+    )
+
+
+def _taken(kind: FileKind) -> str:
+    """Say which verbs take a kind."""
+    if kind is FileKind.CONTROLLER:
+        return "anhyst simulate, tune, compile and live take it with --controller"
+    verbs = [verb for verb, kinds in TAKES.items() if kind in kinds]
+    return f"anhyst {_listed(verbs, 'and')} take{'s' if len(verbs) == 1 else ''} it"
+
+
+def _listed(words: list[str], last: str) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"

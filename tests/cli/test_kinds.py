@@ -1,0 +1,211 @@
+"""Every verb on every kind of file: it takes it, or names what it is and the verbs that do.
+
+That a verb takes a kind is shown by a file of that kind with one misspelt key: the reader of just
+this kind names its line. Whole runs are the matter of other tests.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import typer
+
+import anhyst
+from anhyst.cli.app import app, main
+from anhyst.data.formats import FORMATS
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig.stage.file import read_stage
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import MEASUREMENTS, FileKind, kind_of
+
+from .records import model
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+FILES = {
+    "bearing": EXAMPLES / "bearing" / "rig.toml",
+    "stage": EXAMPLES / "stage" / "rig.toml",
+    "piezo": EXAMPLES / "piezo" / "rig.toml",
+    "force": EXAMPLES / "solenoid" / "rig.toml",
+    "controller": EXAMPLES / "bearing" / "controller.toml",
+    "measurement": EXAMPLES / "bearing" / "loops.csv",
+}
+CALLED = {
+    "bearing": "a bearing",
+    "stage": "a stage",
+    "piezo": "a piezo stage",
+    "force": "a rig of force control",
+    "model": "a model",
+    "controller": "a controller file",
+    "compiled": "a compiled folder",
+    "measurement": "a measurement",
+}
+MEASURED, MODEL = {"measurement"}, {"model"}
+WORKS = {
+    "inspect": MEASURED,
+    "convert": MEASURED,
+    "identify": MEASURED,
+    "fleet": MEASURED,
+    "init": MEASURED,
+    "predict": MODEL,
+    "invert": MODEL,
+    "report": MODEL,
+    "diff": MODEL,
+    "compile": MODEL,
+    "watch": MODEL,
+    "export": {"model", "bearing"},
+    "verify": {"compiled"},
+    "simulate": {"bearing", "stage", "piezo"},
+    "tune": {"bearing"},
+    "force-control": {"force"},
+    "excite": {"bearing", "force"},
+    "live": {"bearing", "force", "compiled"},
+    "xcp": set[str](),
+}
+"""What each verb is to take; everything else it refuses."""
+OPTIONS = {
+    "inspect": [],
+    "convert": ["out.mat"],
+    "predict": ["drive.csv", "--out", "out.csv"],
+    "invert": ["drive.csv", "--out", "out.csv"],
+    "diff": ["model.toml"],
+    "compile": ["--rate", "1000", "--out", "out"],
+    "watch": ["drive.csv"],
+    "export": ["--as", "simulink", "--out", "out"],
+    "verify": [],
+    "simulate": ["--out", "out.csv"],
+    "excite": ["--out", "out.csv"],
+    "live": ["--listen", "0"],
+    "xcp": [],
+}
+"""Beside the file; ``--out out`` where nothing is said."""
+
+
+def written(kind: str, folder: Path) -> Path:
+    """A good file of a kind, beside what it names."""
+    if kind == "model":
+        path = folder / "model.toml"
+        path.write_text(model())
+    elif kind == "compiled":
+        path = folder / "compiled"
+        path.mkdir()
+        (path / "manifest.json").write_text('{"product": "anhyst-compiled"}')
+    else:
+        path = folder / FILES[kind].name
+        shutil.copy(FILES[kind], path)
+        if kind in {"bearing", "stage", "force"}:
+            for name in ("loops.csv", "loops.toml", "controller.toml", "solenoid.toml"):
+                if (FILES[kind].parent / name).exists():
+                    shutil.copy(FILES[kind].parent / name, folder)
+    return path
+
+
+def spoil(path: Path) -> str:
+    """Make a file that no reader of its kind takes; return what its message begins with."""
+    if path.is_dir():
+        return str(path)
+    if path.suffix == ".csv":
+        path.write_text("")
+        return str(path)
+    lines = path.read_text().splitlines()
+    place = next(n for n, line in enumerate(lines) if line.startswith("format"))
+    lines.insert(place + 1, "misspelt = 1")
+    path.write_text("\n".join(lines) + "\n")
+    return f"{path.name}:{place + 2}: misspelt"
+
+
+def refusal(
+    verb: str, path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> str:
+    """Run a verb on a file, in the folder of that; its one line of exit code 2."""
+    monkeypatch.chdir(path.parent)
+    assert main([verb, path.name, *OPTIONS.get(verb, ["--out", "out"])]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line.removeprefix("anhyst: error: ")
+
+
+CELLS = [(verb, kind) for verb in WORKS for kind in CALLED]
+
+
+@pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] not in WORKS[one[0]]])
+def test_a_good_file_of_another_kind_is_refused_by_its_name(
+    verb: str,
+    kind: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = written(kind, tmp_path)
+    before = sorted(tmp_path.iterdir())
+    said = refusal(verb, path, monkeypatch, capsys)
+    assert said.startswith(f"{path.name}: this is {CALLED[kind]}; {verb} is for ")
+    for other, kinds in WORKS.items():
+        if kind in kinds:
+            assert other in said.rpartition(";")[2]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(("verb", "kind"), [one for one in CELLS if one[1] in WORKS[one[0]]])
+def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
+    verb: str,
+    kind: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = written(kind, tmp_path)
+    (tmp_path / "drive.csv").write_text("t_s,I_A,F_N,gap_m\n0,0,0,5e-4\n1,1,1,5e-4\n")
+    if (verb, kind) == ("export", "model"):
+        monkeypatch.setitem(OPTIONS, "export", [*OPTIONS["export"], "--rate", "1000"])
+    expected = spoil(path)
+    said = refusal(verb, path, monkeypatch, capsys)
+    assert "this is " not in said
+    assert Path(expected).name in said if kind in {"compiled", "measurement"} else expected in said
+    assert not list(tmp_path.glob("out*"))
+
+
+def test_every_verb_has_its_row() -> None:
+    assert set(typer.main.get_command(app).commands) == set(WORKS)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("read", "kind"),
+    [
+        (read_bearing, "stage"),
+        (read_stage, "bearing"),
+        (read_piezo_rig, "model"),
+        (read_rig, "piezo"),
+        (anhyst.read_model, "force"),
+        (anhyst.simulate, "force"),
+    ],
+)
+def test_readers_and_functions_name_the_kind_as_the_verbs_do(
+    read: Callable[[Path], object], kind: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError) as caught:
+        read(written(kind, tmp_path))
+    assert f"this is {CALLED[kind]}; " in str(caught.value)
+
+
+def test_a_file_that_says_no_kind_is_asked_for_it_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written("stage", tmp_path)
+    path.write_text(path.read_text().replace('"anhyst-stage"', '"anhyst-stag"'))
+    for verb in ("simulate", "tune", "excite", "force-control"):
+        said = refusal(verb, path, monkeypatch, capsys)
+        assert "format" in said
+        assert "wrong as well" not in said
+
+
+def test_an_ending_of_measurements_is_one_that_is_read() -> None:
+    assert set(FORMATS) - {".txt", ".dat"} == MEASUREMENTS
+
+
+def test_a_folder_without_manifest_and_a_missing_file_are_of_no_kind(tmp_path: Path) -> None:
+    assert kind_of(tmp_path) is FileKind.UNKNOWN
+    assert kind_of(tmp_path / "none.toml") is FileKind.UNKNOWN

@@ -1,0 +1,63 @@
+"""Every verb of the command line is a function of the package, with the same names and defaults."""
+
+from __future__ import annotations
+
+import inspect
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+import anhyst
+from anhyst.cli.app import app
+
+VERBS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+
+READING = frozenset({"columns", "sidecar", "schedule", "loop", "constants", "history"})
+"""How files are read: of `read_loops`, where a function takes loops."""
+
+OWN = {
+    "identify": {"out", "clean", *READING},  # its result has save, loops are cleaned before
+    "inspect": {"plot", "clean", *READING},  # its result has plot
+    "simulate": {"out"},  # without it nothing is written, and the result has save
+}
+"""What is the command line's alone, besides ``--json``."""
+
+FLAGS = {"as_json": "--json", "as_": "--as", "known": "--rig"}
+"""Options whose names are no names of Python, or another argument's."""
+
+
+def options_of(verb: str) -> dict[str, Any]:
+    """Return what a verb takes, with its defaults as a function has them; `empty` for none."""
+    found = {}
+    for one in VERBS[verb].params:
+        default = one.default.value if isinstance(one.default, Enum) else one.default
+        default = str(default) if isinstance(default, Path) else default
+        found[one.name] = inspect.Parameter.empty if one.required else default
+    return found
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_verb_is_a_function_with_the_same_names_and_defaults(verb: str) -> None:
+    function = getattr(anhyst, verb.replace("-", "_"))
+    takes = {name: one.default for name, one in inspect.signature(function).parameters.items()}
+    own = {"as_json", *OWN.get(verb, ())}
+    wanted = {name: value for name, value in options_of(verb).items() if name not in own}
+    assert {name: takes.get(name, "missing") for name in wanted} == wanted
+    required = {name for name, default in takes.items() if default is inspect.Parameter.empty}
+    assert required <= wanted.keys()
+
+
+def test_how_files_are_read_is_said_to_read_loops_by_the_same_names() -> None:
+    takes = inspect.signature(anhyst.read_loops).parameters
+    assert {name: takes[name].default for name in READING} == dict.fromkeys(READING)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_an_option_is_called_as_the_argument_of_the_function(verb: str) -> None:
+    for one in VERBS[verb].params:
+        if one.param_type_name == "option":
+            flag = FLAGS.get(one.name, f"--{one.name.replace('_', '-')}")
+            assert flag in one.opts, one.name

@@ -1,0 +1,46 @@
+"""The numbers of the house only fall, and ARCHITECTURE.md prints those that the command counts."""
+
+from __future__ import annotations
+
+import ast
+import json
+import tomllib
+from functools import cache
+
+from tools import house
+
+numbers = cache(house.count)
+
+
+def test_no_number_of_the_house_has_risen() -> None:
+    limits = json.loads(house.RECORD.read_text(encoding="utf-8"))
+    now = house.recorded(numbers())
+    assert now.keys() == limits.keys()
+    assert {name: value for name, value in now.items() if value > limits[name]} == {}
+
+
+def test_the_architecture_prints_what_the_command_counts() -> None:
+    page = house.PAGE.read_text(encoding="utf-8")
+    assert house.table(numbers()) in page, "run make house"
+
+
+def test_the_architecture_prints_the_layers_that_are_enforced() -> None:
+    project = tomllib.loads((house.ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    (layers,) = (one["layers"] for one in contracts if one["type"] == "layers")
+    page = house.PAGE.read_text(encoding="utf-8")
+    assert f"\n    {', '.join(layers)}\n" in page
+    assert all(f"\n      {room}/ " in page for room in layers)
+
+
+def test_imports_count_wherever_they_stand() -> None:
+    sources = {
+        "anhyst": "",
+        "anhyst.a": "from anhyst import b",
+        "anhyst.b": "from anhyst.b import inner",
+        "anhyst.b.inner": "def late():\n    import anhyst.c\n",
+        "anhyst.c": "if TYPE_CHECKING:\n    from anhyst.b import Name\n",
+    }
+    graph = house.imports({name: ast.parse(text) for name, text in sources.items()})
+    assert graph["anhyst.a"] == {"anhyst.b"}
+    assert house.circles(graph) == [{"anhyst.b", "anhyst.b.inner", "anhyst.c"}]
