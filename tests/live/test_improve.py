@@ -22,8 +22,8 @@ from anhyst.live.session import LiveSession
 from anhyst.model.parameters import Parameter
 from anhyst.study.prepared import PreparedBearing, PreparedForce, block_of
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
 from tests.live.conftest import wait_for
+from tests.live.jobs import dies, forever
 from tests.study import bearings
 
 
@@ -89,7 +89,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     known = session.improver.curves
     with pytest.raises(InputError, match="identify: measure comes first"):
         order(session, "identify")
-    with pytest.raises(InputError, match="compile first"):
+    with pytest.raises(InputError, match="swap: compile"):
         order(session, "swap")
     measured = done(session, "measure")
     assert measured["warmth"] < 1.0
@@ -126,17 +126,6 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
     assert limits["current_A"]["value"] > 1.0
     assert max(measured["played"]["current"]) <= 1.0
     assert all(place["force_N"] <= 36.0 for place in measured["gaps"])
-
-
-def forever(progress: Progress) -> Mapping[str, Any]:
-    progress(1.0, 4.0)
-    time.sleep(600.0)
-    return {}
-
-
-def dies(progress: Progress) -> Mapping[str, Any]:
-    del progress
-    raise SystemExit(3)
 
 
 def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
