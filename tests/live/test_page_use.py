@@ -31,8 +31,9 @@ def opened(browser: Browser, bearing: Served) -> Iterator[Page]:
 
 
 @pytest.fixture
-def page(opened: Page) -> Page:
+def page(opened: Page, bearing: Served) -> Page:
     """The scope, which follows a short window; its cursors are off."""
+    bearing.session.paced.resume()
     opened.keyboard.press("1")
     seen(opened, "page.scope.setWindow(0.1), page.scope.follow()")
     seen(opened, "(page.scope.cursors.ticks = []).length")
@@ -152,6 +153,7 @@ def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page)
 def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Served) -> None:
     bearing.session.paced.pause()  # so that all that is seen is among the last seconds
     page.keyboard.press("Space")
+    until(page, "window.anhyst.scope.view.to === window.anhyst.scope.held")
     wanted = columns(page)
     with page.expect_download() as table:
         press(page, "CSV")
@@ -172,7 +174,6 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     assert drawn.shape[0] > 400
     assert drawn.shape[1] > 1000
     assert len(np.unique(drawn.reshape(-1, drawn.shape[2]), axis=0)) > 10  # not empty
-    bearing.session.paced.resume()
     page.keyboard.press("5")
     assert page.get_by_role("button", name="PNG", exact=True).is_disabled()
 

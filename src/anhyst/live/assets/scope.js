@@ -258,7 +258,8 @@ export class Scope {
       this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
     }).observe(this.stripsPlace);
     this.stripsPlace.title = "click: cursors A and B; drag or wheel: zoom; double click: back";
-    this.place.replaceChildren(bar, legend, this.cursors.element, this.stripsPlace);
+    // Cursors come below, so that no strip jumps away from the pointer that sets one.
+    this.place.replaceChildren(bar, legend, this.stripsPlace, this.cursors.element);
   }
 
   #choice(signal) {
