@@ -80,6 +80,7 @@ def reach(session: LiveSession, state: State) -> None:
     raise AssertionError(f"never {state.name}")
 
 
+@pytest.mark.slow
 def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_runs(
     session: LiveSession,
 ) -> None:
