@@ -7,9 +7,10 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -81,51 +82,67 @@ class Served:
         return f"http://127.0.0.1:{self.port}/"
 
 
+@contextmanager
+def serving(
+    bench: Bench,
+    folder: Path,
+    token: str = "",
+    record: Path | None = None,
+    improver: Improver | None = None,
+    curves: Sequence[DrawnLoop] = (),
+) -> Iterator[Served]:
+    """Serve a session of a bench, which is closed with it."""
+    recording = start_recording(record, bench.signals, bench.rate) if record else None
+    session = LiveSession(bench, recording, folder, improver, curves)
+    taken = listen_on("127.0.0.1", 0)
+    port = int(taken.getsockname()[1])
+    title = "bearing" if improver is None else "solenoid"
+    server = make_server(session, title, ("127.0.0.1", port), token)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
+
+    def end() -> None:
+        server.should_exit = True
+        thread.join()
+        session.close()
+        taken.close()
+
+    session.start()
+    thread.start()
+    try:
+        yield Served(session, port, end)
+    finally:
+        end()
+
+
 Serve = Callable[..., Served]
 
 
 @pytest.fixture
 def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
     """Serve a session until the test ends: of the bearing, where no other bench is given."""
-    ends: list[Callable[[], None]] = []
     folder = tmp_path / "work"
     folder.mkdir()
+    with ExitStack() as stack:
 
-    def start(
-        token: str = "",
-        record: Path | None = None,
-        bench: Bench | None = None,
-        prepared: Prepared | None = None,
-        curves: Sequence[DrawnLoop] = (),
-    ) -> Served:
-        improver = None
-        if prepared is not None:
-            opened = bench = prepared.open()
-            improver = Improver(prepared, opened)
-        bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
-        recording = start_recording(record, bench.signals, bench.rate) if record else None
-        session = LiveSession(bench, recording, folder, improver, curves)
-        taken = listen_on("127.0.0.1", 0)
-        port = int(taken.getsockname()[1])
-        title = "bearing" if prepared is None else "solenoid"
-        server = make_server(session, title, ("127.0.0.1", port), token)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]})
+        def start(
+            bench: Bench | None = None, prepared: Prepared | None = None, **given: Any
+        ) -> Served:
+            improver = None
+            if prepared is not None:
+                opened = bench = prepared.open()
+                improver = Improver(prepared, opened)
+            bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
+            return stack.enter_context(serving(bench, folder, improver=improver, **given))
 
-        def end() -> None:
-            ends.remove(end)
-            server.should_exit = True
-            thread.join()
-            session.close()
-            taken.close()
+        yield start
 
-        session.start()
-        thread.start()
-        ends.append(end)
-        return Served(session, port, end)
 
-    yield start
-    for end in tuple(ends):
-        end()
+@pytest.fixture(scope="module")
+def bearing(firmware: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A bearing that is served to all tests of a module, which leave it in any state."""
+    bench = BearingBench(bearings.single(), firmware)
+    with serving(bench, tmp_path_factory.mktemp("work")) as served:
+        yield served
 
 
 @pytest.fixture(scope="session")
@@ -142,35 +159,36 @@ def browser() -> Iterator[Browser]:
         chromium.close()
 
 
+@contextmanager
+def shown(browser: Browser, served: Served) -> Iterator[Page]:
+    """Open the page of a session; at the end nothing may have gone wrong in it."""
+    wrong: list[str] = []
+    context = browser.new_context(viewport={"width": 1440, "height": 860})
+    page = context.new_page()
+    page.set_default_timeout(30_000)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on(
+        "console",
+        lambda said: (
+            wrong.append(said.text) if said.type == "error" and "REFUSED" not in said.text else None
+        ),
+    )
+    page.goto(served.address)
+    try:
+        yield page
+    finally:
+        context.close()
+    assert wrong == []
+
+
 Show = Callable[[Served], "Page"]
 
 
 @pytest.fixture
 def show(browser: Browser) -> Iterator[Show]:
-    """Open the page of a session; at the end nothing may have gone wrong in it."""
-    opened, wrong = [], []
-
-    def start(served: Served) -> Page:
-        context = browser.new_context(viewport={"width": 1440, "height": 860})
-        page = context.new_page()
-        page.set_default_timeout(30_000)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        page.on(
-            "console",
-            lambda said: (
-                wrong.append(said.text)
-                if said.type == "error" and "REFUSED" not in said.text
-                else None
-            ),
-        )
-        page.goto(served.address)
-        opened.append(context)
-        return page
-
-    yield start
-    for context in opened:
-        context.close()
-    assert wrong == []
+    """Open pages until the test ends."""
+    with ExitStack() as stack:
+        yield lambda served: stack.enter_context(shown(browser, served))
 
 
 def wait_for(check: Callable[[], object], seconds: float = 30.0) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,28 +21,10 @@ from tests.live.conftest import wait_for
 from tests.live.test_improve import done, order
 from tests.refusals import refused
 
-SWEEP, SAMPLE = 4.8, 0.005
-"""A/s and s: a measurement of some seconds."""
-
 
 @pytest.fixture
-def quick(prepared: PreparedForce, tmp_path: Path) -> PreparedForce:
-    """The rig whose iron its controller does not know, measured faster."""
-    for file in prepared.rig.parent.glob("*.*"):
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    solenoid = tmp_path / "solenoid.toml"
-    text = solenoid.read_text(encoding="utf-8")
-    for key, value in (("sweep_A_per_s", SWEEP), ("sample_s", SAMPLE)):
-        line = next(line for line in text.splitlines() if line.startswith(key))
-        text = text.replace(line, f"{key} = {value}")
-    solenoid.write_text(text, encoding="utf-8")
-    path = prepared.whole.path
-    return replace(prepared, whole=replace(prepared.whole, path=tmp_path / path.name))
-
-
-@pytest.fixture
-def board(quick: PreparedForce) -> Iterator[Board]:
-    rig, program = quick.whole, quick.program
+def board(prepared: PreparedForce) -> Iterator[Board]:
+    rig, program = prepared.whole, prepared.program
     plant = StandPlant(rig, program, 0)
     with running(program.firmware, plant, rig.settings.rate_Hz) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
@@ -55,10 +36,10 @@ def folder_of(prepared: PreparedForce) -> Path:
 
 
 @pytest.fixture
-def session(quick: PreparedForce, board: Board) -> Iterator[LiveSession]:
-    folder = folder_of(quick)
+def session(prepared: PreparedForce, board: Board) -> Iterator[LiveSession]:
+    folder = folder_of(prepared)
     bench = open_board(folder, board.xcp)
-    improver = Improver(prepare_board(quick.rig, folder), bench)
+    improver = Improver(prepare_board(prepared.rig, folder), bench)
     opened = LiveSession(bench, improver=improver)
     opened.start()
     yield opened
@@ -99,6 +80,7 @@ def settings(session: LiveSession) -> dict[str, float]:
     return {one.name: one.value for one in session.parameters}
 
 
+@pytest.mark.slow
 def test_an_unknown_iron_is_measured_identified_and_swapped_in_on_a_board(
     session: LiveSession, board: Board
 ) -> None:
@@ -142,7 +124,7 @@ def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_
         else:
             order(session, "cancel")
         wait_for(lambda: not session.status()["improve"]["step"])
-        assert board.bus.state is State.IDLE  # as it was
+        wait_for(lambda: board.bus.state is State.IDLE)  # as it was
         assert settings(session) == known
         why = "ready" if end == "stop" else "cancelled"
         assert why in session.status()["improve"]["trouble"]
@@ -165,9 +147,9 @@ def drives(session: LiveSession) -> bool:
     return session.improver.drives
 
 
-def test_what_does_not_fit_a_board_is_refused(quick: PreparedForce, tmp_path: Path) -> None:
-    folder = folder_of(quick)
-    rig, out = str(quick.rig), ["--out", str(tmp_path / "new.csv")]
+def test_what_does_not_fit_a_board_is_refused(prepared: PreparedForce, tmp_path: Path) -> None:
+    folder = folder_of(prepared)
+    rig, out = str(prepared.rig), ["--out", str(tmp_path / "new.csv")]
     assert main(["excite", rig, *out, "--xcp", "127.0.0.1:9"]) == 2  # no folder
     assert main(["excite", rig, *out, "--folder", str(folder)]) == 2  # nobody to measure through
     assert main(["live", rig, "--rig", rig]) == 2
@@ -179,15 +161,15 @@ def test_what_does_not_fit_a_board_is_refused(quick: PreparedForce, tmp_path: Pa
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     with refused("model-file-missing"):
-        prepare_board(quick.rig, tmp_path / "other")
+        prepare_board(prepared.rig, tmp_path / "other")
 
 
 @pytest.mark.slow
 def test_loops_are_measured_through_a_board_without_a_page(
-    quick: PreparedForce, board: Board, tmp_path: Path
+    prepared: PreparedForce, board: Board, tmp_path: Path
 ) -> None:
     out = tmp_path / "new.csv"
-    reached = ["--xcp", board.xcp.removeprefix("socket://"), "--folder", str(folder_of(quick))]
-    assert main(["excite", str(quick.rig), *reached, "--out", str(out)]) == 0
+    reached = ["--xcp", board.xcp.removeprefix("socket://"), "--folder", str(folder_of(prepared))]
+    assert main(["excite", str(prepared.rig), *reached, "--out", str(out)]) == 0
     assert board.bus.state is State.IDLE
     assert main(["identify", str(out), "--out", str(tmp_path / "model.toml")]) == 0

@@ -10,8 +10,6 @@ from contextlib import ExitStack
 from typing import Any
 
 import pytest
-from anhyst.live.guard import POLICY, read_address
-from anhyst.live.server import CLIENTS_MOST
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin

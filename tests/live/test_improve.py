@@ -21,8 +21,8 @@ from anhyst.dashboard.session import LiveSession
 from anhyst.link.blocks import regenerate
 from anhyst.model.parameters import Parameter
 from anhyst.study.prepared import PreparedBearing, PreparedForce, block_of
-from anhyst.support.progress import Progress
 from tests.live.conftest import wait_for
+from tests.live.jobs import dies, forever
 from tests.refusals import refused
 from tests.study import bearings
 
@@ -80,6 +80,7 @@ def reach(session: LiveSession, state: State) -> None:
     raise AssertionError(f"never {state.name}")
 
 
+@pytest.mark.slow
 def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_runs(
     session: LiveSession,
 ) -> None:
@@ -129,17 +130,6 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
     assert limits["current_A"]["value"] > 1.0
     assert max(measured["played"]["current"]) <= 1.0
     assert all(place["force_N"] <= 36.0 for place in measured["gaps"])
-
-
-def forever(progress: Progress) -> Mapping[str, Any]:
-    progress(1.0, 4.0)
-    time.sleep(600.0)
-    return {}
-
-
-def dies(progress: Progress) -> Mapping[str, Any]:
-    del progress
-    raise SystemExit(3)
 
 
 def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:

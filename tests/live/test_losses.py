@@ -73,6 +73,7 @@ sys.stdin.read()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["csv", "mf4"])
 def test_a_server_that_is_killed_leaves_its_recording_and_takes_its_rig_along(
     program: Program, tmp_path: Path, kind: str

@@ -224,6 +224,7 @@ class WatchedBearing(BearingPlant):
         return read
 
 
+@pytest.mark.slow
 def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(
     firmware: Path,
 ) -> None:

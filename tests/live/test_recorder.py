@@ -26,8 +26,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.to
 
 
 def numbers(path: Path) -> FloatArray:
-    lines = path.read_text().splitlines()[1:]
-    return np.array([[float(x) for x in one.split(",")] for one in lines if one[0] != "#"])
+    return np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8")
 
 
 def test_a_recording_reads_back_bit_for_bit(bench: BearingBench, tmp_path: Path) -> None:
@@ -57,6 +56,7 @@ def test_a_recording_does_not_write_over_a_file(bench: BearingBench, tmp_path: P
         start_recording(tmp_path / "run.txt", bench.signals, bench.rate)
 
 
+@pytest.mark.slow
 def test_a_killed_server_leaves_a_recording_that_inspect_reads(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,6 +27,7 @@ def resident() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
+@pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_a_bench_with_a_page_runs_for_long(
     serve: Serve, show: Show, force_bench: ForceBench, tmp_path: Path

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -58,12 +58,19 @@ class Truth:
         return identify(self.loops(), **self.options).model
 
 
+@dataclass(frozen=True)
 class ForceControlled(Truth):
-    """The model of the bundled solenoid at the end of its stroke, ready for force control."""
+    """A model of the bundled solenoid at one gap, ready for force control."""
+
+    gap: float = 0.0
+    """m; 0: the end of the stroke."""
 
     def identify(self) -> Model:
         rig = read_rig(EXAMPLES / "solenoid" / "rig.toml")
-        return find_model(rig, loops_at(self.loops(), rig.settings.force_control.end_m))
+        chosen = rig.settings.identify.model_copy(update=self.options)
+        rig = replace(rig, settings=rig.settings.model_copy(update={"identify": chosen}))
+        gap = self.gap or rig.settings.force_control.end_m
+        return find_model(rig, loops_at(self.loops(), gap))
 
 
 def _law(name: str, gap_map: str = "circuit", **more: Any) -> dict[str, Any]:
@@ -76,6 +83,7 @@ TRUTHS: dict[str, Truth] = {
     "bearing-jiles-atherton": Truth(bearing, _law("effective-field")),
     "electromagnet": Truth(lambda: measured("electromagnet")),
     "solenoid-end": ForceControlled(lambda: measured("solenoid")),
+    "solenoid-held": ForceControlled(lambda: measured("solenoid"), {"law": "play-cells"}, 1.0e-3),
     "solenoid-three-gaps": Truth(
         lambda: measured("solenoid", 1.0e-3, 1.6e-3, 2.8e-3), _law("play-cells", "reluctance")
     ),

@@ -38,6 +38,7 @@ from anhyst._core._native import (
     exp,
     langevin,
     log,
+    obstacle,
     status_text,
 )
 
@@ -79,5 +80,6 @@ __all__ = [
     "exp",
     "langevin",
     "log",
+    "obstacle",
     "status_text",
 ]

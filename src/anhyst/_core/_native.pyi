@@ -177,6 +177,17 @@ def langevin(z: _Array) -> tuple[_Array, _Array]:
 def log(x: _Array) -> _Array:
     """Return log(x), with the same bits on every processor."""
 
+def obstacle(
+    command: int,
+    state: int,
+    conditioning: bool,
+    plausible: bool,
+    levitates: bool,
+    resting: bool,
+    at_zero: bool,
+) -> str:
+    """Return why a controller refuses a command, supervisor.h: '', 'state', 'current', 'unknown'."""
+
 def status_text(status: int) -> str:
     """Return what a status means, in words."""
 

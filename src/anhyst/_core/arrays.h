@@ -71,6 +71,7 @@ void bind_cells(nb::module_ &m);
 void bind_compensator(nb::module_ &m);
 void bind_real_compensator(nb::module_ &m);
 void bind_control(nb::module_ &m);
+void bind_supervisor(nb::module_ &m);
 void bind_force_controllers(nb::module_ &m);
 void bind_plant(nb::module_ &m);
 void bind_loop(nb::module_ &m);

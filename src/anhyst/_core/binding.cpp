@@ -113,6 +113,7 @@ NB_MODULE(_native, m)
   bind_compensator(m);
   bind_real_compensator(m);
   bind_control(m);
+  bind_supervisor(m);
   bind_force_controllers(m);
   bind_plant(m);
   bind_position(m);

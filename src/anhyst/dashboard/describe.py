@@ -9,6 +9,7 @@ from typing import Any
 from anhyst.control.states import Fault, Phase, State
 from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
 from anhyst.dashboard.orders import parameters_of
+from anhyst.dashboard.recorder import header
 from anhyst.dashboard.recording import KEPT_S
 from anhyst.dashboard.session import LiveSession
 
@@ -30,7 +31,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "title": title,
         "you": you,
         "rate": bench.rate,
-        "signals": [signal._asdict() for signal in bench.signals],
+        "signals": [{**one._asdict(), "head": header(one)} for one in bench.signals],
         "aim": bench.aim._asdict(),
         "load_most": bench.load_most,
         "keeps_time": bench.keeps_time,

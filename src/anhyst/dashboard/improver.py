@@ -31,7 +31,13 @@ from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 
 STEPS = ("measure", "identify", "compile", "swap")
-"""In this order; each needs what the one before it left."""
+"""In this order."""
+
+_NEEDED = {"identify": "measure", "compile": "identify", "swap": "compile", "files": "measure"}
+"""What each needs the result of."""
+
+_ORDERS = (*STEPS, "back", "cancel", "files", "watch")
+"""Whatever a page may ask for."""
 
 
 class Improver:
@@ -131,10 +137,8 @@ class Improver:
         InputError
             Nothing is compiled, or the controller refuses it.
         """
-        if "compile" not in self.results or self._found is None:
-            raise InputError(
-                "swap: nothing is compiled yet; compile first", code="step-missing", key="swap"
-            )
+        self._check("swap")
+        assert self._found is not None
         tick = self._exchange(self._words, *self._found)
         self._leave("swap", {"tick": tick})
         return tick
@@ -147,8 +151,8 @@ class Improver:
         InputError
             There is nothing before.
         """
-        if self._before is None:
-            raise InputError("back: no model was swapped yet", code="step-missing", key="back")
+        self._check("back")
+        assert self._before is not None
         return self._exchange(*self._before)
 
     def to_watch(self) -> Model:
@@ -159,12 +163,7 @@ class Improver:
         InputError
             Two magnets pull, and the rows say no more than the sum of their forces.
         """
-        if not self._prepared.alone:
-            raise InputError(
-                "watch: of a pair only the sum of both forces is known, not one's own",
-                code="force-of-a-pair",
-                key="watch",
-            )
+        self._check("watch")
         return self.model
 
     def cancel(self) -> None:
@@ -191,8 +190,28 @@ class Improver:
             "share": job.share if job is not None else 0.0,
             "seconds": time.monotonic() - self._began if job is not None else 0.0,
             "trouble": self._trouble,
-            "back": self._before is not None,
+            "refused": {step: str(why) for step in _ORDERS if (why := self._refusal(step))},
         }
+
+    def _refusal(self, step: str) -> InputError | None:
+        """Return why a step cannot be done now, or None where it can."""
+        needed, code, why = _NEEDED.get(step), "step-missing", ""
+        if step == "watch" and not self._prepared.alone:
+            code = "force-of-a-pair"
+            why = "of a pair only the sum of both forces is known, not one's own"
+        elif step in (*STEPS, "back") and self._job is not None:
+            code, why = "busy", f"{self._step} is still under way; wait, or cancel it"
+        elif step == "cancel" and self._job is None:
+            why = "nothing is under way"
+        elif step == "back" and self._before is None:
+            why = "no model was swapped yet"
+        elif needed is not None and needed not in self.results:
+            why = f"{needed} comes first"
+        return InputError(f"{step}: {why}", code=code, key=step) if why else None
+
+    def _check(self, step: str) -> None:
+        if why := self._refusal(step):
+            raise why
 
     def close(self) -> None:
         """End a job and forget the files."""
@@ -214,15 +233,7 @@ class Improver:
         self._start(step, lambda ended: Job(work, self._prepared, self.place, *given, ended=ended))
 
     def _start(self, step: str, make: Callable[[Ended], Job | BoardJob]) -> None:
-        if self._job is not None:
-            raise InputError(
-                f"{step}: {self._step} is still under way; wait, or cancel it",
-                code="busy",
-                key=step,
-            )
-        needed = STEPS[: STEPS.index(step)]
-        if needed and needed[-1] not in self.results:
-            raise InputError(f"{step}: {needed[-1]} comes first", code="step-missing", key=step)
+        self._check(step)
         self._step, self._trouble, self._began = step, "", time.monotonic()
 
         def ended(outcome: Mapping[str, Any] | str) -> None:
@@ -249,12 +260,6 @@ class Improver:
         }
 
     def _exchange(self, words: Sequence[int], model: Model, curves: tuple[DrawnLoop, ...]) -> int:
-        if self.drives:
-            raise InputError(
-                "swap: a measurement drives the controller; wait, or cancel it",
-                code="busy",
-                key="swap",
-            )
         old = self._bench.read_block()
         self._in_force = regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF)
         tick = self._bench.swap_block(self._in_force)

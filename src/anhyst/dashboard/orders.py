@@ -10,6 +10,7 @@ from anhyst.control.states import Command
 from anhyst.dashboard.generator import Generator, Wave
 from anhyst.dashboard.improve import improve
 from anhyst.dashboard.recording import Span
+from anhyst.dashboard.refusals import disturbs
 from anhyst.dashboard.session import LiveSession, finite
 from anhyst.dashboard.sets import ENDING, values_for
 from anhyst.dashboard.waves import Chirp, read_table
@@ -17,9 +18,6 @@ from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]
 Act = Callable[[LiveSession, str, Fields], Mapping[str, Any]]
-
-_DRIVES = ("command", "target", "generator", "apply")
-"""What moves a controller."""
 
 _SWITCHES_MOST = 200
 """Parameters in one message."""
@@ -54,12 +52,10 @@ def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
 
 
 def _check_free(session: LiveSession, fields: Fields) -> None:
-    """Refuse what would disturb a measurement through the controller; a stop ends it."""
-    driven = session.improver is not None and session.improver.drives
-    if driven and fields["do"] in _DRIVES and fields.get("name") != "stop":
-        raise InputError(
-            "a measurement drives the controller; wait, cancel it, or stop", code="busy"
-        )
+    """Refuse what would disturb a measurement through the controller."""
+    order = str(fields.get("name") if fields["do"] == "command" else fields["do"])
+    if session.measured and disturbs(order):
+        raise InputError(session.measured, code="busy")
 
 
 def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:

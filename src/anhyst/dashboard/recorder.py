@@ -74,7 +74,7 @@ class CsvRecorder:
         self.rows = 0
         self._rate = rate
         self._lock = threading.Lock()
-        heads = [HEADERS.get(one.name, _header(one)) for one in signals]
+        heads = [header(one) for one in signals]
         self._write((",".join(["tick", "t_s", *heads]) + "\n").encode())
 
     def put(self, rows: FloatArray) -> None:
@@ -146,6 +146,7 @@ def _lines(table: FloatArray) -> bytes:
     return text
 
 
-def _header(signal: Signal) -> str:
+def header(signal: Signal) -> str:
+    """Return the head of the column of a signal, with its unit."""
     unit = signal.unit.replace("/", "_per_").replace("^", "")
-    return f"{signal.name}_{unit}" if unit else signal.name
+    return HEADERS.get(signal.name) or (f"{signal.name}_{unit}" if unit else signal.name)

@@ -22,6 +22,7 @@ from anhyst.dashboard.desk import Desk
 from anhyst.dashboard.frames import Outbox, encode
 from anhyst.dashboard.guard import Allowance, Guard
 from anhyst.dashboard.orders import BESIDE, parameters_of, perform
+from anhyst.dashboard.refusals import WATCHES, all_refused
 from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
@@ -192,9 +193,12 @@ class LiveServer:
         entries = list(self.session.log)
         new = min(self.session.logged - client.logged, len(entries))
         client.logged = self.session.logged
+        status = self.session.status()
+        if self.desk.operator != client.number:
+            status = {**status, "refused": all_refused(self.session.bench, WATCHES), "next": ""}
         return {
             "kind": "status",
-            **self.session.status(),
+            **status,
             "operator": self.desk.operator,
             "asking": self.desk.asking,
             "browsers": len(self._clients),
@@ -231,7 +235,7 @@ class LiveServer:
             self.desk.answer(client.number, message.get("yes") is True)
             return {}
         if self.desk.operator != client.number:
-            raise InputError("another browser operates; ask to take over", code="another-operates")
+            raise InputError(WATCHES, code="another-operates")
         if (act := BESIDE.get(str(what))) is not None:
             return await asyncio.to_thread(act, self.session, client.name, message)
         return await self._between_chunks(lambda: perform(self.session, client.name, message))

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from anhyst.control.permitted import Standing, next_step, standing
 from anhyst.control.states import Command
 from anhyst.dashboard.curves import DrawnLoop
 from anhyst.dashboard.drift import BenchWatch
@@ -18,6 +19,7 @@ from anhyst.dashboard.generator import Wave
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recorder import RecordingFile
 from anhyst.dashboard.recording import Span, TickRecorder
+from anhyst.dashboard.refusals import refusals
 from anhyst.dashboard.sets import ParameterSets
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.pace import PacedBench
@@ -135,6 +137,12 @@ class LiveSession:
         self.bench.close()
 
     @property
+    def measured(self) -> str:
+        """Why nothing may be moved: a measurement drives the controller; empty where none does."""
+        driven = self.improver is not None and self.improver.drives
+        return "a measurement drives the controller; wait, cancel it, or stop" if driven else ""
+
+    @property
     def ended(self) -> str:
         """Why the bench or the recording goes on no more; empty while they do."""
         return str(self.paced.error or self.recorder.trouble)
@@ -212,6 +220,8 @@ class LiveSession:
         """Return what a page shows beside the signals."""
         pacing, generator = self.paced.pace(), self.bench.generator
         shown = {} if generator is None else generator.as_dict()
+        now = standing(self._values) if self._values else None
+        refused = refusals(self.bench, now, self.ended, self.measured)
         return {
             "tick": pacing.tick,
             "speed": pacing.speed,
@@ -225,6 +235,8 @@ class LiveSession:
             "load": self.bench.pulled,
             "state": int(self._values.get("state", 0)),
             "fault": int(self._values.get("fault", 0)),
+            "refused": refused,
+            "next": self._next_step(now),
             "generator": shown or None,
             "recording": self.recorder.status(),
             "sets": self.sets.names,
@@ -233,6 +245,14 @@ class LiveSession:
             "improve": None if self.improver is None else self.improver.status(),
             "watch": None if self.watched is None else self.watched.status(),
         }
+
+    def _next_step(self, now: Standing | None) -> str:
+        """Return what to do next so that it runs, in words; empty while it does."""
+        if self.ended:
+            return "start anhyst live again"
+        if now is None or self.bench.lost or self.measured:
+            return ""
+        return next_step(self.bench.commands(), now)
 
     def _note_parameters(self) -> None:
         in_force = ", ".join(

@@ -2,7 +2,7 @@
 
 import { Plane, limits } from "./canvas.js";
 import { ink } from "./colours.js";
-import { field, make } from "./dom.js";
+import { download, field, make, refuse } from "./dom.js";
 import { Watch } from "./watch.js";
 
 const OLD = "#d55e00";
@@ -95,11 +95,7 @@ export class Improve {
 
   async #files() {
     const answer = await this.order("improve", { step: "files" });
-    for (const [name, text] of Object.entries(answer?.files ?? {})) {
-      const link = make("a", { download: name, href: URL.createObjectURL(new Blob([text])) });
-      link.click();
-      URL.revokeObjectURL(link.href);
-    }
+    for (const [name, text] of Object.entries(answer?.files ?? {})) download(name, new Blob([text]));
   }
 
   // Takes what the steps left.
@@ -110,16 +106,15 @@ export class Improve {
     this.figures.replaceChildren(...this.#tables(results));
   }
 
-  status({ improve, watch }) {
+  status({ improve, watch, refused }) {
     if (!this.now || !improve) return;
-    const { step, share, seconds, trouble, back } = improve;
+    const { step, share, seconds, trouble } = improve;
     this.bar.hidden = !step;
     this.bar.value = share;
-    this.cancel.disabled = !step;
-    this.back.disabled = !back || Boolean(step);
-    this.save.disabled = !this.#results.measure;
-    for (const [n, name] of STEPS.entries())
-      this.buttons[name].disabled = Boolean(step) || (n > 0 && !this.#results[STEPS[n - 1]]);
+    const senders = { ...this.buttons, cancel: this.cancel, back: this.back, files: this.save };
+    for (const [name, button] of Object.entries(senders))
+      refuse(button, refused.improve || improve.refused[name]);
+    this.watch.refuse(refused.improve || improve.refused.watch);
     this.now.textContent = step
       ? `${step}: ${Math.round(100 * share)} %, ${Math.round(seconds)} s`
       : trouble || this.swapped || "";

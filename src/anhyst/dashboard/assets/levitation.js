@@ -63,6 +63,16 @@ export class LevitationView {
     this.#deviation(actual - last(columns.reference));
   }
 
+  table() {
+    const { times = [], errors = [] } = this.drawn ?? {};
+    const name = `${this.signal}_deviation_${this.bench.aim.unit}`;
+    return { t_s: times, [name]: errors.map((one) => one / this.fine.factor) };
+  }
+
+  words() {
+    return [[...this.fields].map(([name, { textContent }]) => [`${name} ${textContent}`])];
+  }
+
   // How far it is from the reference, and how still while the reference stood.
   #deviation(present) {
     const { store, columns, bench } = this;
@@ -79,6 +89,7 @@ export class LevitationView {
       times.push(store.tick(row) / bench.rate);
       errors.push((store.value(columns.actual, row) - reference) * factor);
     }
+    this.drawn = { times, errors };
     this.plane.begin([times[0], times.at(-1), ...limits(errors)]);
     this.plane.line(times, errors, "#0072b2", 1);
     const mean = errors.reduce((sum, one) => sum + one, 0) / errors.length;

@@ -24,8 +24,9 @@ export class LoopView {
     this.demand = find("demand");
     this.windows = select(
       WINDOWS.map((one) => [String(one), seconds(one)]),
-      "0.5",
+      bench.choices.get("loop window", "0.5"),
     );
+    this.windows.onchange = () => bench.choices.set("loop window", this.windows.value);
     this.note = make("output", { className: "reading" });
     const left = make("figure");
     const right = make("figure");
@@ -64,6 +65,16 @@ export class LoopView {
     const gap = this.gap < 0 ? null : store.value(this.gap, store.count - 1);
     this.#drawLoop(this.drawn.currents, this.drawn.forces, gap);
     if (this.demand >= 0) this.#drawError(column(this.demand), this.drawn.forces);
+  }
+
+  table() {
+    const { ticks = [], currents = [], forces = [] } = this.drawn ?? {};
+    const head = (column) => this.bench.signals[column].head;
+    return { tick: ticks, [head(this.current)]: currents, [head(this.force)]: forces };
+  }
+
+  words() {
+    return [[[this.note.textContent], [this.legend.textContent]]];
   }
 
   // Below it the loops that are known; those of the gap nearest to the present one stand out.

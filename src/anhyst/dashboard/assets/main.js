@@ -1,13 +1,14 @@
 // Brings link, views and controls together.
 
 import { NAME as COMPENSATION } from "./compensation.js";
-import { kept, make } from "./dom.js";
+import { download, keeping, make, refuse } from "./dom.js";
 import { Improve } from "./improve.js";
 import { LevitationView } from "./levitation.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
 import { Panel } from "./panel.js";
 import { Parameters } from "./parameters.js";
+import { csv, picture } from "./picture.js";
 import { Scope } from "./scope.js";
 import { Sets } from "./sets.js";
 import { columnOf } from "./signals.js";
@@ -19,6 +20,7 @@ const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levita
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
+const kept = keeping(); // of this browser, whatever the rig
 const link = new Link(askToken);
 let page = null; // views and what they draw, once the bench is known
 let view = "scope";
@@ -42,8 +44,9 @@ async function order(what, fields) {
 }
 
 function open(bench) {
+  bench.choices = keeping(bench.title);
   const store = new Store(bench.signals.length, bench.every);
-  const parameters = new Parameters(at("parameters"), order);
+  const parameters = new Parameters(at("parameters"), order, bench.choices);
   parameters.take(bench.parameters, 0);
   page = {
     bench,
@@ -63,6 +66,7 @@ function open(bench) {
   at("log").replaceChildren(make("ol"));
   document.body.classList.remove("lost");
   window.anhyst = page;
+  choose(bench.choices.get("view", "scope"));
 }
 
 function feed(frame) {
@@ -83,6 +87,7 @@ function status(now) {
   at("state").textContent = state;
   at("state").dataset.state = state;
   at("fault").textContent = now.fault ? bench.faults[now.fault] : "";
+  at("next").textContent = now.next;
   facts({
     time: `${(now.tick / bench.rate).toFixed(2)} s`,
     "real time": now.paused ? "paused" : `× ${now.factor.toFixed(2)}`,
@@ -91,6 +96,7 @@ function status(now) {
       : { "late at most": `${(1e3 * now.lateness).toFixed(1)} ms`, slips: String(now.slips) }),
     recorded: recorded(now.recording),
   });
+  page.parameters.status(now);
   page.improve.status(now);
   page.sets.status(now);
   role(now);
@@ -165,9 +171,22 @@ function askToken() {
 
 function choose(name) {
   view = name;
+  page?.bench.choices.set("view", name);
+  const none = page?.[name]?.table ? "" : "nothing is drawn in this view";
+  for (const button of [at("png"), at("csv")]) refuse(button, none);
   for (const one of VIEWS) at(one).hidden = one !== name;
   for (const tab of at("tabs").children)
     tab.setAttribute("aria-selected", tab.dataset.view === name);
+}
+
+// The view that is open, as a file: a picture of it, or its numbers.
+async function save(kind) {
+  const { bench, store } = page;
+  const shown = page[view];
+  const name = `${bench.title.replace(/\W+/g, "-")}-${view}-${store.newest}.${kind}`;
+  if (kind === "csv") return download(name, new Blob([csv(shown.table())], { type: "text/csv" }));
+  const title = `${bench.title}, ${view}, tick ${store.newest}`;
+  return download(name, await picture(at(view), [[[title]], ...shown.words()]));
 }
 
 function theme(name) {
@@ -223,6 +242,8 @@ for (const [n, name] of VIEWS.entries()) {
   tab.dataset.view = name;
   at("tabs").append(tab);
 }
+at("png").onclick = () => save("png");
+at("csv").onclick = () => save("csv");
 at("theme").onclick = turnTheme;
 at("stop").onclick = stop;
 theme(kept.get("theme", matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));

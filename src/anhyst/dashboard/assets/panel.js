@@ -1,7 +1,7 @@
 // Controls: commands, target, generator, load drive or armature, speed.
 
 import { NAME as COMPENSATION, compensationSwitch } from "./compensation.js";
-import { field, kept, make, select } from "./dom.js";
+import { field, make, refuse, select } from "./dom.js";
 import { GeneratorPanel } from "./generator.js";
 import { RecorderPanel } from "./recorder.js";
 import { show, shown, usual } from "./units.js";
@@ -16,34 +16,39 @@ export class Panel {
     this.unit = bench.aim.unit;
     this.shown = shown(this.unit);
     this.gap = bench.parameters.find((one) => one.name === "gap");
-    const generator = this.#group("Generator");
+    const generator = this.#group("Generator", "generator");
     this.generator = new GeneratorPanel(generator, bench, order);
     place.replaceChildren(
-      this.#group("Commands", this.#commands()),
-      this.#group("Target", ...this.#target()),
+      this.#group("Commands", "", this.#commands()),
+      this.#group("Target", "target", ...this.#target()),
       ...(parameters.value(COMPENSATION) === undefined
         ? []
-        : [this.#group("Compensation", compensationSwitch(parameters))]),
+        : [this.#group("Compensation", "apply", compensationSwitch(parameters))]),
       generator,
-      ...(bench.load_most ? [this.#group("Load drive", ...this.#load())] : []),
-      ...(this.gap ? [this.#group("Armature", ...this.#armature())] : []),
-      ...(bench.keeps_time ? [] : [this.#group("Time", ...this.#time())]),
+      ...(bench.load_most ? [this.#group("Load drive", "load", ...this.#load())] : []),
+      ...(this.gap ? [this.#group("Armature", "apply", ...this.#armature())] : []),
+      ...(bench.keeps_time ? [] : [this.#group("Time", "pace", ...this.#time())]),
     );
-    const recorder = this.#group("Recorder");
+    const recorder = this.#group("Recorder", "record");
     this.recorder = new RecorderPanel(recorder, bench, order);
     place.append(recorder);
+    this.senders = [...place.querySelectorAll("button, [type=range], #speed")];
   }
 
-  #group(title, ...children) {
-    return make("fieldset", {}, make("legend", { textContent: title }), ...children);
+  // Controls that send an order, which a group names; a command's button names its own.
+  #group(title, order, ...children) {
+    const group = make("fieldset", {}, make("legend", { textContent: title }), ...children);
+    group.dataset.order = order;
+    return group;
   }
 
   #commands() {
     const row = make("div", { className: "commands" });
     for (const name of this.bench.commands) {
-      row.append(
-        make("button", { textContent: name, onclick: () => this.order("command", { name }) }),
-      );
+      const button = make("button", { textContent: name });
+      button.onclick = () => this.order("command", { name });
+      button.dataset.order = name;
+      row.append(button);
     }
     return row;
   }
@@ -56,16 +61,15 @@ export class Panel {
 
   #target() {
     const [value, unit] = this.#number("target", "", this.shown.name);
-    const remembered = `step.${this.unit}`;
     const [height, heightUnit] = this.#number(
       "step",
-      kept.get(remembered, usual(this.bench.aim, 0.1)),
+      this.bench.choices.get("step", usual(this.bench.aim, 0.1)),
       this.shown.name,
     );
     const go = () => this.order("target", { value: Number(value.value) / this.shown.factor });
     this.target = value;
     const step = (way) => {
-      kept.set(remembered, Number(height.value));
+      this.bench.choices.set("step", Number(height.value));
       value.value = Number((Number(value.value) + way * Number(height.value)).toPrecision(10));
       go();
     };
@@ -141,6 +145,8 @@ export class Panel {
 
   // Shows what the bench says; fields in which somebody types are left alone.
   status(status, values) {
+    for (const one of this.senders)
+      refuse(one, status.refused[one.closest("[data-order]").dataset.order]);
     this.recorder.status(status);
     this.generator.status(status);
     const { target } = status;

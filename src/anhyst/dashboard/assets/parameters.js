@@ -1,6 +1,6 @@
 // Parameters as a tree: edited values are staged, applied together, confirmed by a tick.
 
-import { make } from "./dom.js";
+import { make, refuse } from "./dom.js";
 
 export class Parameters extends EventTarget {
   #staged = new Map();
@@ -10,9 +10,13 @@ export class Parameters extends EventTarget {
   #eras = []; // what was in force from which tick on, in words
   #last = Promise.resolve(); // what was asked for last: one at a time, each knows what is in force
 
-  constructor(place, order) {
+  #refused = ""; // why nothing may be applied now
+
+  constructor(place, order, choices) {
     super();
     this.order = order;
+    this.choices = choices;
+    this.closed = new Set(choices.get("closed", []));
     this.confirmed = make("output", { className: "reading", id: "confirmed" });
     this.applyButton = make("button", { id: "apply", onclick: () => this.apply() });
     this.discardButton = make("button", { textContent: "discard", onclick: () => this.discard() });
@@ -49,14 +53,24 @@ export class Parameters extends EventTarget {
           (all, one) => all.set(group(one), [...(all.get(group(one)) ?? []), one]),
           new Map(),
         );
-    const branches = [...groups].map(([name, members]) =>
-      make("details", { open: true }, make("summary", { textContent: name }), this.#table(members)),
-    );
+    const branches = [...groups].map(([name, members]) => this.#branch(name, members));
     this.tree.replaceChildren(...branches);
     if (!parameters.length)
       this.tree.textContent = "this bench has no parameters that may be changed while it runs";
     this.#refresh();
     this.dispatchEvent(new Event("shown"));
+  }
+
+  #branch(name, members) {
+    const summary = make("summary", { textContent: name });
+    const open = !this.closed.has(name);
+    const branch = make("details", { open }, summary, this.#table(members));
+    branch.ontoggle = () => {
+      if (branch.open) this.closed.delete(name);
+      else this.closed.add(name);
+      this.choices.set("closed", [...this.closed]);
+    };
+    return branch;
   }
 
   #table(members) {
@@ -97,11 +111,18 @@ export class Parameters extends EventTarget {
   #refresh() {
     const count = this.#staged.size;
     this.applyButton.textContent = count ? `apply ${count} staged (Ctrl+Enter)` : "nothing staged";
-    this.applyButton.disabled = !count;
-    this.discardButton.disabled = !count;
-    this.backButton.disabled = !this.#before;
+    const nothing = count ? "" : "nothing is staged";
+    refuse(this.applyButton, this.#refused || nothing);
+    refuse(this.discardButton, nothing);
+    refuse(this.backButton, this.#refused || (this.#before ? "" : "nothing was applied yet"));
     for (const [name, input] of this.#inputs)
       input.classList.toggle("staged", this.#staged.has(name));
+  }
+
+  status({ refused }) {
+    if (this.#refused === (refused.apply ?? "")) return;
+    this.#refused = refused.apply ?? "";
+    this.#refresh();
   }
 
   // Stages values by name; what was staged before stays so.

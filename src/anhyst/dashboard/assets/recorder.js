@@ -1,6 +1,6 @@
 // The recorder: names a file, from when until when, and shows what is being written.
 
-import { field, kept, make, select } from "./dom.js";
+import { field, make, select } from "./dom.js";
 import { shown } from "./units.js";
 
 const KINDS = [
@@ -22,9 +22,9 @@ export class RecorderPanel {
       input.setAttribute("aria-label", hint);
       return input;
     };
-    this.name = make("input", { id: "record-name", value: kept.get("record", "run"), size: 9 });
+    this.name = make("input", { id: "record-name", value: bench.choices.get("record", "run"), size: 9 });
     this.name.setAttribute("aria-label", "name of the recording");
-    this.kind = select(KINDS, kept.get("record kind", ".mf4"));
+    this.kind = select(KINDS, bench.choices.get("record kind", ".mf4"));
     this.kind.id = "record-kind";
     this.before = number("record-before", 0, "seconds before");
     this.lasts = number("record-lasts", "", "seconds it lasts");
@@ -85,11 +85,11 @@ export class RecorderPanel {
 
   async #send(fields) {
     const name = this.name.value.trim();
-    kept.set("record kind", this.kind.value);
+    this.bench.choices.set("record kind", this.kind.value);
     const answer = await this.order("record", { file: `${name}${this.kind.value}`, ...fields });
     if (!answer) return;
     this.name.value = following(name);
-    kept.set("record", this.name.value);
+    this.bench.choices.set("record", this.name.value);
   }
 
   status({ recording }) {

@@ -1,21 +1,26 @@
-// The scope: chosen signals over time, a strip for each unit; hold, zoom, cursors, trigger.
+// The scope: chosen signals over time, a strip for each unit; hold, zoom, trigger, two cursors.
 
 import { COLOURS, ink } from "./colours.js";
-import { field, kept, make, select } from "./dom.js";
+import { Cursors } from "./cursors.js";
+import { field, make, select } from "./dom.js";
 import { Strip } from "./strip.js";
 import { Trigger } from "./trigger.js";
 import { seconds, show, shown } from "./units.js";
 
 const READ_MS = 100; // from one reading of numbers to the next
+const SHORTEST = 20; // ticks of a window
+const TURN = 0.002; // of the logarithm of the window, a pixel of the wheel
 const WINDOWS = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20];
 
 export class Scope {
   held = null; // last tick of a picture that is held
-  #anchor = null; // where differences begin, s
-  #cursor = null;
+  view = { from: 0, to: 0 }; // ticks that are seen
+  #before = []; // cursors before the last click, which may become a double click
+  #pointer = null; // s
   #readAt = 0;
   #size = { width: 0, height: 0 };
   #trigger = null;
+  #unzoomed = null; // window and hold before the picture was zoomed
 
   constructor(place, bench, store) {
     this.place = place;
@@ -27,8 +32,9 @@ export class Scope {
       colour: COLOURS[n % COLOURS.length],
     }));
     const usual = [bench.aim.signal, bench.aim.reference, "force", "current"];
-    this.chosen = new Set(kept.get(`signals.${bench.aim.signal}`, usual));
-    this.window = kept.get("window", 0.5);
+    this.chosen = new Set(bench.choices.get("signals", usual));
+    this.window = bench.choices.get("window", 0.5);
+    this.cursors = new Cursors(store, bench.rate);
     this.#controls();
     this.#build();
   }
@@ -42,6 +48,7 @@ export class Scope {
   draw() {
     const to = this.#end();
     const from = to - this.window * this.bench.rate;
+    this.view = { from, to };
     this.#resize();
     for (const strip of this.strips) {
       const columns = strip.signals.map((signal) => signal.column);
@@ -84,8 +91,9 @@ export class Scope {
   follow() {
     this.held = null;
     this.shot = null;
+    this.#unzoomed = null;
     this.#trigger?.rearm();
-    this.window = kept.get("window", 0.5);
+    this.window = this.bench.choices.get("window", 0.5);
     this.holdButton.textContent = "hold";
     this.place.classList.remove("held");
   }
@@ -101,8 +109,32 @@ export class Scope {
     const from = plot.posToVal(left, "x");
     const to = plot.posToVal(left + width, "x");
     plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
-    this.window = to - from;
-    this.hold(Math.round(to * this.bench.rate));
+    this.#zoomTo(to - from, to);
+  }
+
+  // Zooms around a moment, s, by a turn of the wheel.
+  zoomAt(time, turn) {
+    const [shortest, longest] = [SHORTEST / this.bench.rate, WINDOWS.at(-1)];
+    const wanted = this.window * Math.exp(TURN * turn);
+    const window = Math.max(shortest, Math.min(longest, wanted));
+    const after = this.view.to / this.bench.rate - time;
+    this.#zoomTo(window, time + (after * window) / this.window);
+  }
+
+  #zoomTo(window, to) {
+    this.#unzoomed ??= { window: this.window, held: this.held };
+    this.window = window;
+    this.hold(Math.min(this.store.newest, Math.round(to * this.bench.rate)));
+  }
+
+  // Back to the picture before it was zoomed; where it was not, the newest is followed.
+  back() {
+    this.cursors.ticks = this.#before;
+    const { window, held } = this.#unzoomed ?? { held: null };
+    if (held === null) return this.follow();
+    this.#unzoomed = null;
+    this.window = window;
+    return this.hold(held);
   }
 
   widen(way) {
@@ -113,39 +145,62 @@ export class Scope {
   setWindow(value) {
     this.window = value;
     this.widths.value = String(value);
-    kept.set("window", value);
+    this.bench.choices.set("window", value);
   }
 
   // --- cursors ------------------------------------------------------------------------------
 
   point(plot) {
-    if (plot.cursor.left >= 0) this.#cursor = plot.posToVal(plot.cursor.left, "x");
+    this.#pointer = plot.cursor.left >= 0 ? plot.posToVal(plot.cursor.left, "x") : null;
   }
 
-  anchor() {
-    this.#anchor = this.#anchor === null ? this.#cursor : null;
+  // Sets a cursor at a moment, s; the picture is held for it.
+  put(time) {
+    this.#before = this.cursors.ticks;
+    if (this.held === null) this.hold(Math.round(this.view.to));
+    this.cursors.put(time);
   }
 
+  #chosen() {
+    return this.signals.filter((signal) => this.chosen.has(signal.name));
+  }
+
+  // Values at the pointer, or the newest; and what lies between the cursors.
   #read() {
-    const { rate } = this.bench;
-    const chosen = this.signals.filter((signal) => this.chosen.has(signal.name));
-    if (!this.store.count) return;
-    const at = this.#cursor === null ? null : this.store.find(this.#cursor * rate);
-    const row = at === null ? this.store.count - 1 : Math.min(at, this.store.count - 1);
-    const base = this.#anchor === null ? null : this.store.find(this.#anchor * rate);
-    for (const signal of chosen) {
-      const value = this.store.value(signal.column, row);
-      let text = show(value, signal.unit);
-      if (base !== null)
-        text += `  Δ ${show(value - this.store.value(signal.column, base), signal.unit)}`;
-      this.readings.get(signal.name).textContent = text;
-    }
-    const difference =
-      base === null ? "" : `  Δ ${seconds((this.store.tick(row) - this.store.tick(base)) / rate)}`;
-    this.timeReading.textContent = `t ${(this.store.tick(row) / rate).toFixed(5)} s${difference}`;
+    const { store, bench } = this;
+    if (!store.count) return;
+    const newest = store.count - 1;
+    const row = this.#pointer === null ? newest : Math.min(store.find(this.#pointer * bench.rate), newest);
+    for (const { name, unit, column } of this.#chosen())
+      this.readings.get(name).textContent = show(store.value(column, row), unit);
+    this.timeReading.textContent = `t ${(store.tick(row) / bench.rate).toFixed(5)} s`;
+    this.cursors.show(this.#chosen());
   }
 
-  // Lines of the anchor and the trigger, and bands where ticks are missing.
+  // Chosen signals of all ticks that are seen, as a table in SI.
+  table() {
+    const { store } = this;
+    const [first, end] = [store.find(this.view.from), store.find(this.view.to + 1)];
+    const chosen = this.#chosen();
+    const came = (row) => chosen.some(({ column }) => !Number.isNaN(store.value(column, row)));
+    const rows = Array.from({ length: end - first }, (_, n) => first + n).filter(came);
+    const ticks = rows.map((row) => store.tick(row));
+    const value = (column) => (row) => Number(store.value(column, row).toPrecision(9));
+    return {
+      tick: ticks,
+      t_s: ticks.map((tick) => tick / this.bench.rate),
+      ...Object.fromEntries(chosen.map(({ head, column }) => [head, rows.map(value(column))])),
+    };
+  }
+
+  // What stands over the picture: signals in their colours, and the figures of the cursors.
+  words() {
+    const { cursors } = this;
+    const figures = cursors.lines();
+    return [this.#chosen().map(({ name, colour }) => [name, colour]), ...figures.map((one) => [[one]])];
+  }
+
+  // Lines of the cursors and the trigger, and bands where ticks are missing.
   mark(plot) {
     const { ctx, bbox } = plot;
     const { rate } = this.bench;
@@ -169,7 +224,12 @@ export class Scope {
         bbox.height,
       );
     }
-    if (this.#anchor !== null) line(this.#anchor, ink("--ink"));
+    ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.textAlign = "left";
+    for (const [n, tick] of this.cursors.ticks.entries()) {
+      line(tick / rate, ink("--ink"));
+      ctx.fillText("AB"[n], plot.valToPos(tick / rate, "x", true) + 4, bbox.top + 12 * devicePixelRatio);
+    }
     if (this.shot && this.#trigger) line(this.shot.hit / rate, ink("--bad"));
     ctx.restore();
   }
@@ -197,7 +257,9 @@ export class Scope {
     new ResizeObserver(([{ contentRect }]) => {
       this.#size = { width: Math.floor(contentRect.width), height: Math.floor(contentRect.height) };
     }).observe(this.stripsPlace);
-    this.place.replaceChildren(bar, legend, this.stripsPlace);
+    this.stripsPlace.title = "click: cursors A and B; drag or wheel: zoom; double click: back";
+    // Cursors come below, so that no strip jumps away from the pointer that sets one.
+    this.place.replaceChildren(bar, legend, this.stripsPlace, this.cursors.element);
   }
 
   #choice(signal) {
@@ -205,7 +267,7 @@ export class Scope {
     box.onchange = () => {
       if (box.checked) this.chosen.add(signal.name);
       else this.chosen.delete(signal.name);
-      kept.set(`signals.${this.bench.aim.signal}`, [...this.chosen]);
+      this.bench.choices.set("signals", [...this.chosen]);
       this.#build();
     };
     const reading = make("output", { className: "reading" });
@@ -279,7 +341,7 @@ export class Scope {
 
   #build() {
     this.stripsPlace.replaceChildren();
-    const chosen = this.signals.filter((signal) => this.chosen.has(signal.name));
+    const chosen = this.#chosen();
     const units = [...new Set(chosen.map((signal) => signal.unit))];
     this.strips = units.map((unit) => {
       const signals = chosen.filter((signal) => signal.unit === unit);

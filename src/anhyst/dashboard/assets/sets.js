@@ -1,6 +1,6 @@
 // Parameter sets: save what is in force under a name, compare two, stage one.
 
-import { field, make } from "./dom.js";
+import { field, make, refuse } from "./dom.js";
 
 const IN_FORCE = "in force";
 
@@ -17,11 +17,12 @@ export class Sets {
     this.rows = make("tbody");
     this.note = make("output", { className: "reading", id: "set-note" });
     const button = (id, textContent, onclick) => make("button", { id, textContent, onclick });
+    this.saveButton = button("set-save", "save", () => this.save());
     const bar = make(
       "div",
       { className: "bar", id: "sets" },
       field("what is in force as", this.name),
-      button("set-save", "save", () => this.save()),
+      this.saveButton,
       field("compare", this.first),
       field("with", this.second),
       button("set-stage", "stage the second", () => this.stage()),
@@ -32,7 +33,8 @@ export class Sets {
   }
 
   // Takes the names of all sets; compares again where other values are in force.
-  status({ sets }) {
+  status({ sets, refused }) {
+    refuse(this.saveButton, refused.sets);
     if (this.#compared && this.#compared !== this.parameters.parameters) this.compare();
     if (sets.join() === this.#names?.join()) return;
     this.#names = sets;

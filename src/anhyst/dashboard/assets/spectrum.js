@@ -2,7 +2,7 @@
 
 import { Plane } from "./canvas.js";
 import { ink } from "./colours.js";
-import { field, kept, make, select } from "./dom.js";
+import { field, make, select } from "./dom.js";
 import { WINDOWS, density } from "./fft.js";
 import { columnOf } from "./signals.js";
 import { fine } from "./units.js";
@@ -21,11 +21,11 @@ export class SpectrumView {
     const choose = (id, names, chosen) => {
       const element = select(
         names.map((name) => [String(name), String(name)]),
-        String(kept.get(id, chosen)),
+        String(bench.choices.get(id, chosen)),
       );
       element.id = id;
       element.onchange = () => {
-        kept.set(id, element.value);
+        bench.choices.set(id, element.value);
         this.#due = 0;
       };
       return element;
@@ -84,6 +84,16 @@ export class SpectrumView {
       `${Number((rate / length).toPrecision(3))} Hz apart, ` +
       `rms ${Number((factor * rms(found, rate / length)).toPrecision(4))} ${name}`;
     this.#read(found, xs, ys, scaled, name);
+  }
+
+  table() {
+    const { head } = this.bench.signals[columnOf(this.bench, this.signal.value)];
+    const { frequencies = [], densities = [] } = this.found ?? {};
+    return { frequency_Hz: frequencies, [`${head}_per_sqrt_Hz`]: densities };
+  }
+
+  words() {
+    return [[[this.signal.value], [this.note.textContent]]];
   }
 
   #read({ frequencies }, xs, ys, scaled, name) {

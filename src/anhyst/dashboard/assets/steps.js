@@ -47,6 +47,21 @@ export class StepView {
     this.#dirty = true;
   }
 
+  table() {
+    const each = (of) => this.#steps.flatMap((step) => step.times.map((_, n) => of(step, n)));
+    return {
+      tick: each((step) => step.tick),
+      t_s: each((step, n) => step.times[n]),
+      share: each((step, n) => step.part[n]),
+      in_force: each((step) => step.label),
+    };
+  }
+
+  words() {
+    const labels = [...new Set(this.#steps.map((step) => step.label))];
+    return [labels.map((label, n) => [label, COLOURS[n % COLOURS.length]])];
+  }
+
   draw() {
     this.plane.begin([-5, 60, -20, 150]);
     this.plane.line([-5, 0, 0, 60], [0, 0, 100, 100], "#8c8c8c", 1);

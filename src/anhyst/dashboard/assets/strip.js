@@ -45,8 +45,14 @@ export class Strip {
       [[], []],
       place,
     );
-    this.plot.over.addEventListener("dblclick", () => scope.follow());
-    this.plot.over.addEventListener("click", () => scope.anchor());
+    const time = (event) => this.plot.posToVal(event.offsetX, "x");
+    const { over } = this.plot;
+    over.addEventListener("dblclick", () => scope.back());
+    over.addEventListener("click", (event) => event.detail === 1 && scope.put(time(event)));
+    over.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      scope.zoomAt(time(event), event.deltaY);
+    });
   }
 
   static heights(count, all) {

@@ -1,6 +1,6 @@
 // The drift watch: whether the model in force still fits what the bench does.
 
-import { make } from "./dom.js";
+import { make, refuse } from "./dom.js";
 
 export class Watch {
   constructor(order) {
@@ -16,6 +16,11 @@ export class Watch {
     this.note = make("output", { className: "soft" });
     this.element = make("div", { className: "bar" }, this.button, this.again, this.text, this.note);
     this.show(null);
+  }
+
+  refuse(reason) {
+    refuse(this.button, reason);
+    refuse(this.again, reason);
   }
 
   show(watch) {

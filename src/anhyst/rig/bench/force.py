@@ -220,9 +220,12 @@ def check_demand(aim: Aim, value: float, state: State) -> None:
             code="out-of-range",
             key="demand",
         )
-    if state is not State.RUN:
-        raise InputError(
-            f"demand: a force is demanded in the state run, not in {state.name.lower()}",
-            code="wrong-state",
-            key="demand",
-        )
+    if why := demand_refusal(state):
+        raise InputError(f"demand: {why}", code="wrong-state", key="demand")
+
+
+def demand_refusal(state: State) -> str:
+    """Return why a controller of force takes no demand in a state; empty where it does."""
+    if state is State.RUN:
+        return ""
+    return f"a force is demanded in the state run, not in {state.name.lower()}"

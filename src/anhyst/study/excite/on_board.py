@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from anhyst.control.states import Command, Fault, State
 from anhyst.data.loops import Loop, Loops
+from anhyst.link.client import Refused
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.measuring import straight
 from anhyst.study.excite.design import Record, coolest_peak, records, step_of
@@ -232,7 +233,8 @@ class BoardDrive:
         """Take the current away, and put the settings back; a controller that is gone stays so."""
         with suppress(InputError):
             if self._state() is State.RUN:
-                self._bench.command(Command.STOP)
+                with suppress(Refused):  # whoever stopped it was quicker than its last sample
+                    self._bench.command(Command.STOP)
                 self._until(State.READY)
             names = ("compensation", "ratio", "demand_slew")
             self._bench.apply({name: self._before[name] for name in names})

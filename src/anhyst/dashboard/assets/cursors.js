@@ -1,0 +1,100 @@
+// Two cursors on the scope, and what lies between them.
+
+import { make } from "./dom.js";
+import { seconds, show } from "./units.js";
+
+const HEADS = ["", "A", "B", "dy", "rms", "rms about the mean"];
+
+export class Cursors {
+  ticks = []; // none, one or two; A before B
+  found = []; // figures of each signal between both
+  #key = ""; // of what is shown
+
+  constructor(store, rate) {
+    this.store = store;
+    this.rate = rate;
+    this.time = make("output", { className: "reading", id: "cursor-time" });
+    this.rows = make("tbody");
+    const head = make("tr", {}, ...HEADS.map((text) => make("th", { textContent: text })));
+    this.table = make("table", {}, make("thead", {}, head), this.rows);
+    const off = make("button", { textContent: "no cursors", onclick: () => (this.ticks = []) });
+    const bar = make("div", { className: "bar" }, this.time, off);
+    this.element = make("div", { id: "cursors", hidden: true }, bar, this.table);
+  }
+
+  // Sets A, then B; after that the nearer of both moves. They stand on samples.
+  put(time) {
+    const { store, ticks } = this;
+    if (!store.count) return;
+    const tick = store.tick(Math.min(store.find(time * this.rate), store.count - 1));
+    const others = ticks.length < 2 ? ticks : [further(ticks, tick)];
+    this.ticks = [...others, tick].sort((a, b) => a - b);
+  }
+
+  show(signals) {
+    const key = [...this.ticks, ...signals.map((one) => one.name)].join();
+    if (this.#key === key) return;
+    this.#key = key;
+    this.element.hidden = !this.ticks.length;
+    this.time.textContent = this.#where();
+    this.found = this.ticks.length < 2 ? [] : signals.map((one) => this.#between(one));
+    this.rows.replaceChildren(
+      ...this.#cells().map((cells) =>
+        make("tr", {}, ...cells.map((cell) => make("td", { textContent: cell }))),
+      ),
+    );
+    this.table.hidden = !this.found.length;
+  }
+
+  // What stands there, in lines.
+  lines() {
+    if (!this.ticks.length) return [];
+    const figures = this.#cells().map((cells) =>
+      cells.map((cell, n) => (n ? `${HEADS[n]} ${cell}` : cell)).join("  "),
+    );
+    return [this.#where(), ...figures];
+  }
+
+  #cells() {
+    return this.found.map(({ name, unit, a, b, dy, rms, ripple }) => [
+      name,
+      ...[a, b, dy, rms, ripple].map((value) => show(value, unit)),
+    ]);
+  }
+
+  // Where they stand, in a line.
+  #where() {
+    const [a, b] = this.ticks.map((tick) => tick / this.rate);
+    if (a === undefined) return "";
+    if (b === undefined) return `A ${a.toFixed(5)} s; click again for B`;
+    const apart = b > a ? `dt ${seconds(b - a)}, 1/dt ${Number((1 / (b - a)).toPrecision(6))} Hz` : "dt 0";
+    return `A ${a.toFixed(5)} s, B ${b.toFixed(5)} s, ${apart}`;
+  }
+
+  // Figures of a signal from A to B, both among them; ticks that never came are left out.
+  #between({ name, unit, column }) {
+    const { store } = this;
+    const [first, last] = this.ticks.map((tick) => store.find(tick));
+    const mean = (of) => {
+      let sum = 0;
+      let count = 0;
+      for (let row = first; row <= last; row++) {
+        const value = of(store.value(column, row));
+        if (value !== value) continue;
+        sum += value;
+        count++;
+      }
+      return sum / count;
+    };
+    const [a, b] = [first, last].map((row) => store.value(column, row));
+    const middle = mean((value) => value);
+    const rms = Math.sqrt(mean((value) => value * value));
+    const ripple = Math.sqrt(mean((value) => (value - middle) ** 2));
+    return { name, unit, a, b, dy: b - a, rms, ripple };
+  }
+}
+
+function further(ticks, tick) {
+  const [a, b] = ticks;
+  return Math.abs(a - tick) <= Math.abs(b - tick) ? b : a;
+}

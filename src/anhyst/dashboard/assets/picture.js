@@ -1,0 +1,47 @@
+// The view that is open as a picture and as a table.
+
+import { ink } from "./colours.js";
+
+const EDGE = 12; // pixels around everything
+const LINE = 18; // from one line of text to the next
+
+// A PNG of all that is drawn in a view where it stands, below lines of [text, colour] parts.
+export function picture(view, lines) {
+  const drawn = [...view.querySelectorAll("canvas")].filter((one) => one.clientWidth > 0);
+  const boxes = drawn.map((one) => one.getBoundingClientRect());
+  const left = Math.min(...boxes.map((box) => box.left)) - EDGE;
+  const top = Math.min(...boxes.map((box) => box.top)) - EDGE - LINE * lines.length - EDGE;
+  const right = Math.max(...boxes.map((box) => box.right)) + EDGE;
+  const bottom = Math.max(...boxes.map((box) => box.bottom)) + EDGE;
+  const canvas = document.createElement("canvas");
+  canvas.width = Math.ceil((right - left) * devicePixelRatio);
+  canvas.height = Math.ceil((bottom - top) * devicePixelRatio);
+  const context = canvas.getContext("2d");
+  context.scale(devicePixelRatio, devicePixelRatio);
+  context.fillStyle = ink("--paper");
+  context.fillRect(0, 0, right - left, bottom - top);
+  for (const [n, one] of drawn.entries()) {
+    const { x, y, width, height } = boxes[n];
+    context.drawImage(one, x - left, y - top, width, height);
+  }
+  for (const [n, line] of lines.entries()) write(context, line, EDGE + LINE * (n + 0.7));
+  return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
+}
+
+function write(context, line, y) {
+  context.font = "13px system-ui, sans-serif";
+  let x = EDGE;
+  for (const [text, colour] of line) {
+    context.fillStyle = colour ?? ink("--ink");
+    context.fillText(text, x, y);
+    x += context.measureText(text).width + EDGE;
+  }
+}
+
+// CSV of columns under their heads.
+export function csv(columns) {
+  const heads = Object.keys(columns);
+  const cell = (value) => (String(value).includes(",") ? `"${value}"` : value);
+  const rows = Array.from(columns[heads[0]], (_, n) => heads.map((head) => cell(columns[head][n])).join());
+  return `${[heads.join(), ...rows].join("\n")}\n`;
+}
