@@ -3,27 +3,42 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir
 from pathlib import Path
 
+from anhyst.cli.app import main
 from tests.docs.blocks import ROOT
 
 
 def shell(code: str, place: Path) -> None:
-    """Run lines of a shell as a reader would, with the anhyst of this environment."""
+    """Run lines of a shell as a reader would.
+
+    Lines of anhyst run in this process: that a new one does the same is what tests/cli shows.
+    """
+    with chdir(place):
+        for line in re.sub(r"\\\n", " ", code).splitlines():
+            words = shlex.split(line, comments=True)
+            if words[:1] == ["anhyst"]:
+                assert main(words[1:]) == 0, line
+            elif words:
+                _bash(line)
+
+
+def _bash(line: str) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    command = ["bash", "-e", "-o", "pipefail", "-c", code]
     done = subprocess.run(
-        command,
-        cwd=place,
+        ["bash", "-e", "-o", "pipefail", "-c", line],
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PATH": path, "PYTHON": sys.executable},
+        env=os.environ | {"PATH": path},
     )
-    assert done.returncode == 0, f"{code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    assert done.returncode == 0, f"{line}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
 
 
 def fill(place: Path) -> None:
