@@ -7,6 +7,7 @@
 #   make docs    the documentation site, in build/site/
 #   make build   compile the core again          make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
+#   make truths  identify the models again that tests start from
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
 PYTHON ?= python3
 BIN := .venv/bin
@@ -21,7 +22,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/fi
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check docs prove prove-all bench build wheel format clean fuzz \
+.PHONY: demo test test-all check docs prove prove-all bench build wheel format clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
 demo: build
@@ -85,6 +86,9 @@ check-cppcheck: build/analysis/compile_commands.json
 	@$(BIN)/cppcheck --project=build/analysis/compile_commands.json --quiet --std=c99 \
 		--enable=warning,performance,portability --inline-suppr --error-exitcode=1 \
 		--suppress=shiftNegativeLHS --suppress=shiftTooManyBitsSigned
+
+truths: build
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.truths $(NAMES)
 
 fuzz: build
 	@$(BIN)/python tools/fuzz.py $(if $(RUNS),--runs $(RUNS))

@@ -8,6 +8,7 @@ when it starts with the right memory. ``python benchmarks/initial_state.py`` pri
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, permutations, product
@@ -21,11 +22,13 @@ from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
 from anhyst.identification import identify
-from anhyst.laws.oracle.explicit import ExplicitForm
 from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 from rows import ROOT, Row
+
+sys.path.insert(0, str(ROOT))
+from tests.oracles.explicit import ExplicitForm
 
 Array = FloatArray
 

@@ -80,8 +80,8 @@ def test_wrong_usage_is_bad_input(
 @pytest.mark.parametrize(
     ("failure", "code", "line"),
     [
-        (InputError("f.csv: is\nempty"), 2, "anhyst: error: f.csv: is empty\n"),
-        (NegativeResult("no"), 1, "anhyst: no\n"),
+        (InputError("f.csv: is\nempty", code="empty-file"), 2, "anhyst: error: f.csv: is empty\n"),
+        (NegativeResult("no", code="drifted"), 1, "anhyst: no\n"),
         (KeyboardInterrupt(), 130, "anhyst: interrupted\n"),
         (MemoryError(), 2, "anhyst: error: not enough memory for this; thin the data"),
         (

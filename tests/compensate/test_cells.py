@@ -22,13 +22,13 @@ from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import Arms, flux_unit
 from anhyst.compensate.twin import FixedTwin, Io, RealTwin
 from anhyst.laws.cells import CellWeights
-from anhyst.laws.oracle.play_cells import PlayCells
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 from tests.actuators import GAPS, magnet
+from tests.oracles.play_cells import PlayCells
 
 IRON = {
     "M_0": 1.5e5,

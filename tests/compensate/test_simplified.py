@@ -1,6 +1,6 @@
 """The simplified law in fixed point: its closed form and the paper's Euler form.
 
-The oracle is :class:`anhyst.laws.oracle.linear_anhysteretic.LinearAnhysteretic`, which solves each step
+The oracle is :class:`tests.oracles.linear_anhysteretic.LinearAnhysteretic`, which solves each step
 with the Lambert function in double precision.
 """
 
@@ -14,10 +14,10 @@ import pytest
 from anhyst.compensate.block import Block, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.simplified import ClosedForm, build_simplified
 from anhyst.compensate.twin import FixedTwin
-from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import reversals, ring
+from tests.oracles.linear_anhysteretic import LinearAnhysteretic
 
 LAWS = [
     LinearAnhysteretic(k1=k1, k2=0.0, k=k, c=c, alpha=0.0)

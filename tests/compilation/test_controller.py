@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Literal
@@ -20,15 +21,15 @@ from anhyst.control.controller_file import read_controller
 from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
-from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 from tests.core.test_c_core import tool
+from tests.truths import path_of
 
 ROOT = Path(__file__).resolve().parents[2]
 BEARING = ROOT / "examples" / "bearing"
@@ -43,7 +44,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bearing")
     for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
         (folder / name).write_bytes((BEARING / name).read_bytes())
-    write_model(identify_magnet(read_loops(folder / "loops.csv")).model, folder / "model.toml")
+    shutil.copy(path_of("bearing"), folder / "model.toml")
     return folder
 
 

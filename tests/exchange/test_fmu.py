@@ -24,6 +24,7 @@ from anhyst.support.arrays import FloatArray
 from tests.cli.command import anhyst as run
 from tests.core.test_c_core import tool
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
+from tests.truths import truth
 
 RATE = 2e4
 GAP = 4e-4
@@ -34,8 +35,7 @@ Versions = dict[FmiVersion, Path]
 
 @pytest.fixture(scope="module")
 def model() -> anhyst.Model:
-    loops = anhyst.read_loops(anhyst.example_files("electromagnet")["loops.csv"])
-    return anhyst.identify(loops, law="effective-field", gap_map="reluctance").model
+    return truth("electromagnet-effective-field-reluctance")
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.effective_field import EffectiveField, mean_lag, mean_lag_slope
-from anhyst.laws.oracle.equation import (
+from anhyst.support.errors import InputError
+from anhyst.support.units import MU_0
+from tests.oracles.effective_field import EffectiveField, mean_lag, mean_lag_slope
+from tests.oracles.equation import (
     NO_EDDY,
     Eddy,
     backward_euler,
@@ -20,11 +22,9 @@ from anhyst.laws.oracle.equation import (
     trapezoid,
     voltage_drive,
 )
-from anhyst.laws.oracle.iron import Iron
-from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
-from anhyst.support.errors import InputError
-from anhyst.support.units import MU_0
+from tests.oracles.iron import Iron
+from tests.oracles.jiles_atherton_1986 import JilesAtherton1986
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 IRON = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=5e-4)
 

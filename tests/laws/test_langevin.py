@@ -7,7 +7,8 @@ from decimal import Decimal, getcontext
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.langevin import (
+from anhyst.support.errors import InputError
+from tests.oracles.langevin import (
     inverse_langevin,
     inverse_langevin_scalar,
     langevin,
@@ -15,7 +16,6 @@ from anhyst.laws.oracle.langevin import (
     langevin_slope,
     langevin_slope_scalar,
 )
-from anhyst.support.errors import InputError
 
 ARGUMENTS = np.concatenate(
     [

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.explicit import ExplicitForm
-from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
-from anhyst.laws.oracle.operator import LawState
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.explicit import ExplicitForm
+from tests.oracles.linear_anhysteretic import LinearAnhysteretic
+from tests.oracles.operator import LawState
 
 LAW = LinearAnhysteretic(k1=500.0, k2=0.0, k=60.0, c=0.2, alpha=1e-3)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.langevin import langevin
-from anhyst.laws.oracle.steady_branch import steady_branch
+from tests.oracles.langevin import langevin
+from tests.oracles.steady_branch import steady_branch
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 

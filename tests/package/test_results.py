@@ -16,6 +16,7 @@ import anhyst
 from anhyst.compilation.output import Compiled
 from anhyst.model.diff import ModelDiff
 from anhyst.support.result import Result
+from tests.truths import truth
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 LOOPS = EXAMPLES / "electromagnet" / "loops.csv"
@@ -49,16 +50,13 @@ def results(
     folder = tmp_path_factory.mktemp("results")
     model = found.model
     compiled = anhyst.compile(model, folder / "controller", rate=2e4)
-    half = anhyst.identify(
-        loops.at([3e-4, 6e-4]), law="effective-field", gap_map="reluctance", dead_band=False
-    )
     return {
         "loops": loops,
         "inspection": anhyst.inspect(loops),
         "identified": found,
         "model": model,
         "prediction": model.predict(np.linspace(0.0, 2.0, 50), GAP),
-        "diff": anhyst.diff(model, half.model),
+        "diff": anhyst.diff(model, truth("electromagnet-no-dead-band")),
         "compiled": compiled,
         "verification": anhyst.verify(folder / "controller", on="host", host_steps=1000),
         "piezo": anhyst.simulate(EXAMPLES / "piezo" / "rig.toml"),

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst import _core
-from anhyst.laws.oracle.iron import Iron
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
+from tests.oracles.iron import Iron
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 
 class Record(NamedTuple):

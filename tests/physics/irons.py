@@ -9,10 +9,10 @@ import numpy as np
 
 from anhyst import _core
 from anhyst.laws.cells import CellWeights, Population, Shape, populations
-from anhyst.laws.oracle.effective_field import StepKind
-from anhyst.laws.oracle.iron import LawName
 from anhyst.laws.play_cells import iron_of
 from anhyst.support.arrays import FloatArray
+from tests.oracles.effective_field import StepKind
+from tests.oracles.iron import LawName
 
 from . import core
 from .sets import log_uniform, random_cases

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.laws.oracle.effective_field import StepKind
-from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
+from tests.oracles.effective_field import StepKind
+from tests.oracles.iron import Iron, LawName
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 
 class Case(NamedTuple):

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from anhyst.laws.oracle.equation import solve
-from anhyst.laws.oracle.explicit import ExplicitForm, Scheme
-from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.linear_anhysteretic import LinearAnhysteretic
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.equation import solve
+from tests.oracles.explicit import ExplicitForm, Scheme
+from tests.oracles.iron import Iron, LawName
+from tests.oracles.linear_anhysteretic import LinearAnhysteretic
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 from .sets import random_cases, random_walk, sine
 

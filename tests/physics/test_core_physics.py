@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.units import MU_0
+from tests.oracles.iron import Iron, LawName
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 from . import core
 from .sets import random_cases, random_walk, sine, virgin_fold

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.laws.oracle.effective_field import StepKind
-from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.langevin import langevin, langevin_slope
-from anhyst.laws.oracle.operator import LawState
 from anhyst.support.units import MU_0
+from tests.oracles.effective_field import StepKind
+from tests.oracles.iron import Iron, LawName
+from tests.oracles.langevin import langevin, langevin_slope
+from tests.oracles.operator import LawState
 
 from . import core
 from .sets import random_cases, random_walk, sine, wandered

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.iron import Iron
-from anhyst.laws.oracle.operator import LawState
+from tests.oracles.iron import Iron
+from tests.oracles.operator import LawState
 
 from .sets import random_cases, sine
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.effective_field import StepKind
-from anhyst.laws.oracle.iron import Iron, LawName
-from anhyst.laws.oracle.langevin import inverse_langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.effective_field import StepKind
+from tests.oracles.iron import Iron, LawName
+from tests.oracles.langevin import inverse_langevin_scalar, langevin_slope_scalar
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 from .sets import random_cases, random_walk, sine, wandered
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.effective_field import EffectiveField
-from anhyst.laws.oracle.equation import solve
-from anhyst.laws.oracle.iron import Iron
-from anhyst.laws.oracle.operator import DEMAGNETISED
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.effective_field import EffectiveField
+from tests.oracles.equation import solve
+from tests.oracles.iron import Iron
+from tests.oracles.operator import DEMAGNETISED
 
 from .sets import Case, random_cases, random_walk
 

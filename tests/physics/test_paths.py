@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from anhyst.laws.oracle.effective_field import EffectiveField
-from anhyst.laws.oracle.iron import LawName
-from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.oracle.langevin import langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
+from tests.oracles.effective_field import EffectiveField
+from tests.oracles.iron import LawName
+from tests.oracles.jiles_atherton_1986 import JilesAtherton1986
+from tests.oracles.langevin import langevin_scalar, langevin_slope_scalar
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 from .sets import random_cases, random_walk, sine, virgin_fold, wandered
 

@@ -7,10 +7,10 @@ import pytest
 
 from anhyst import _core
 from anhyst.laws.cells import CellWeights, Population, Shape, populations
-from anhyst.laws.oracle.play_cells import PlayCells
 from anhyst.laws.play_cells import iron_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.play_cells import PlayCells
 
 from .irons import PLAY_CELLS, Sample, random_cells, samples
 from .sets import random_walk, sine

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.laws.oracle.effective_field import StepKind
-from anhyst.laws.oracle.iron import Iron, LawName
 from anhyst.support.units import MU_0
+from tests.oracles.effective_field import StepKind
+from tests.oracles.iron import Iron, LawName
 
 from .sets import random_cases, random_walk, sine
 

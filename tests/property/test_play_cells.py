@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.laws.cells import SHAPES, CellWeights
-from anhyst.laws.oracle.play_cells import PlayCells
 from anhyst.laws.play_cells import iron_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.play_cells import PlayCells
 
 STEPS = st.floats(2.0, 200.0)
 

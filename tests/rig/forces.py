@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
 from tests.once import made_once
+from tests.truths import truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 
@@ -24,9 +24,8 @@ def program(factory: pytest.TempPathFactory) -> Program:
     """Of the end of the stroke alone, which is identified soon; built for the board host."""
 
     def make(folder: Path) -> None:
-        rig = example()
-        loops = loops_at(loops_of_rig(rig), rig.settings.force_control.end_m)
-        built = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", folder)
+        model = truth("solenoid-end")
+        built = prepare("full", model, example().settings.rate_Hz, "host", folder)
         (folder / "program").write_bytes(pickle.dumps(built))
 
     return load(made_once(factory, "force", make))

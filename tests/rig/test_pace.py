@@ -41,14 +41,14 @@ class Counter:
 
     def advance(self, ticks: int) -> FloatArray:
         if self.ends and self.tick + ticks > self.ends:
-            raise InputError(f"the controller did not answer tick {self.ends}")
+            raise InputError(f"the controller did not answer tick {self.ends}", code="no-answer")
         time.sleep(self.cost * ticks)
         numbers = np.arange(self.tick + 1, self.tick + ticks + 1, dtype=np.float64)
         self.tick += ticks
         return np.column_stack((numbers, *(np.full(ticks, v) for v in self._values.values())))
 
     def command(self, command: Command) -> None:
-        raise InputError(f"refused {command.name}")
+        raise InputError(f"refused {command.name}", code="refused")
 
     def commands(self) -> tuple[Command, ...]:
         return ()
@@ -57,7 +57,7 @@ class Counter:
         self._values["demand"] = value
 
     def load(self, force: float) -> None:
-        raise InputError("no load drive")
+        raise InputError("no load drive", code="no-load-drive")
 
     def parameters(self) -> tuple[Parameter, ...]:
         return ()

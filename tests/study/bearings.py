@@ -17,13 +17,14 @@ from anhyst.control.controller_file import (
 )
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import HOVER, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import PositionTable
 from anhyst.study.bearing.variations import changed, with_iron
+from tests.truths import truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 FORMATS: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
@@ -45,7 +46,8 @@ def controller() -> ControllerFile:
 @cache
 def knowledge(fraction: float = 0.15) -> IdentifiedMagnet:
     """Loops and model of the example with another reversible fraction."""
-    return identify_magnet(measure_loops(with_iron(example(), fraction)))
+    model = truth({0.15: "bearing", 0.3: "bearing-reversible"}[fraction])
+    return IdentifiedMagnet(measure_loops(with_iron(example(), fraction)), model)
 
 
 @cache

@@ -32,6 +32,7 @@ from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP
 from tests.study.test_claims import quiet
+from tests.truths import truth
 
 SEEDS = range(3)
 RATE = 20e3
@@ -46,7 +47,7 @@ def rig_of(name: str) -> BearingRig:
 
 @cache
 def knowledge(name: str, law: str = "play-cells") -> IdentifiedMagnet:
-    return identify_magnet(measure_loops(rig_of(name)), IdentifyTable(law=law))
+    return IdentifiedMagnet(measure_loops(rig_of(name)), truth(f"{name}-{law}"))
 
 
 @cache

@@ -16,12 +16,10 @@ import pytest
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.irons import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.identification.options import IdentifyTable
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.bearing.tables import DriftTable
@@ -44,6 +42,7 @@ from anhyst.study.bearing.plant_row import fault_of
 from anhyst.study.bearing.ready import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.errors import InputError, Interrupted
+from tests.truths import truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
@@ -338,7 +337,7 @@ def test_the_sensor_turns_around_the_operating_gap(
 
 
 def test_a_drifted_law_keeps_its_bounds(rig: BearingRig) -> None:
-    model = identify_magnet(measure_loops(rig), IdentifyTable(law="effective-field")).model
+    model = truth("bearing-jiles-atherton")
     other = drifted_law(model, Drift(pinning=0.1, reversible=1e6, saturation=-0.02))
     for name, factor in (("k", 1.1), ("M_s", 0.98)):
         ratio = np.asarray(other.parameters[name]) / np.asarray(model.parameters[name])

@@ -20,13 +20,10 @@ from anhyst.cli.app import main
 from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
 from anhyst.control.states import Command, Flag, Phase, State
-from anhyst.identification.options import IdentifyTable
 from anhyst.model.writer import write_model
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_simulation import subject_of
 from anhyst.rig.bearing import scenario
-from anhyst.rig.bearing.make_setup import identify_magnet
-from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import COLUMNS, FAULT, HOVER
 from anhyst.rig.bearing.scenario import Script
 from anhyst.study.bearing import simulate as module
@@ -35,6 +32,7 @@ from anhyst.study.bearing.responses import FIGURES
 from anhyst.study.bearing.simulate import Simulation, simulate
 from anhyst.support.errors import InputError, NegativeResult
 from tests.study import bearings
+from tests.truths import truth
 
 SHORT = {
     "also_gaps_m = [0.42e-3, 0.48e-3]": "also_gaps_m = []",
@@ -339,9 +337,7 @@ def test_a_variant_that_cannot_be_made_is_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The law of 1986 has no compensator: the others are compared, and this is said."""
-    law = IdentifyTable(law="effective-field")
-    model = identify_magnet(measure_loops(bearings.example()), law).model
-    model = replace(model, law="jiles-atherton-1986")
+    model = replace(truth("bearing-jiles-atherton"), law="jiles-atherton-1986")
     write_model(model, folder / "model.toml")
     monkeypatch.setattr(module, "COMPARED", ("ratio", "full"))
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")

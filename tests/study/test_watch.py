@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.data.reading import read_loops
-from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
@@ -15,6 +13,7 @@ from anhyst.study.watch.drift import TURN, DriftWatch, Finding
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.rig.test_iron_families import EXAMPLES
+from tests.truths import truth
 
 RATE = 250
 """Samples a second: every fourth tick of the bundled rig."""
@@ -29,8 +28,7 @@ def rig() -> Rig:
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    loops = read_loops(EXAMPLES / "solenoid" / "loops.csv").at([1.0e-3, 1.6e-3, 2.8e-3])
-    return identify(loops, law="play-cells", gap_map="reluctance").model
+    return truth("solenoid-three-gaps")
 
 
 def true_force(rig: Rig, current: FloatArray, gap: FloatArray, pinning: float = 1.0) -> FloatArray:

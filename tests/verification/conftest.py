@@ -12,10 +12,8 @@ import pytest
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.data.reading import read_loops
-from anhyst.identification import identify
-from anhyst.model.writer import write_model
 from tests.once import made_once
+from tests.truths import path_of
 
 ROOT = Path(__file__).resolve().parents[2]
 RATE = 10_000.0
@@ -34,12 +32,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
 
     def give(kind: str, io: str) -> Path:
         law = "play-cells" if kind == "cells" else "effective-field"
-
-        def identify_magnet(folder: Path) -> None:
-            loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
-            write_model(identify(loops, law=law, gap_map="scaling").model, folder / "model.toml")
-
-        model = made_once(tmp_path_factory, f"magnet-{law}", identify_magnet) / "model.toml"
+        model = path_of(f"electromagnet-{law}-scaling")
         wanted = "full" if kind == "cells" else kind
         request = CompileRequest(wanted, io, RATE, name=NAME)  # type: ignore[arg-type]
         name = f"compiled-{kind}-{io}"

@@ -11,9 +11,6 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.data.reading import read_loops
-from anhyst.identification import identify
-from anhyst.model.writer import write_model
 from anhyst.verification import TargetResult, verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.protocol import CONTROLLER, RANDOM, START
@@ -22,6 +19,7 @@ from anhyst.verification.result import Verification
 from anhyst.verification.targets import reference
 from anhyst.verification.workshop import Workshop
 from tests.once import made_once
+from tests.truths import path_of
 from tests.verification.conftest import sign
 from tests.verification.test_verify_targets import needs_avr
 
@@ -36,10 +34,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def compile_bearing(place: Path) -> None:
-    loops = read_loops(BEARING / "loops.csv")
-    write_model(identify(loops, gap_map="circuit").model, place / "model.toml")
     request = CompileRequest("full", "q31", 20e3, name="bearing")
-    compile_model(place / "model.toml", place / "out", request, BEARING / "controller.toml")
+    compile_model(path_of("bearing"), place / "out", request, BEARING / "controller.toml")
 
 
 def ticks_of(found: Verification) -> list[TargetResult]:

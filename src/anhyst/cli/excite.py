@@ -69,9 +69,17 @@ def excite(
         check_plot(plot)
     url = port if xcp is None else f"socket://{xcp}"
     if xcp is not None and port is not None:
-        raise InputError("--port: one controller at a time; leave it or --xcp out")
+        raise InputError(
+            "--port: one controller at a time; leave it or --xcp out",
+            code="options-together",
+            key="--port",
+        )
     if (url is None) is not (folder is None):
-        raise InputError("--folder: goes together with --xcp or --port, and they with it")
+        raise InputError(
+            "--folder: goes together with --xcp or --port, and they with it",
+            code="options-missing",
+            key="--folder",
+        )
     with progress_bar("measuring") as progress:
         if folder is None or url is None:
             found = run(rig, out, progress)

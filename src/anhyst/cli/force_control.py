@@ -68,7 +68,8 @@ def force_control(
     differing = found.figures["ticks_that_differ"]
     if differing:
         raise NegativeResult(
-            f"the firmware gave another current than the simulated program at {differing} ticks"
+            f"the firmware gave another current than the simulated program at {differing} ticks",
+            code="firmware-differs",
         )
 
 

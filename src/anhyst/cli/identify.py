@@ -209,7 +209,9 @@ def _report(result: IdentifyResult, out: Path, checkpoint: Path | None, as_json:
     if result.interrupted:
         raise Interrupted(f"{out} holds the best model so far{_go_on(checkpoint)}")
     if result.acceptance.passed is False:
-        raise NegativeResult(f"{out}: {result.acceptance.text(result.model.input.unit)}")
+        raise NegativeResult(
+            f"{out}: {result.acceptance.text(result.model.input.unit)}", code="acceptance-failed"
+        )
 
 
 def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:

@@ -91,10 +91,18 @@ def init(
     wanted = Wanted(mass, load, gap)
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     if force_control and wanted != Wanted():
-        raise InputError("--mass, --load and --gap belong to a bearing; leave out --force-control")
+        raise InputError(
+            "--mass, --load and --gap belong to a bearing; leave out --force-control",
+            code="option-not-for-this",
+            key="--mass",
+        )
     if example is not None:
         if loops or force_control or wanted != Wanted() or options != ReadOptions():
-            raise InputError("--example is complete: leave out all but --out")
+            raise InputError(
+                "--example is complete: leave out all but --out",
+                code="option-not-for-this",
+                key="--example",
+            )
         drafted = init_example(example, out)
     elif loops:
         with progress_bar("reading") as progress:
@@ -103,7 +111,9 @@ def init(
             else:
                 drafted = init_bearing(loops, out, wanted, options, progress)
     else:
-        raise InputError("nothing to begin with: name files with loops, or --example bearing")
+        raise InputError(
+            "nothing to begin with: name files with loops, or --example bearing", code="no-loops"
+        )
     if as_json:
         print_json(drafted.as_dict())
     else:

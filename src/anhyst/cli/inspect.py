@@ -107,7 +107,10 @@ def check_plot(path: Path) -> None:
     from anhyst.support.errors import InputError
 
     if path.suffix.lower() not in {".png", ".svg", ".pdf"}:
-        raise InputError(f"{path}: a plot is written as .png, .svg or .pdf; change the ending")
+        raise InputError(
+            f"{path}: a plot is written as .png, .svg or .pdf; change the ending",
+            code="wrong-ending",
+        )
     check_writable(path)
 
 

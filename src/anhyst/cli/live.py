@@ -90,19 +90,35 @@ def live(
     """
     for name in _PACKAGES:
         if importlib.util.find_spec(name) is None:
-            raise InputError(f"live: {name} is not installed: pip install 'anhyst[live]'")
+            raise InputError(
+                f"live: {name} is not installed: pip install 'anhyst[live]'",
+                code="not-installed",
+                key=name,
+            )
     from anhyst.live.guard import read_address
     from anhyst.live.recorder import start_recording
     from anhyst.live.run import listen_on, serve
     from anhyst.live.session import LiveSession
 
     if xcp is not None and port is not None:
-        raise InputError("--port: one controller at a time; leave it or --xcp out")
+        raise InputError(
+            "--port: one controller at a time; leave it or --xcp out",
+            code="options-together",
+            key="--port",
+        )
     url = port if xcp is None else f"socket://{xcp}"
     if url is None and known is not None:
-        raise InputError("--rig: the rig file of a virtual rig is the argument; leave --rig out")
+        raise InputError(
+            "--rig: the rig file of a virtual rig is the argument; leave --rig out",
+            code="option-not-for-this",
+            key="--rig",
+        )
     if url is not None and controller is not None:
-        raise InputError("--controller: a controller that runs has one already; leave it out")
+        raise InputError(
+            "--controller: a controller that runs has one already; leave it out",
+            code="option-not-for-this",
+            key="--controller",
+        )
     shown = secrets.token_urlsafe(16) if token else ""
 
     def started(address: str) -> None:

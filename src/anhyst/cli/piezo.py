@@ -20,7 +20,9 @@ def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
 
     picture = out.with_suffix(".svg")
     if out.suffix != ".csv":
-        raise InputError(f"{out}: a recording of a piezo stage is written as .csv")
+        raise InputError(
+            f"{out}: a recording of a piezo stage is written as .csv", code="wrong-ending"
+        )
     for path in (out, picture):
         check_writable(path)
     read = read_piezo_rig(rig)

@@ -107,18 +107,27 @@ def simulate(
     given = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
     asked = [name for name, value in given.items() if value]
     if len(asked) > 1:
-        raise InputError(f"{' and '.join(asked)} do not go together; give one of them")
+        raise InputError(
+            f"{' and '.join(asked)} do not go together; give one of them",
+            code="options-together",
+            key=asked[0],
+        )
     kind = format_of(rig)
     with workers_of(scheduler):
         if kind == PIEZO:
             if controller is not None or asked:
                 more = ["--controller"] if controller is not None else []
-                raise InputError(f"a piezo stage has no {' or '.join(more + asked)}; leave it out")
+                raise InputError(
+                    f"a piezo stage has no {' or '.join(more + asked)}; leave it out",
+                    code="option-not-for-this",
+                    key=(more + asked)[0],
+                )
             simulate_piezo(rig, out, as_json)
         elif kind == STAGE:
             if controller is not None or board is not None or benefit:
                 raise InputError(
-                    "a stage has no --controller, --board or --benefit; leave them out"
+                    "a stage has no --controller, --board or --benefit; leave them out",
+                    code="option-not-for-this",
                 )
             simulate_stage_verb(rig, out, monte_carlo, command, as_json)
         elif board is not None:
@@ -210,7 +219,10 @@ def _fly(
 
     files = read_files(rig_path, controller_path)
     if out.suffix != ".jsonl":
-        raise InputError(f"{out}: results of a Monte Carlo are written as .jsonl; name it so")
+        raise InputError(
+            f"{out}: results of a Monte Carlo are written as .jsonl; name it so",
+            code="wrong-ending",
+        )
     figures_path, report_path = out.parent / "montecarlo.json", out.parent / REPORT
     ready = make_ready(*files, (figures_path, report_path))
     rig, controller = ready.rig, ready.controller
@@ -228,7 +240,9 @@ def _fly(
         _show_plants(found, own, out)
     lost = figures["variants"][own]["lost"]
     if lost:
-        raise NegativeResult(f"{lost} of {count} plants lost levitation with '{own}'")
+        raise NegativeResult(
+            f"{lost} of {count} plants lost levitation with '{own}'", code="levitation-lost"
+        )
 
 
 def _map(
@@ -243,7 +257,7 @@ def _map(
 
     files = read_files(rig_path, controller_path)
     if out.suffix != ".json":
-        raise InputError(f"{out}: the map is written as .json; name it so")
+        raise InputError(f"{out}: the map is written as .json; name it so", code="wrong-ending")
     report_path = out.parent / REPORT
     ready = make_ready(*files, (out, report_path))
     rig, controller = ready.rig, ready.controller

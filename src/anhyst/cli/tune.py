@@ -97,7 +97,7 @@ def tune(
         raise Interrupted(f"the best so far, not checked, is in {kept}")
     missed = shortfall(found)
     if missed is not None:
-        raise NegativeResult(missed)
+        raise NegativeResult(missed, code="aims-missed")
 
 
 def _show(found: Tuning, out: Path) -> None:

@@ -54,10 +54,14 @@ def verify(
     else:
         _show(found)
     if not found.passed:
-        raise NegativeResult(f"{folder}: {found.first_failure()}")
+        raise NegativeResult(f"{folder}: {found.first_failure()}", code="verification-failed")
     if on is not None and found.not_run:
         lacking = [one.text() for one in found.missing if one.target in found.not_run]
-        raise InputError(f"--on: not run for want of tools: {'; '.join(lacking)}")
+        raise InputError(
+            f"--on: not run for want of tools: {'; '.join(lacking)}",
+            code="tool-missing",
+            key="--on",
+        )
 
 
 def _show(found: Verification) -> None:

@@ -46,7 +46,9 @@ def watch(
     from anhyst.study.watch.recording import watch_recording
 
     if least is not None and not least > 0.0:
-        raise InputError(f"--least: {least:g} N is not above 0; correct it")
+        raise InputError(
+            f"--least: {least:g} N is not above 0; correct it", code="not-above-zero", key="--least"
+        )
     found, rate = watch_recording(read_model(model), read_loops(recording), least, run_length)
     drifted = found.drifted
     if as_json:
@@ -63,8 +65,10 @@ def watch(
             }
         )
     if drifted is not None:
-        raise NegativeResult(found.text(rate))
+        raise NegativeResult(found.text(rate), code="drifted")
     if found.learning:
-        raise InputError(f"{recording}: too short to say: {found.text(rate)}; record more")
+        raise InputError(
+            f"{recording}: too short to say: {found.text(rate)}; record more", code="too-short"
+        )
     if not as_json:
         show(found.text(rate))

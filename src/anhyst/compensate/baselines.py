@@ -148,7 +148,9 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
         known = np.isfinite(middle)
         if not known[-1]:
             raise InputError(
-                f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N"
+                f"loops: at gap {gap} m they do not reach {force_max:g} N; lower force_max_N",
+                code="force-not-reached",
+                key="loops",
             )
         filled = np.interp(levels, levels[known], middle[known])
         table.append(monotone_fit(filled, np.ones(LEVELS)))

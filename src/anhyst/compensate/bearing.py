@@ -30,14 +30,24 @@ def bearing_model(
         It is another actuator's, or does not say that it holds at these gaps.
     """
     if not is_electromagnet(model):
-        raise InputError("model: a bearing needs one from current to force")
+        raise InputError(
+            "model: a bearing needs one from current to force",
+            code="not-current-to-force",
+            key="model",
+        )
     if model.valid is None:
-        raise InputError("model: does not say where it holds; identify it from loops")
+        raise InputError(
+            "model: does not say where it holds; identify it from loops",
+            code="no-valid-range",
+            key="model",
+        )
     seen = model.valid.schedule
     if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
         known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
         raise InputError(
             f"model: holds at {known}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
-            "from loops at more gaps or narrow the range"
+            "from loops at more gaps or narrow the range",
+            code="gaps-not-covered",
+            key="model",
         )
     return replace(model, valid=ValidRange((0.0, current_max), (0.0, force_max), gaps))

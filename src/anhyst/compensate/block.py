@@ -131,7 +131,11 @@ def as_word(value: float, one: float, name: str) -> int:
     word = round(value * one)
     word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
     if not -32767 <= word <= 32767:
-        raise InputError(f"{name}: {value:g} does not fit its 16-bit word; widen the scale")
+        raise InputError(
+            f"{name}: {value:g} does not fit its 16-bit word; widen the scale",
+            code="too-large-for-fixed-point",
+            key=name,
+        )
     return word
 
 
@@ -148,7 +152,11 @@ def mantissa(factor: float, name: str) -> tuple[int, int]:
         shift += 1
     weight = round(factor / 2.0**shift * 65536)
     if shift > 12 or weight < 1:
-        raise InputError(f"{name}: {factor:g} is out of the range of fixed point")
+        raise InputError(
+            f"{name}: {factor:g} is out of the range of fixed point",
+            code="too-large-for-fixed-point",
+            key=name,
+        )
     return weight, shift
 
 
@@ -198,7 +206,8 @@ class Packer:
             largest = float(np.abs(values).max())
             raise InputError(
                 f"table {name.lower()}: {largest:.3g} does not fit into its 16 bits, which end at "
-                f"{32767 / one:.3g}; narrow the model's [valid], or correct its parameters"
+                f"{32767 / one:.3g}; narrow the model's [valid], or correct its parameters",
+                code="too-large-for-fixed-point",
             )
         self._tables[name] = words.ravel()
 
@@ -235,7 +244,8 @@ class Packer:
         if end > MOST_WORDS:
             raise InputError(
                 f"the parameter block needs {2 * end} bytes, a controller takes {2 * MOST_WORDS}; "
-                "ask for less accuracy"
+                "ask for less accuracy",
+                code="block-too-long",
             )
         self._head[PLACES["LENGTH"]] = end
         self._head[PLACES["GENERATION"]] = generation

@@ -325,7 +325,11 @@ def _against_drift(plan: Plan) -> str:
 
 def drift_refusal(plan: Plan, budget: Budget) -> NegativeResult:
     """Return what is said where the wanted accuracy is not kept by an output that is held."""
-    return NegativeResult(f"accuracy: {why_drifting(plan, budget)}; nothing was written")
+    return NegativeResult(
+        f"accuracy: {why_drifting(plan, budget)}; nothing was written",
+        code="model-drifts",
+        key="accuracy",
+    )
 
 
 def culprit(budget: Budget) -> BudgetPart:
@@ -358,7 +362,9 @@ def refusal(budget: Budget, better: str) -> NegativeResult:
         f"accuracy: {percent(budget, reached):.3g} % of the largest output is reached, "
         f"{percent(budget, budget.wanted):.3g} % was asked for; the largest part is "
         f"{part.title}, {percent(budget, part.worst or 0.0):.3g} %: {advice}, or ask for "
-        f"{enough:.3g} %; nothing was written"
+        f"{enough:.3g} %; nothing was written",
+        code="accuracy-not-reached",
+        key="accuracy",
     )
 
 

@@ -196,7 +196,9 @@ def cell_rows(
     if few.thresholds.size < 2:
         raise InputError(
             "model: no hysteresis within the range of its input, where the least threshold of its "
-            "cells is not reached; look at its loops, or drive by a curve without memory"
+            "cells is not reached; look at its loops, or drive by a curve without memory",
+            code="no-hysteresis",
+            key="model",
         )
 
     def rows(field: FloatArray) -> FloatArray:

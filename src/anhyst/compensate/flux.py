@@ -42,12 +42,21 @@ class FluxCalibration:
         for name in ("gap", "force", "flux_density"):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.ndim != 1 or values.size != np.size(self.force) or values.size == 0:
-                raise InputError(f"flux calibration: {name} must have one value a point")
+                raise InputError(
+                    f"flux calibration: {name} must have one value a point",
+                    code="length-differs",
+                    key=name,
+                )
             if not np.isfinite(values).all():
-                raise InputError(f"flux calibration: {name} holds what is no number")
+                raise InputError(
+                    f"flux calibration: {name} holds what is no number", code="not-finite", key=name
+                )
             object.__setattr__(self, name, values)
         if not (self.delay > 0.0 and self.lag >= 0.0):
-            raise InputError("flux calibration: the delay must be above zero, the lag not below")
+            raise InputError(
+                "flux calibration: the delay must be above zero, the lag not below",
+                code="delay-not-above-zero",
+            )
 
     def density_over(self, force: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density that belongs to a force, T.
@@ -80,7 +89,8 @@ class FluxCalibration:
             constant = float(root @ self.flux_density[here] / (root @ root)) if here.any() else 0.0
             if not constant > 0.0:
                 raise InputError(
-                    f"flux calibration: at gap {node:g} m no flux density grows with the force"
+                    f"flux calibration: at gap {node:g} m no flux density grows with the force",
+                    code="not-monotone",
                 )
             constants.append(constant)
         return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])

@@ -89,7 +89,9 @@ def flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
     """Design the flux loop around the best current without memory."""
     surface, operating, calibration = sources.surface(), sources.operating, sources.flux_calibration
     if calibration is None:
-        raise InputError("flux: needs a Hall probe and its calibration")
+        raise InputError(
+            "flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux"
+        )
     wanted = np.ascontiguousarray(calibration.density_over(surface.force, surface.gap))
     gains = design_flux_loop(calibration, surface, wanted, operating.force, operating.rate)
     return FluxFeedback(current_map(surface.current, operating, {}), wanted, gains, operating.rate)

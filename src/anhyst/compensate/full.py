@@ -142,7 +142,9 @@ def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTab
         raise InputError(
             f"current: its limits drive the iron to {reach:.0f} times its shape field a, beyond "
             f"{FURTHEST:.0f} the tables are too steep for 16 bits; narrow the current, or "
-            "identify with --law play-cells"
+            "identify with --law play-cells",
+            code="tables-too-steep",
+            key="current",
         )
     n = sizes.curve_segments
     field = np.linspace(-reach, reach, 2 ** (n + 1) + 1)

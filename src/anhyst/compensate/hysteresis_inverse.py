@@ -70,7 +70,7 @@ def _compile(
     """Compile as for a controller; floating point takes the tables chosen for fixed point."""
     model, where = sources.model, sources.operating
     if model is None:
-        raise InputError("this method needs a model; identify one from the loops")
+        raise InputError("this method needs a model; identify one from the loops", code="no-model")
     narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
     plan = make_plan(narrowed, CompileRequest(kind, "q31", where.rate), 0)
     block = plan.block

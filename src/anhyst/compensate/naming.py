@@ -37,5 +37,7 @@ def check_name(name: str) -> None:
     if not _NAME.fullmatch(name):
         raise InputError(
             f"--name: '{name}' is no name; give up to {LONGEST} small letters, digits and "
-            "underscores, a letter first"
+            "underscores, a letter first",
+            code="bad-name",
+            key="--name",
         )

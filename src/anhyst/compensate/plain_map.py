@@ -48,7 +48,11 @@ def plain_map(model: Model, scales: Scales) -> CurrentMap:
         The model does not say where it holds, or hardly reaches the forces.
     """
     if model.valid is None:
-        raise InputError("model: does not say where it holds; identify it from loops")
+        raise InputError(
+            "model: does not say where it holds; identify it from loops",
+            code="no-valid-range",
+            key="model",
+        )
     high, force_max = model.valid.input[1], model.valid.output[1]
     ends = scales.gap_low, scales.gap_high
     middle = 0.5 * (ends[0] + ends[1])

@@ -63,9 +63,15 @@ class CompileRequest:
 
     def __post_init__(self) -> None:
         if not RATES[0] <= self.rate <= RATES[1]:
-            raise InputError(f"--rate: is {self.rate:g} Hz; give 1 to 1000000")
+            raise InputError(
+                f"--rate: is {self.rate:g} Hz; give 1 to 1000000", code="out-of-range", key="--rate"
+            )
         if self.accuracy is not None and not FINEST <= self.accuracy <= COARSEST:
-            raise InputError(f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}")
+            raise InputError(
+                f"--accuracy: is {self.accuracy:g} %; give {FINEST:g} to {COARSEST:g}",
+                code="out-of-range",
+                key="--accuracy",
+            )
         if self.name is not None:
             check_name(self.name)
 
@@ -208,7 +214,9 @@ def not_computed(error: InputError | NegativeResult) -> InputError:
     """Return the error of a model whose law ends within its own limits; `error` says where."""
     return InputError(
         f"[valid]: the law cannot be computed within these limits ({error}); narrow them, or "
-        "correct the parameters"
+        "correct the parameters",
+        code="not-computed",
+        key="valid",
     )
 
 
@@ -223,7 +231,8 @@ def find_limits(model: Model) -> DemandLimits:
     if model.valid is None:
         raise InputError(
             "the model does not say where it holds: without [valid] there are no limits of demand "
-            "and current; add it to the model file"
+            "and current; add it to the model file",
+            code="no-valid-range",
         )
     low, high = model.valid.output
     # A force is the square of the flux: what the sensor read below zero was noise.
@@ -236,7 +245,9 @@ def find_limits(model: Model) -> DemandLimits:
         if not low < high:
             raise InputError(
                 f"[valid]: the range of the {name}, {low:g} to {high:g}, has no room for a "
-                "compensator; give its ends"
+                "compensator; give its ends",
+                code="range-too-narrow",
+                key="valid",
             )
     return limits
 

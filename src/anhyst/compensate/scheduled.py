@@ -23,7 +23,7 @@ MOST_FLUX_SHIFT = 6
 def refuse_uncompilable(model: Model) -> None:
     """Raise `InputError` for a model that has no fixed-point form, saying why."""
     if (reason := obstacle(model)) is not None:
-        raise InputError(reason)
+        raise InputError(reason, code="no-fixed-point-form")
 
 
 def nearly_jumps(model: Model, at: FloatArray) -> InputError:
@@ -31,7 +31,9 @@ def nearly_jumps(model: Model, at: FloatArray) -> InputError:
     return InputError(
         f"alpha: the output all but jumps at some currents (least slope of the drive "
         f"{least_slope(model, at).min():.2g} of that without iron), nearer than 16-bit tables "
-        "can follow; compile with --io f32"
+        "can follow; compile with --io f32",
+        code="tables-too-steep",
+        key="alpha",
     )
 
 
@@ -67,7 +69,9 @@ def flux_shift(gain: FloatArray) -> int:
     if not gain.max() <= LARGEST_WEIGHT * 2.0**MOST_FLUX_SHIFT:
         raise InputError(
             "flux: the full-scale demand is far beyond saturation; narrow the output in the "
-            "model's [valid], or correct its parameters"
+            "model's [valid], or correct its parameters",
+            code="demand-beyond-saturation",
+            key="flux",
         )
     return max(0, int(np.ceil(np.log2(gain.max() / LARGEST_WEIGHT))))
 
@@ -159,7 +163,9 @@ def pack_arms(
     if shift > 8:
         raise InputError(
             f"current: a unit of flux or field counts for {largest:.0f} times the full-scale "
-            "current, more than 16-bit words can weigh against each other; compile with --io f32"
+            "current, more than 16-bit words can weigh against each other; compile with --io f32",
+            code="weights-too-uneven",
+            key="current",
         )
     unit = scales.current * 2.0**shift
     pack.set("CURRENT_SHIFT", shift)

@@ -1,7 +1,7 @@
 """The parameter block of the simplified law: the paper's straight anhysteretic curve.
 
 With eqs. 19 and 20 the inverse has a closed form with one bounded state ``u`` that follows the
-flux (:mod:`anhyst.laws.oracle.linear_anhysteretic` has the derivation)::
+flux (``tests/oracles/linear_anhysteretic.py`` has the derivation)::
 
     current = bias(gap) + flux_arm(gap)*flux + lag_arm(gap)*u
 
@@ -315,7 +315,9 @@ def fit_closed_form(
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
         raise InputError(
             "[valid]: demands within these limits do not move the flux, so there is nothing a "
-            "simplified law could be fitted to; correct them, or compile with --kind full"
+            "simplified law could be fitted to; correct them, or compile with --kind full",
+            code="flux-not-moved",
+            key="valid",
         )
     rate, nu = _search(groups, sizes)
     offset: FloatArray | None = None
@@ -333,7 +335,8 @@ def fit_closed_form(
     if np.any(arms[:, 2] <= 0.0):
         raise InputError(
             "the model has no hysteresis that a simplified law could follow; compile with "
-            "--kind full"
+            "--kind full",
+            code="no-hysteresis",
         )
     bias, flux_arm, lag_arm = arms.T
     worst, mean = float(errors.max()), float(errors.mean())

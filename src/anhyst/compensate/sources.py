@@ -47,11 +47,19 @@ class Operating:
     def __post_init__(self) -> None:
         low, high = self.gap_range
         if not 0.0 <= low < self.gap < high:
-            raise InputError(f"gap: {self.gap:g} m is not within {low:g} to {high:g} m")
+            raise InputError(
+                f"gap: {self.gap:g} m is not within {low:g} to {high:g} m",
+                code="out-of-range",
+                key="gap",
+            )
         if not 0.0 < self.force < self.force_max:
-            raise InputError(f"force: {self.force:g} N is not within 0 to {self.force_max:g} N")
+            raise InputError(
+                f"force: {self.force:g} N is not within 0 to {self.force_max:g} N",
+                code="out-of-range",
+                key="force",
+            )
         if not (self.rate > 0.0 and self.current_max > 0.0):
-            raise InputError("rate and largest current must be above zero")
+            raise InputError("rate and largest current must be above zero", code="not-above-zero")
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,6 @@ class Sources:
             There are no loops, or they do not span what is asked for.
         """
         if self.loops is None:
-            raise InputError("this method needs the measured loops; give them")
+            raise InputError("this method needs the measured loops; give them", code="no-loops")
         where = self.operating
         return fit_surface(self.loops, full_scale(where.force_max), where.gap_range)

@@ -96,14 +96,18 @@ def fit_surface(loops: Loops, force_high: float, gap_range: tuple[float, float])
         forces at all.
     """
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
-        raise InputError("loops: a bearing needs columns I_A, F_N and gap_m")
+        raise InputError(
+            "loops: a bearing needs columns I_A, F_N and gap_m", code="columns-missing", key="loops"
+        )
     groups = loops.by_schedule()
     nodes = np.array(list(groups))
     slack = 1e-9
     if not (nodes[0] - slack <= gap_range[0] < gap_range[1] <= nodes[-1] + slack):
         raise InputError(
             f"loops: measured at gaps of {nodes[0]:g} to {nodes[-1]:g} m, wanted are "
-            f"{gap_range[0]:g} to {gap_range[1]:g} m; measure more gaps or narrow the range"
+            f"{gap_range[0]:g} to {gap_range[1]:g} m; measure more gaps or narrow the range",
+            code="gaps-not-covered",
+            key="loops",
         )
     force = np.linspace(0.0, force_high, COLUMNS)
     table = np.array([_row(midway(members, force), force, gap) for gap, members in groups.items()])
@@ -118,7 +122,9 @@ def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
     if known.size < 0.2 * force.size:
         raise InputError(
             f"loops: at gap {gap:g} m they show less than a fifth of {force[-1]:g} N; lower the "
-            "largest force or measure larger currents"
+            "largest force or measure larger currents",
+            code="force-not-reached",
+            key="loops",
         )
     filled = _smooth(force, np.interp(force, force[known], middle[known]))
     row = monotone_fit(filled, np.ones(force.size))

@@ -26,7 +26,7 @@ from anhyst.control.position import PositionControl, Settings
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import Fault, faults_error
+from anhyst.support.toml_file import FileFault, faults_error
 
 BEYOND = 1.01
 """Largest current of a controller, by the largest that was measured; as much for noise."""
@@ -86,7 +86,9 @@ class Controller:
         if model.valid is not None and highest > BEYOND * model.valid.input[1]:
             seen = model.valid.input[1]
             text = f"the model was seen up to {seen:g} A; lower it, or measure further"
-            raise faults_error(self.file.path, [(("limits", "current_high_A"), text)])
+            raise faults_error(
+                self.file.path, [FileFault(("limits", "current_high_A"), text, code="beyond-model")]
+            )
 
     def around(self, plan: Plan) -> ControllerPlan:
         """Return the controller around the compensator of a plan.
@@ -180,28 +182,28 @@ def read_fitting(path: PathLike, request: CompileRequest, model_path: PathLike) 
     return Controller(file)
 
 
-def _faults(table: ControllerTable, request: CompileRequest) -> list[Fault]:
+def _faults(table: ControllerTable, request: CompileRequest) -> list[FileFault]:
     chosen = table.compensation
-    faults: list[Fault] = []
+    faults: list[FileFault] = []
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
-        faults.append((("rate_Hz",), text))
+        faults.append(FileFault(("rate_Hz",), text, code="option-differs"))
     if chosen.variant not in MODELS:  # the others exist to be compared with
         text = f'"{chosen.variant}" is for comparison in simulations; write "full" or "simplified"'
-        faults.append((("compensation", "variant"), text))
+        faults.append(FileFault(("compensation", "variant"), text, code="not-compilable"))
     elif chosen.variant != request.kind:
         text = f'is "{chosen.variant}" here and {request.kind} in --kind; make them equal'
-        faults.append((("compensation", "variant"), text))
+        faults.append(FileFault(("compensation", "variant"), text, code="option-differs"))
     if chosen.format != "fixed":
         text = f'"{chosen.format}" is for simulations; write "fixed", which goes with --io q31'
-        faults.append((("compensation", "format"), text))
+        faults.append(FileFault(("compensation", "format"), text, code="not-compilable"))
     if table.pair is None and table.limits.force_low_N < 0.0:
         text = "a single magnet cannot push; raise it to 0, or describe the second in [pair]"
-        faults.append((("limits", "force_low_N"), text))
+        faults.append(FileFault(("limits", "force_low_N"), text, code="cannot-push"))
     return faults
 
 
-def _model_faults(file: ControllerFile, model_path: PathLike) -> list[Fault]:
+def _model_faults(file: ControllerFile, model_path: PathLike) -> list[FileFault]:
     """Refuse another model than the one that the controller file names."""
     if file.model is None:
         return []
@@ -211,7 +213,7 @@ def _model_faults(file: ControllerFile, model_path: PathLike) -> list[Fault]:
         text = f"{error.filename}: {error.strerror}; name the model file that is compiled"
     else:
         text = "" if same else f"is not {model_path}; compile the model that is named here"
-    return [(("compensation", "model"), text)] if text else []
+    return [FileFault(("compensation", "model"), text, code="model-differs")] if text else []
 
 
 def _check_format(table: ControllerTable, request: CompileRequest) -> None:
@@ -222,10 +224,14 @@ def _check_format(table: ControllerTable, request: CompileRequest) -> None:
         speed = step * table.rate_Hz
         raise InputError(
             f"--io: in q15 a gap has steps of {1e9 * step:.2g} nm and its speed of "
-            f"{1e3 * speed:.2g} mm/s, too coarse to control it; give q31"
+            f"{1e3 * speed:.2g} mm/s, too coarse to control it; give q31",
+            code="format-too-coarse",
+            key="--io",
         )
     if request.io != "q31":
         raise InputError(
             f"--io: {request.io} is not for a position controller, which is compiled in fixed "
-            "point; give q31"
+            "point; give q31",
+            code="option-not-for-this",
+            key="--io",
         )

@@ -30,15 +30,18 @@ def check_folder(out: PathLike) -> None:
     """
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder")
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     if target.is_dir() and any(target.iterdir()) and not _is_ours(target):
         raise InputError(
-            f"{out}: holds files that anhyst compile has not written; name another folder"
+            f"{out}: holds files that anhyst compile has not written; name another folder",
+            code="folder-holds-other-files",
         )
     if not target.parent.is_dir():
-        raise InputError(f"{target.parent}: no such folder; create it first")
+        raise InputError(f"{target.parent}: no such folder; create it first", code="no-such-folder")
     if not os.access(target.parent, os.W_OK):
-        raise InputError(f"{target.parent}: cannot be written; name another folder")
+        raise InputError(
+            f"{target.parent}: cannot be written; name another folder", code="cannot-be-written"
+        )
 
 
 def _is_ours(folder: Path) -> bool:

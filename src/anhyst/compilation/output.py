@@ -166,9 +166,9 @@ def compile_model(
     try:
         plan, budget = _planned(model, request, int(sha256[:8], 16), controller, progress)
     except InputError as error:
-        raise InputError(f"{model_path}: {error}") from error
+        raise error.at(model_path) from error
     except NegativeResult as error:
-        raise InputError(f"{model_path}: {not_computed(error)}") from error
+        raise not_computed(error).at(model_path) from error
     if not is_reached(budget):
         raise refusal(budget, _better(model, plan, controller))
     if request.accuracy is not None and request.kind == "full" and not is_held(plan, budget):

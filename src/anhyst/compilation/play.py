@@ -127,7 +127,11 @@ def compile_play(
         folder cannot be written.
     """
     if io != "q31":
-        raise InputError(f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31")
+        raise InputError(
+            f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31",
+            code="option-not-for-this",
+            key="--io",
+        )
     CompileRequest("full", "q31", rate, name=name)  # the same rates and names
     check_folder(out)
     model = read_model(model_path)
@@ -136,7 +140,7 @@ def compile_play(
         play = one_play(Sources(operating, model_loops(model, operating)), "fixed")
         errors = model_errors(model, play, operating)
     except InputError as error:
-        raise InputError(f"{model_path}: {error}") from error
+        raise error.at(model_path) from error
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
     called = name or c_name(model.name)
     head = _Head(called, model, sha256, running_version(), operating)
@@ -162,11 +166,17 @@ def _operating(model: Model, rate: float) -> Operating:
     if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
         raise InputError(
             "--kind play is for a magnet: current to force at several gaps, with [valid]; compile "
-            "it with --kind full"
+            "it with --kind full",
+            code="option-not-for-this",
+            key="--kind",
         )
     limits, gaps = find_limits(model), model.valid.schedule
     if not 0.0 <= gaps[0] < gaps[1]:
-        raise InputError("[valid]: --kind play needs a range of gaps; identify at several")
+        raise InputError(
+            "[valid]: --kind play needs a range of gaps; identify at several",
+            code="single-gap",
+            key="valid",
+        )
     middle, force = 0.5 * (gaps[0] + gaps[1]), limits.demand[1]
     return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
 

@@ -89,7 +89,11 @@ def _rate(rate: float | None, controller: PathLike | None) -> float:
     if rate is not None:
         return rate
     if controller is None:
-        raise InputError("--rate: is missing; give the ticks a second, or a --controller file")
+        raise InputError(
+            "--rate: is missing; give the ticks a second, or a --controller file",
+            code="missing",
+            key="--rate",
+        )
     return read_controller(controller).settings.rate_Hz
 
 
@@ -98,10 +102,14 @@ def _refuse_for_play(controller: PathLike | None, accuracy: float | None) -> Non
     if controller is not None:
         raise InputError(
             "--controller: a position controller is compiled with --kind full or simplified; leave "
-            "it out, or give another kind"
+            "it out, or give another kind",
+            code="option-not-for-this",
+            key="--controller",
         )
     if accuracy is not None:
         raise InputError(
             "--accuracy: a map with one play is as accurate as its one play; leave it out, or give "
-            "--kind full"
+            "--kind full",
+            code="option-not-for-this",
+            key="--accuracy",
         )

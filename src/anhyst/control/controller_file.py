@@ -28,7 +28,7 @@ from anhyst.control.position import (
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
-    Fault,
+    FileFault,
     NotNegative,
     Number,
     Positive,
@@ -70,7 +70,10 @@ class DesignTable(Table):
     @model_validator(mode="after")
     def _massive(self) -> Self:
         if not self.mass_kg + self.virtual_mass_kg > 0.0:
-            raise ValueError("virtual_mass_kg takes away all of mass_kg; raise it")
+            raise InputError(
+                "virtual_mass_kg takes away all of mass_kg; raise it",
+                code="virtual-mass-too-negative",
+            )
         return self
 
 
@@ -105,9 +108,10 @@ class LimitsTable(Table):
     @classmethod
     def _above_rounding(cls, step: float) -> float:
         if step < FINEST_STEP:
-            raise ValueError(
+            raise InputError(
                 f"{step:g} m is below {FINEST_STEP:g} m, less than any position sensor's noise: no "
-                "reading would count; raise it"
+                "reading would count; raise it",
+                code="step-too-fine",
             )
         return step
 
@@ -119,7 +123,7 @@ class LimitsTable(Table):
             ("gap_low_m", "gap_high_m"),
         ):
             if not getattr(self, low) < getattr(self, high):
-                raise ValueError(f"{low} must be below {high}; correct them")
+                raise InputError(f"{low} must be below {high}; correct them", code="range-reversed")
         return self
 
 
@@ -142,7 +146,7 @@ class ConverterTable(Table):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if not self.low_A < self.high_A:
-            raise ValueError("low_A must be below high_A; correct them")
+            raise InputError("low_A must be below high_A; correct them", code="range-reversed")
         return self
 
 
@@ -212,7 +216,11 @@ class ControllerTable(Table):
             )
         rule = self.design
         if rule is None:
-            raise InputError("neither [design] nor [gains] is there; add one of the two tables")
+            raise InputError(
+                "neither [design] nor [gains] is there; add one of the two tables",
+                code="missing",
+                key="design",
+            )
         return design(rule.mass_kg, rule.bandwidth_Hz, rule.damping, rule.virtual_mass_kg)
 
     def pidd2(self) -> Pidd2:
@@ -380,26 +388,36 @@ def read_controller(path: PathLike) -> ControllerFile:
     return ControllerFile(place, settings)
 
 
-def _own_faults(settings: ControllerTable) -> list[Fault]:
-    faults: list[Fault] = []
+def _own_faults(settings: ControllerTable) -> list[FileFault]:
+    faults: list[FileFault] = []
     if settings.design is not None and settings.gains is not None:
-        faults.append((("gains",), "stands beside [design]; keep one of the two tables"))
+        faults.append(
+            FileFault(
+                ("gains",), "stands beside [design]; keep one of the two tables", code="both-given"
+            )
+        )
     if settings.design is None and settings.gains is None:
-        faults.append((("design",), "is missing, and so is [gains]; add one of the two tables"))
+        faults.append(
+            FileFault(
+                ("design",),
+                "is missing, and so is [gains]; add one of the two tables",
+                code="missing",
+            )
+        )
     for key in ("cutoff_Hz", "cutoff_2_Hz"):
         cutoff = getattr(settings.filter, key)
         if cutoff >= settings.rate_Hz / 2.0:
             text = f"{cutoff:g} Hz is not below half of rate_Hz, {settings.rate_Hz / 2.0:g} Hz"
-            faults.append((("filter", key), f"{text}; lower it"))
+            faults.append(FileFault(("filter", key), f"{text}; lower it", code="above-half-rate"))
     limits = settings.limits
     if limits.current_low_A > 0.0:
         text = f"{limits.current_low_A:g} A is above 0, but at rest no current flows; lower it"
-        faults.append((("limits", "current_low_A"), text))
+        faults.append(FileFault(("limits", "current_low_A"), text, code="zero-outside-range"))
     for key, unit, what in (("force_high_N", "N", "force"), ("current_high_A", "A", "current")):
         value = getattr(limits, key)
         if not value > 0.0:
             text = f"{value:g} {unit} is not above 0, and no other {what} lifts; raise it"
-            faults.append((("limits", key), text))
+            faults.append(FileFault(("limits", key), text, code="not-above-zero"))
     return faults
 
 
@@ -446,7 +464,9 @@ def error_at_key(file: ControllerFile) -> Iterator[None]:
         if key[:1] == ("gains",) and file.settings.gains is None:
             key = ("design", "bandwidth_Hz")  # all gains grow with it
             text = str(error)
-        raise faults_error(file.path, [(key, text if key else str(error))]) from error
+        raise faults_error(
+            file.path, [FileFault(key, text if key else str(error), code=error.code)]
+        ) from error
 
 
 HEADS = {

@@ -81,11 +81,15 @@ def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 
         ("damping", damping, ""),
     ):
         if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name}: {value}{unit} is not above zero")
+            raise InputError(
+                f"{name}: {value}{unit} is not above zero", code="not-above-zero", key=name
+            )
     if not (math.isfinite(virtual_mass) and mass + virtual_mass > 0.0):
         raise InputError(
             f"virtual_mass: {virtual_mass} kg leaves nothing of a mass of {mass} kg; "
-            "give a number above minus the mass"
+            "give a number above minus the mass",
+            code="virtual-mass-too-negative",
+            key="virtual_mass",
         )
     w = 2.0 * math.pi * bandwidth
     total = mass + virtual_mass

@@ -110,7 +110,8 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
     else:
         raise InputError(
             f"transfer function: has {transfer.ninputs} inputs and {transfer.noutputs} outputs; "
-            "give one from the error, or one with " + ", ".join(INPUTS)
+            "give one from the error, or one with " + ", ".join(INPUTS),
+            code="signals-wrong",
         )
     cutoff, cutoff_2 = (_cutoff(share, rate) for share in shares)
     return Pidd2(
@@ -138,7 +139,9 @@ def control_library() -> Any:
         import control
     except ImportError as error:
         raise InputError(
-            "python-control is not installed: pip install 'anhyst[control]'"
+            "python-control is not installed: pip install 'anhyst[control]'",
+            code="not-installed",
+            key="control",
         ) from error
     return control
 
@@ -159,16 +162,18 @@ def _over_w(coefficients: FloatArray) -> FloatArray:
 def _check_time(transfer: TransferFunction, rate: float) -> None:
     """Refuse what is not discrete with this rate."""
     if not (math.isfinite(rate) and rate > 0.0):
-        raise InputError(f"rate: {rate} Hz is not above zero")
+        raise InputError(f"rate: {rate} Hz is not above zero", code="not-above-zero", key="rate")
     if transfer.dt is None or transfer.dt == 0:
         raise InputError(
             "transfer function: it is continuous; discretise it first, with "
-            f"control.sample_system(..., {1.0 / rate:g})"
+            f"control.sample_system(..., {1.0 / rate:g})",
+            code="not-discrete",
         )
     if transfer.dt is not True and not math.isclose(transfer.dt * rate, 1.0, rel_tol=1e-9):
         raise InputError(
             f"transfer function: its tick is {transfer.dt:g} s, which is not 1/rate = "
-            f"{1.0 / rate:g} s"
+            f"{1.0 / rate:g} s",
+            code="tick-differs",
         )
 
 
@@ -179,16 +184,19 @@ def _parts(
     below = _over_w(denominator)
     above = _over_w(numerator)
     if not np.any(below):
-        raise InputError("transfer function: its denominator is zero")
+        raise InputError("transfer function: its denominator is zero", code="denominator-zero")
     integrates = below[0] == 0.0
     rest = below[1:] if integrates else below  # of the filters alone
     if len(rest) > 3 or rest[0] == 0.0:
         raise InputError(
             "transfer function: has more than an integrator and two other poles; a PIDD2 has no "
-            "more (control.minreal removes poles that cancel)"
+            "more (control.minreal removes poles that cancel)",
+            code="too-many-poles",
         )
     if len(above) > len(below):
-        raise InputError("transfer function: has more zeros than poles, so it looks ahead")
+        raise InputError(
+            "transfer function: has more zeros than poles, so it looks ahead", code="looks-ahead"
+        )
     above = np.pad(above, (0, 4 - len(above))) / rest[-1]
     shares = _shares(rest / rest[-1])
     s, t = shares
@@ -216,13 +224,19 @@ def _shares(rest: FloatArray) -> tuple[float, float]:
         product, total = float(rest[0]), float(rest[1])
         under = (total / 2.0) ** 2 - product
         if under < -1e-9 * total**2:
-            raise InputError("transfer function: has complex poles, which no filter of a PIDD2 has")
+            raise InputError(
+                "transfer function: has complex poles, which no filter of a PIDD2 has",
+                code="complex-poles",
+            )
         half = math.sqrt(max(0.0, under))
         larger = total / 2.0 + math.copysign(half, total)
         shares = (larger, product / larger)
     if not all(0.0 < share <= 1.0 + _ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)
-        raise InputError(f"transfer function: poles at {poles}; filters have theirs within 0..1")
+        raise InputError(
+            f"transfer function: poles at {poles}; filters have theirs within 0..1",
+            code="poles-out-of-range",
+        )
     return shares
 
 
@@ -233,10 +247,18 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     wanted = 1 if k == 0.0 else 2
     integrates = len(below) == 2 and below[0] == 0.0
     if len(below) != wanted or len(above) > wanted or (wanted == 2 and not integrates):
-        raise InputError("reference: must pass proportionally and through the integral only")
+        raise InputError(
+            "reference: must pass proportionally and through the integral only",
+            code="not-a-pidd2",
+            key="reference",
+        )
     above = above / below[-1]
     if wanted == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
-        raise InputError("reference: has another gain of the integral than the position")
+        raise InputError(
+            "reference: has another gain of the integral than the position",
+            code="not-a-pidd2",
+            key="reference",
+        )
     if p == 0.0:
         return 1.0
     weight = float(above[wanted - 1] / p) if len(above) == wanted else 0.0
@@ -248,7 +270,7 @@ def _constant(numerator: FloatArray, denominator: FloatArray) -> float:
     """Return the value of a function that must be one number."""
     above, below = _over_w(numerator), _over_w(denominator)
     if len(above) != 1 or len(below) != 1:
-        raise InputError("load: must be fed forward by one number")
+        raise InputError("load: must be fed forward by one number", code="not-a-pidd2", key="load")
     return float(above[0] / below[0])
 
 

@@ -48,7 +48,11 @@ class FullScales:
         for field in fields(self):
             value = getattr(self, field.name)
             if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"full scale of {field.name}: {value} is not above zero")
+                raise InputError(
+                    f"full scale of {field.name}: {value} is not above zero",
+                    code="not-above-zero",
+                    key=field.name,
+                )
 
 
 @dataclass(frozen=True)
@@ -139,18 +143,38 @@ class Pidd2:
     def __post_init__(self) -> None:
         for name in ("rate", "K_p", "K_i", "K_d", "K_dd", "K_load"):
             if not math.isfinite(getattr(self, name)):
-                raise InputError(f"{name}: {getattr(self, name)} is not a finite number")
+                raise InputError(
+                    f"{name}: {getattr(self, name)} is not a finite number",
+                    code="not-finite",
+                    key=name,
+                )
         for name in ("rate", "cutoff", "cutoff_2"):
             if not getattr(self, name) > 0.0:
-                raise InputError(f"{name}: {getattr(self, name)} Hz is not above zero")
+                raise InputError(
+                    f"{name}: {getattr(self, name)} Hz is not above zero",
+                    code="not-above-zero",
+                    key=name,
+                )
         if not 0.0 <= self.weight <= 1.0:
-            raise InputError(f"weight: {self.weight} is not within 0..1")
+            raise InputError(
+                f"weight: {self.weight} is not within 0..1", code="out-of-range", key="weight"
+            )
         if self.K_p * self.K_i < 0.0:
-            raise InputError("K_i: must have the sign of K_p, or the loop drives itself away")
+            raise InputError(
+                "K_i: must have the sign of K_p, or the loop drives itself away",
+                code="gain-signs-differ",
+                key="K_i",
+            )
         if not self.low <= self.high:
-            raise InputError(f"low: {self.low} N is above high, {self.high} N")
+            raise InputError(
+                f"low: {self.low} N is above high, {self.high} N", code="range-reversed", key="low"
+            )
         if self.tracking is not None and not self.tracking > 0.0:
-            raise InputError(f"tracking: {self.tracking} s is not above zero")
+            raise InputError(
+                f"tracking: {self.tracking} s is not above zero",
+                code="not-above-zero",
+                key="tracking",
+            )
 
     @property
     def tick(self) -> float:
@@ -232,5 +256,9 @@ def _limit(name: str, value: float, scales: FullScales) -> int:
     """Return a limit of the output as a q31."""
     part = value / scales.output
     if math.isfinite(value) and abs(part) > 1.0:
-        raise InputError(f"{name}: {value} N is beyond the full scale of {scales.output} N")
+        raise InputError(
+            f"{name}: {value} N is beyond the full scale of {scales.output} N",
+            code="beyond-full-scale",
+            key=name,
+        )
     return int(max(-_Q31, min(_Q31 - 1.0, round(part * _Q31) if math.isfinite(part) else part * 2)))

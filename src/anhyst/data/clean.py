@@ -48,7 +48,11 @@ def clean(loopset: Loops, steps: Sequence[str] | None = None) -> Loops:
     """
     for name in DEFAULT_STEPS if steps is None else steps:
         if name not in STEPS:
-            raise InputError(f"cleaning step '{name}' is not known; there are: {', '.join(STEPS)}")
+            raise InputError(
+                f"cleaning step '{name}' is not known; there are: {', '.join(STEPS)}",
+                code="unknown-cleaning-step",
+                key=name,
+            )
         loopset = STEPS[name](loopset)
     return loopset
 

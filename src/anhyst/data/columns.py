@@ -56,8 +56,8 @@ class RawColumns:
 class TextInNumbersError(InputError):
     """A column that was taken for numbers holds text, NaN or Inf; ``column`` is its index."""
 
-    def __init__(self, message: str, column: int) -> None:
-        super().__init__(message)
+    def __init__(self, text: str, column: int, key: str) -> None:
+        super().__init__(text, code="text-in-numbers", key=key)
         self.column = column
 
 

@@ -63,7 +63,9 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     source, out = Path(source), Path(out)
     suffix = out.suffix.lower()
     if suffix not in WRITERS:
-        raise InputError(f"{out}: is written as {', '.join(WRITERS)}; name it so")
+        raise InputError(
+            f"{out}: is written as {', '.join(WRITERS)}; name it so", code="wrong-ending"
+        )
     check_writable(out, reads=[source])
     opened = open_table(source, least=1)
     file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
@@ -76,7 +78,10 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
     parts, left = _without_complex(parts)
     lengths = [len(one.values) for part in parts for one in part.series]
     if not lengths:
-        raise InputError(f"{source}: holds nothing that can be written; {'; '.join(left)}")
+        raise InputError(
+            f"{source}: holds nothing that can be written; {'; '.join(left)}",
+            code="nothing-to-write",
+        )
     try:
         notes += [*left, *WRITERS[suffix](out, parts)]
     except (InputError, MemoryError):
@@ -85,7 +90,8 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
         raise write_error(out, error) from None
     except Exception as error:  # of the format's library: names or types that it does not take
         raise InputError(
-            f"{out}: {suffix} cannot hold this recording ({error}); choose another format"
+            f"{out}: {suffix} cannot hold this recording ({error}); choose another format",
+            code="format-cannot-hold",
         ) from None
     return Conversion(str(out), len(lengths), max(lengths), tuple(notes))
 

@@ -55,7 +55,9 @@ def _through_arrow(frame: Any) -> Any:
     except ImportError as error:
         raise InputError(
             f"{PLACE}: pyarrow is needed to read a {type(frame).__name__}: "
-            "pip install 'anhyst[io]'; or give a dict of arrays"
+            "pip install 'anhyst[io]'; or give a dict of arrays",
+            code="not-installed",
+            key="pyarrow",
         ) from error
     if hasattr(frame, "__arrow_c_stream__"):
         return pyarrow.table(frame)

@@ -34,18 +34,32 @@ class History:
 
     def __post_init__(self) -> None:
         if self.kind not in {"demagnetised", "settled", "conditioned"}:
-            raise InputError(f"history '{self.kind}' is not known; {_ADVICE}")
+            raise InputError(
+                f"history '{self.kind}' is not known; {_ADVICE}",
+                code="unknown-history",
+                key="history",
+            )
         wrong = {"conditioned": not self.turning_points, "demagnetised": bool(self.turning_points)}
         if wrong.get(self.kind, False):
-            raise InputError(f"history '{self.kind}' with the wrong turning points; {_ADVICE}")
+            raise InputError(
+                f"history '{self.kind}' with the wrong turning points; {_ADVICE}",
+                code="history-turning-points",
+                key="history",
+            )
         if self.schedule and len(self.schedule) != len(self.turning_points):
             raise InputError(
                 f"history '{self.kind}': {len(self.turning_points)} turning points and "
-                f"{len(self.schedule)} scheduling values; give one for each"
+                f"{len(self.schedule)} scheduling values; give one for each",
+                code="history-schedule",
+                key="history",
             )
         values = [*self.turning_points, *(one for one in self.schedule if one is not None)]
         if not all(math.isfinite(value) for value in values):
-            raise InputError(f"history '{self}': turning points must be finite; {_ADVICE}")
+            raise InputError(
+                f"history '{self}': turning points must be finite; {_ADVICE}",
+                code="history-turning-points",
+                key="history",
+            )
         if all(value is None for value in self.schedule):
             object.__setattr__(self, "schedule", ())
 
@@ -68,7 +82,9 @@ class History:
         kind, colon, rest = text.strip().partition(":")
         kind = kind.strip().lower().replace("demagnetized", "demagnetised")
         if kind not in {"demagnetised", "settled", "conditioned"}:
-            raise InputError(f"history '{text}' is not known; {_ADVICE}")
+            raise InputError(
+                f"history '{text}' is not known; {_ADVICE}", code="unknown-history", key="history"
+            )
         points: list[float] = []
         schedule: list[float | None] = []
         try:
@@ -79,7 +95,9 @@ class History:
                 schedule += [at] * (len(points) - len(schedule))
         except ValueError:
             raise InputError(
-                f"history '{text}': turning points are no numbers; {_ADVICE}"
+                f"history '{text}': turning points are no numbers; {_ADVICE}",
+                code="history-turning-points",
+                key="history",
             ) from None
         return cls(cast("Kind", kind), tuple(points), tuple(schedule))
 

@@ -61,7 +61,8 @@ def _must_agree(first: LoopPart, part: LoopPart) -> None:
             texts = [quantity.column if quantity else "none" for quantity in (mine, theirs)]
             raise InputError(
                 f"{part.place}: its {role} is {texts[1]} but that of {first.place} is {texts[0]}; "
-                "files read together must hold the same quantities"
+                "files read together must hold the same quantities",
+                code="quantities-differ",
             )
 
 
@@ -117,7 +118,9 @@ class _Kept:
         at = "" if entry.value is None else f" at {entry.value:g}"
         raise InputError(
             f"{entry.place}: loop '{entry.loop.label}'{at} is also in {other.place}, with other "
-            "data; leave one out, or tell them apart by a column 'loop'"
+            "data; leave one out, or tell them apart by a column 'loop'",
+            code="loop-twice",
+            key=entry.loop.label,
         )
 
 
@@ -126,7 +129,8 @@ def _judge_same(entry: _Entry, other: _Entry) -> str | None:
     if entry.value != other.value:
         raise InputError(
             f"{entry.place}: holds the same data at {entry.value:g} as {other.place} at "
-            f"{other.value:g}; one of the two is mislabelled"
+            f"{other.value:g}; one of the two is mislabelled",
+            code="same-data-twice",
         )
     return other.place if entry.place != other.place else None
 

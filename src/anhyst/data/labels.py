@@ -76,7 +76,8 @@ def find_label(
             names = [headers[one].text for one in (first, index)]
             raise InputError(
                 f"{place}: columns '{names[0]}' and '{names[1]}' both may tell loops apart; say "
-                f'which does: --loop "{names[0]}" or --loop "{names[1]}"'
+                f'which does: --loop "{names[0]}" or --loop "{names[1]}"',
+                code="label-ambiguous",
             )
     return first
 
@@ -123,5 +124,7 @@ def _refuse_schedule(place: str, header: Header, *, scheduled: bool) -> None:
         return
     raise InputError(
         f"{place}: column '{header.text}' stays through each loop: is it the {name}, then map it: "
-        f'{mapping([header], [name]).partition(": ")[2]}, or a mere label: --loop "{header.text}"'
+        f'{mapping([header], [name]).partition(": ")[2]}, or a mere label: --loop "{header.text}"',
+        code="label-or-schedule",
+        key=header.text,
     )

@@ -69,31 +69,45 @@ class Loop:
         if np.ptp(self.input) == 0.0:
             raise InputError(
                 f"loop '{self.label}': the input is constant ({self.input[0]:g}); a loop needs an "
-                "input that goes up and down"
+                "input that goes up and down",
+                code="input-constant",
+                key=self.label,
             )
         if self.time is not None and (back := time_fault(self.time)) is not None:
             raise InputError(
                 f"loop '{self.label}': time goes backwards at sample {back + 1}; sort the samples "
-                "or tell loops apart by a column 'loop'"
+                "or tell loops apart by a column 'loop'",
+                code="time-backwards",
+                key=self.label,
             )
         if self.time is not None and self.time[0] == self.time[-1]:
             raise InputError(
                 f"loop '{self.label}': time stands still at {self.time[0]:g} s; correct it or "
-                'leave the column out, such as --columns "t_s="'
+                'leave the column out, such as --columns "t_s="',
+                code="time-stands-still",
+                key=self.label,
             )
 
     def _checked(self, name: str, values: FloatArray) -> FloatArray:
         array = np.asarray(values, dtype=np.float64)
         if array.ndim != 1 or array.size != np.size(self.input):
-            raise InputError(f"loop '{self.label}': {name} must have one value a sample")
+            raise InputError(
+                f"loop '{self.label}': {name} must have one value a sample",
+                code="length-differs",
+                key=name,
+            )
         if array.size < 3:
             raise InputError(
-                f"loop '{self.label}': has {array.size} samples; a loop needs at least 3"
+                f"loop '{self.label}': has {array.size} samples; a loop needs at least 3",
+                code="too-few-samples",
+                key=self.label,
             )
         if (odd := value_fault(array)) is not None:
             raise InputError(
                 f"loop '{self.label}': {name} holds {array[odd]:g} at sample {odd + 1}: no "
-                "measured value; remove the sample"
+                "measured value; remove the sample",
+                code="not-finite",
+                key=name,
             )
         if array.flags.writeable or not array.flags.c_contiguous:
             array = array.copy()
@@ -156,18 +170,30 @@ class Loops(Result):
 
     def __post_init__(self) -> None:
         if not self.loops:
-            raise InputError("no loops: nothing to work with")
+            raise InputError("no loops: nothing to work with", code="no-loops")
         seen: set[tuple[str, float | None]] = set()
         for loop in self.loops:
             if (loop.schedule is None) != (self.schedule is None):
                 what = self.schedule.name if self.schedule else "scheduling value"
-                raise InputError(f"loop '{loop.label}': has a {what} while others do not, or none")
+                raise InputError(
+                    f"loop '{loop.label}': has a {what} while others do not, or none",
+                    code="quantities-differ",
+                    key=loop.label,
+                )
             is_gap = loop.schedule is not None and self.schedule == QUANTITIES["gap"]
             if is_gap and (least := float(np.min(loop.schedule))) < 0.0:  # type: ignore[arg-type]
-                raise InputError(f"loop '{loop.label}': negative gap {least:g} m; {GAP_ADVICE}")
+                raise InputError(
+                    f"loop '{loop.label}': negative gap {least:g} m; {GAP_ADVICE}",
+                    code="negative-gap",
+                    key=loop.label,
+                )
             key = (loop.label, loop.schedule_value)
             if key in seen and (loop.schedule is None or key[1] is not None):
-                raise InputError(f"two loops are both called '{self.describe(loop)}'; rename one")
+                raise InputError(
+                    f"two loops are both called '{self.describe(loop)}'; rename one",
+                    code="loop-twice",
+                    key=loop.label,
+                )
             seen.add(key)
 
     def __len__(self) -> int:
@@ -193,7 +219,9 @@ class Loops(Result):
             if loop.schedule_value is None:
                 raise InputError(
                     f"loop '{loop.label}': the {self.schedule.name} moves during the loop; loops "
-                    "at constant values are needed here (cleaning step 'steady' settles wobble)"
+                    "at constant values are needed here (cleaning step 'steady' settles wobble)",
+                    code="schedule-moves",
+                    key=self.schedule.name,
                 )
         return {
             value: [loop for loop in self.loops if loop.schedule_value == value]
@@ -215,7 +243,7 @@ class Loops(Result):
             near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not near:
                 have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
-                raise InputError(f"no loop at {value:g}; there are: {have}")
+                raise InputError(f"no loop at {value:g}; there are: {have}", code="no-such-loop")
             kept |= near
         loops = tuple(loop for loop in self.loops if loop.schedule_value in kept)
         return replace(self, loops=loops)
@@ -253,7 +281,8 @@ class Loops(Result):
             if not loop.reverses:
                 raise InputError(
                     f"{self.describe(loop)}: the {self.input.name} never reverses, so there is no "
-                    "hysteresis to see; record at least one way up and back"
+                    "hysteresis to see; record at least one way up and back",
+                    code="no-reversal",
                 )
 
     def describe(self, loop: Loop) -> str:

@@ -120,11 +120,15 @@ def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
         if is_negative(loop.input):
             raise InputError(
                 f"{name}: the force is negative ({what}), and so is the {drive}; flip the signs of "
-                "both (attraction counts positive)"
+                "both (attraction counts positive)",
+                code="force-negative",
+                key=name,
             )
         raise InputError(
             f"{name}: the force is negative ({what}) and falls as the {drive} grows; flip its sign "
-            "(attraction counts positive)"
+            "(attraction counts positive)",
+            code="force-negative",
+            key=name,
         )
 
 
@@ -132,7 +136,9 @@ def _check_flux_sign(loopset: Loops, loop: Loop, name: str) -> None:
     if correlation(loop.input, loop.output) < -0.5:
         what = loopset.output.name.replace("_", " ")
         raise InputError(
-            f"{name}: the {what} falls as the {loopset.input.name} grows; flip the sign of one"
+            f"{name}: the {what} falls as the {loopset.input.name} grows; flip the sign of one",
+            code="flux-falls",
+            key=name,
         )
 
 
@@ -142,7 +148,9 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
         even = correlation(drive, answer**2)
         if abs(correlation(drive, answer)) < _FLAT and even > _STRONG:
             raise InputError(
-                f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}"
+                f"{name}: the force takes both signs at the same current; {_SWAP_ADVICE}",
+                code="columns-swapped",
+                key=name,
             )
     steep = _initial_steepness(loop)
     if steep is None:
@@ -150,7 +158,9 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
     if steep > 1.5:
         raise InputError(
             f"{name}: the force rises steepest at the smallest current, as a current over force "
-            f"would; {_SWAP_ADVICE}"
+            f"would; {_SWAP_ADVICE}",
+            code="columns-swapped",
+            key=name,
         )
     if steep > 1.0:
         return [f"{name}: the force does not start flat as a square does; {_SWAP_ADVICE}"]

@@ -136,12 +136,14 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
         if path.is_dir():
             found = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
             if not found:
-                raise InputError(f"{path}: this folder holds no {', '.join(FORMATS)} file")
+                raise InputError(
+                    f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
+                )
             files += found
         else:
             files.append(path)
     if not files:
-        raise InputError("no files given: name at least one")
+        raise InputError("no files given: name at least one", code="no-files")
     return files
 
 
@@ -239,7 +241,9 @@ def _selection(place: str, given: FileDescription, columns: dict[str, Texts]) ->
     rows = np.flatnonzero(np.asarray(kept))
     if rows.size == 0:
         asked = ", ".join(f"{name} = {list(values)}" for name, values in given.select.items())
-        raise InputError(f"{place}: no row has {asked}; correct the selection")
+        raise InputError(
+            f"{place}: no row has {asked}; correct the selection", code="selection-empty"
+        )
     return rows
 
 
@@ -318,7 +322,9 @@ def _refuse_negative_gaps(columns: _Columns) -> None:
     if below.size:
         row = int(below[0])
         raise InputError(
-            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; {GAP_ADVICE}"
+            f"{columns.where(row)}: negative gap {columns.schedule[row]:g} m; {GAP_ADVICE}",
+            code="negative-gap",
+            key="gap_m",
         )
 
 
@@ -333,7 +339,9 @@ def _blocks(columns: _Columns) -> list[Rows]:
         if len(blocks) > _MOST_LOOPS:
             raise InputError(
                 f"{columns.place}: holds more than {_MOST_LOOPS} loops; is the column 'loop' a "
-                "counter of rows? Leave it out: map it to ''"
+                "counter of rows? Leave it out: map it to ''",
+                code="too-many-loops",
+                key="loop",
             )
     return blocks
 
@@ -361,7 +369,9 @@ def _by_value(columns: _Columns, values: FloatArray, rows: Rows) -> list[Rows]:
             raise InputError(
                 f"{columns.where(int(rows[start]))}: the value {value:g} comes again after others "
                 f"(first in the row of {columns.where(seen[value])}); tell the loops apart by a "
-                "column 'loop'"
+                "column 'loop'",
+                code="value-again",
+                key="loop",
             )
         seen[value] = int(rows[start])
     return [rows]
@@ -381,7 +391,8 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
         if (odd := value_fault(taken)) is not None:
             raise InputError(
                 f"{columns.where(int(rows[odd]))}: {taken[odd]:g} is no measured value; remove the "
-                "line"
+                "line",
+                code="not-finite",
             )
         return taken
 
@@ -389,7 +400,8 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     if time is not None and (back := time_fault(time)) is not None:
         raise InputError(
             f"{columns.where(int(rows[back]))}: time going backwards ({time[back]:g} s after "
-            f"{time[back - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'"
+            f"{time[back - 1]:g} s); sort the rows, or tell loops apart by a column 'loop'",
+            code="time-backwards",
         )
     drive, answer = part(columns.input), part(columns.output)
     assert drive is not None
@@ -397,4 +409,4 @@ def _loop(columns: _Columns, rows: Rows) -> Loop:
     try:
         return Loop(label, drive, answer, part(columns.schedule), time, source=columns.place)
     except InputError as error:
-        raise InputError(f"{columns.place}: {error}") from None
+        raise error.at(columns.place) from None

@@ -84,7 +84,10 @@ def find_roles(
     label = _label(place, headers, given)
     fixed_label = _fixed_label(given.constants)
     if label is not None and fixed_label is not None:
-        raise InputError(f"{place}: the loop label is both a column and a constant; keep one")
+        raise InputError(
+            f"{place}: the loop label is both a column and a constant; keep one",
+            code="column-and-constant",
+        )
     schedule, fixed, quantity = _schedule(place, headers, given)
     used = {drive, answer, time, label, schedule}
     idle = tuple(
@@ -107,7 +110,9 @@ def find_column(place: str, headers: Sequence[Header], name: str) -> int:
     for index, header in enumerate(headers):
         if header.text == name:
             return index
-    raise InputError(f"{place}: has no column '{name}' ({_have(headers)})")
+    raise InputError(
+        f"{place}: has no column '{name}' ({_have(headers)})", code="no-such-column", key=name
+    )
 
 
 def with_file_name(path: Path, given: FileDescription) -> FileDescription:
@@ -127,7 +132,9 @@ def with_file_name(path: Path, given: FileDescription) -> FileDescription:
     if not keys or match is None:
         raise InputError(
             f"{path}: the name does not fit file_name = '{given.file_name}'; a pattern is like "
-            "'gd_T{T_C}C'"
+            "'gd_T{T_C}C'",
+            code="file-name-pattern",
+            key="file_name",
         )
     constants: dict[str, float | str] = dict(given.constants)
     for key, text in zip(keys, match.groups(), strict=True):
@@ -137,7 +144,11 @@ def with_file_name(path: Path, given: FileDescription) -> FileDescription:
         try:
             constants[key] = float(text)
         except ValueError:
-            raise InputError(f"{path}: '{text}' in the name is no number for {key}") from None
+            raise InputError(
+                f"{path}: '{text}' in the name is no number for {key}",
+                code="file-name-pattern",
+                key=key,
+            ) from None
     return replace(given, constants=constants)
 
 
@@ -157,7 +168,8 @@ def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple
         what, examples = ("an input", _INPUT_EXAMPLES)
     raise InputError(
         f"{place}: has no column for {what} ({_have(headers)}); name it {examples}"
-        f"{mapping(headers, *missing, skip=skip)}"
+        f"{mapping(headers, *missing, skip=skip)}",
+        code="column-missing",
     )
 
 
@@ -173,10 +185,18 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
     if len(healthy) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
         leave = f'--columns "{headers[healthy[1]].text}="'
-        raise InputError(f"{place}: columns {texts} are both {name}; leave one out: {leave}")
+        raise InputError(
+            f"{place}: columns {texts} are both {name}; leave one out: {leave}",
+            code="column-twice",
+            key=name,
+        )
     if found and not healthy:
         header = headers[found[0]]
-        raise InputError(f"{place}: column '{header.text}': {header.problem}{map_one(header)}")
+        raise InputError(
+            f"{place}: column '{header.text}': {header.problem}{map_one(header)}",
+            code="bad-header",
+            key=header.text,
+        )
     return healthy[0] if healthy else None
 
 
@@ -186,7 +206,9 @@ def _label(place: str, headers: Sequence[Header], given: FileDescription) -> int
     found = [index for index, header in enumerate(headers) if header.is_label]
     if len(found) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in found)
-        raise InputError(f"{place}: columns {texts} both label loops; leave one out")
+        raise InputError(
+            f"{place}: columns {texts} both label loops; leave one out", code="column-twice"
+        )
     return found[0] if found else None
 
 
@@ -207,11 +229,15 @@ def _fixed_values(
         if header.quantity is None:
             continue
         if header.problem:
-            raise InputError(f"{place}: constant '{key}': {header.problem}")
+            raise InputError(
+                f"{place}: constant '{key}': {header.problem}", code="bad-constant", key=key
+            )
         try:
             number = float(value)
         except ValueError:
-            raise InputError(f"{place}: constant '{key}': '{value}' is no number") from None
+            raise InputError(
+                f"{place}: constant '{key}': '{value}' is no number", code="bad-constant", key=key
+            ) from None
         if header.unit:
             number = header.unit.value_to_si(number)
         values[header.quantity.name] = (header.quantity, number)
@@ -227,7 +253,11 @@ def _schedule(
     fixed = _fixed_values(place, given.constants)
     for name in fixed:
         if any(h.quantity is not None and h.quantity.name == name for h in headers):
-            raise InputError(f"{place}: {name} is both a column and a constant; keep one")
+            raise InputError(
+                f"{place}: {name} is both a column and a constant; keep one",
+                code="column-and-constant",
+                key=name,
+            )
     names = ["gap", "temperature"] if given.schedule is None else [_meant(given.schedule, headers)]
     for name in names:
         if name in fixed:
@@ -239,7 +269,9 @@ def _schedule(
     if given.schedule is not None:
         raise InputError(
             f"{place}: has no column or constant '{given.schedule}' to schedule by "
-            f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}"
+            f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}",
+            code="column-missing",
+            key=given.schedule,
         )
     return None, None, None
 

@@ -85,9 +85,17 @@ class FileDescription:
         }
         for key, value in found.items():
             if key not in kinds:
-                raise InputError(f"{path}: key '{key}' is not known; use {', '.join(kinds)}")
+                raise InputError(
+                    f"{path}: key '{key}' is not known; use {', '.join(kinds)}",
+                    code="extra-forbidden",
+                    key=key,
+                )
             if not isinstance(value, kinds[key]):
-                raise InputError(f"{path}: key '{key}' is of the wrong kind; see the reference")
+                raise InputError(
+                    f"{path}: key '{key}' is of the wrong kind; see the reference",
+                    code="wrong-kind",
+                    key=key,
+                )
         _check_members(path, "columns", found, str)
         _check_members(path, "constants", found, int | float | str)
         given = dict(found)
@@ -100,7 +108,7 @@ class FileDescription:
                 return replace(reading, histories=by_label)
             return replace(reading, history=History.parse(history) if history else None)
         except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+            raise error.at(path) from None
 
     def over(self, other: FileDescription) -> FileDescription:
         """Combine with another reading; what this one says goes first."""
@@ -128,20 +136,32 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
+        ) from None
     except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of endless numbers
-        raise InputError(f"{path}: is no valid TOML: {error}; mend or remove it") from None
+        raise InputError(
+            f"{path}: is no valid TOML: {error}; mend or remove it", code="damaged-toml"
+        ) from None
 
 
 def _check_members(path: Path, key: str, found: Mapping[str, Any], kind: Any) -> None:
     for name, value in found.get(key, {}).items():
         if not isinstance(value, kind) or isinstance(value, bool):
-            raise InputError(f"{path}: key '{key}.{name}' is of the wrong kind: {value!r}")
+            raise InputError(
+                f"{path}: key '{key}.{name}' is of the wrong kind: {value!r}",
+                code="wrong-kind",
+                key=f"{key}.{name}",
+            )
 
 
 def _choices(name: str, value: object) -> tuple[str | float, ...]:
     values = value if isinstance(value, list | tuple) else (value,)
     for one in values:
         if not isinstance(one, str | int | float) or isinstance(one, bool):
-            raise InputError(f"key 'select.{name}' must be a text, a number or a list of them")
+            raise InputError(
+                f"key 'select.{name}' must be a text, a number or a list of them",
+                code="wrong-kind",
+                key=f"select.{name}",
+            )
     return tuple(values)

@@ -57,28 +57,42 @@ class DataTable:
         healthy = [place for place in found if self.headers[place].problem is None]
         if len(healthy) > 1:
             texts = " and ".join(f"'{self.headers[place].text}'" for place in healthy)
-            raise InputError(f"{self.path}: columns {texts} both hold {name}; keep one")
+            raise InputError(
+                f"{self.path}: columns {texts} both hold {name}; keep one",
+                code="column-twice",
+                key=name,
+            )
         if not found:
             return None
         header, column = self.headers[(healthy or found)[0]], self.columns[(healthy or found)[0]]
         if header.problem:
             raise InputError(
-                f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}"
+                f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",
+                code="bad-header",
+                key=header.text,
             )
         if isinstance(column, Texts):
             bad = next((r for r, text in enumerate(column.rows()) if not is_number(text)), 0)
             raise InputError(
                 f"{self.where(bad)}, column '{header.text}': "
                 f"'{shown(column.values[column.codes[bad]])}' is not a number; correct or "
-                "remove the line"
+                "remove the line",
+                code="text-in-numbers",
+                key=header.text,
             )
         values = header.unit.to_si(column) if header.unit else column
         values.flags.writeable = False
         if name == "time" and (back := time_fault(values)) is not None:
-            raise InputError(f"{self.where(back)}: time going backwards; sort the rows")
+            raise InputError(
+                f"{self.where(back)}: time going backwards; sort the rows", code="time-backwards"
+            )
         if name == "gap" and float(values.min()) < 0.0:
             below = int(np.argmax(values < 0.0))
-            raise InputError(f"{self.where(below)}: negative gap {values[below]:g} m; {GAP_ADVICE}")
+            raise InputError(
+                f"{self.where(below)}: negative gap {values[below]:g} m; {GAP_ADVICE}",
+                code="negative-gap",
+                key=name,
+            )
         return values
 
     def need(self, name: str, example: str) -> FloatArray:
@@ -94,7 +108,9 @@ class DataTable:
             have = ", ".join(header.text for header in self.headers)
             raise InputError(
                 f"{self.path}: has no column of {name.replace('_', ' ')} (columns: {have}); "
-                f"name it '{example}'{self.hint(name)}"
+                f"name it '{example}'{self.hint(name)}",
+                code="column-missing",
+                key=name,
             )
         return values
 
@@ -187,7 +203,11 @@ def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, .
         index = table.find(source)
         if index is None:
             have = ", ".join(table.header)
-            raise InputError(f"{table.place}: has no column '{source}' to map (columns: {have})")
+            raise InputError(
+                f"{table.place}: has no column '{source}' to map (columns: {have})",
+                code="no-such-column",
+                key=source,
+            )
         headers[index] = _map_header(table.place, headers[index], target)
     return tuple(headers)
 
@@ -201,13 +221,15 @@ def _map_header(place: str, own: Header, target: str) -> Header:
     where = f"{place}: column '{own.text}' mapped to '{target}'"
     if meant.problem:
         raise InputError(
-            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}"
+            f"{where}: {own.problem if own.unit is None and own.problem else meant.problem}",
+            code="bad-header",
         )
     if meant.unit and own.unit and meant.unit.dimension == own.unit.dimension:
         same = (meant.unit.scale, meant.unit.offset) == (own.unit.scale, own.unit.offset)
         if not same:
             raise InputError(
                 f"{where}: the file says {own.unit.symbol}, the mapping {meant.unit.symbol}; "
-                f"map it to '{meant.name}' to convert it"
+                f"map it to '{meant.name}' to convert it",
+                code="units-differ",
             )
     return Header(own.text, meant.name, meant.quantity, meant.unit)

@@ -104,7 +104,7 @@ def init_bearing(
         machine = machine_of(wanted, reach)
         numbers = numbers_of(machine, reach)
     except InputError as error:
-        raise InputError(f"{source.text}: {error}") from error
+        raise error.at(source.text) from error
     drafts = draft_bearing(source.name, source.key, source.reading, reach, machine, numbers)
     files = {RIG: drafts.rig, CONTROLLER: drafts.controller}
     return _put(out, files, source, NEXT["bearing"], _found(reach, machine, numbers), machine)
@@ -141,7 +141,7 @@ def init_force_control(
         reach = reach_of(loops)
         draft = draft_force_control(source.name, source.key, source.reading, reach)
     except InputError as error:
-        raise InputError(f"{source.text}: {error}") from error
+        raise error.at(source.text) from error
     return _put(out, {RIG: draft}, source, NEXT["solenoid"], (_magnet(reach),))
 
 
@@ -188,7 +188,9 @@ class _Source:
         folder = path.parent.resolve()
         for other in self.copies.values():
             if other.stem == path.stem and other.parent.resolve() != folder:
-                raise InputError(f"{path}: {other} has the same name; rename one of them")
+                raise InputError(
+                    f"{path}: {other} has the same name; rename one of them", code="name-twice"
+                )
 
 
 def _put(

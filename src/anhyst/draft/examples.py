@@ -44,11 +44,17 @@ def example_files(name: str) -> dict[str, Path]:
         There is no such example, or the installation is not complete.
     """
     if name not in NEXT:
-        raise InputError(f"example: '{name}' is not known; there are: {', '.join(NEXT)}")
+        raise InputError(
+            f"example: '{name}' is not known; there are: {', '.join(NEXT)}",
+            code="unknown-example",
+            key="example",
+        )
     package = Path(__file__).resolve().parents[1]
     for place in (package.parents[1] / "examples", package / "_examples"):
         folder = place / name
         if (folder / "loops.csv").is_file():
             found = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
             return {path.relative_to(folder).as_posix(): path for path in found}
-    raise InputError(f"{package}: the examples are missing; install anhyst again")
+    raise InputError(
+        f"{package}: the examples are missing; install anhyst again", code="installation-incomplete"
+    )

@@ -28,10 +28,13 @@ def check_new(out: PathLike, names: Sequence[str]) -> None:
     """
     target = Path(out)
     if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder")
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     for name in names:
         if (target / name).exists():
-            raise InputError(f"{target / name}: is there already; remove it or name another folder")
+            raise InputError(
+                f"{target / name}: is there already; remove it or name another folder",
+                code="exists-already",
+            )
 
 
 def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:

@@ -49,7 +49,10 @@ def draft_force_control(
         A loop was measured without any gap.
     """
     if not reach.gaps[0] > 0.0:
-        raise InputError("a gap of 0 m is none in which an armature is held; leave its loops out")
+        raise InputError(
+            "a gap of 0 m is none in which an armature is held; leave its loops out",
+            code="gap-zero",
+        )
     return Draft(
         f"Force control of the magnet of {name}, open loop. Drafted by anhyst init: what is\n"
         "marked 'guess' is one, the rest follows from the loops. Write your own numbers over it.\n"

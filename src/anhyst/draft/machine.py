@@ -109,7 +109,11 @@ def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
         ("gap", wanted.gap, "m"),
     ):
         if number is not None and not (math.isfinite(number) and number > 0.0):
-            raise InputError(f"{name}: {number:g} {unit} is not above 0; correct it")
+            raise InputError(
+                f"{name}: {number:g} {unit} is not above 0; correct it",
+                code="not-above-zero",
+                key=name,
+            )
     gap = _gap(wanted, reach)
     load = _load(wanted, reach)
     if wanted.mass is not None:
@@ -124,7 +128,8 @@ def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
     if reach.gaps.size < 2:
         raise InputError(
             f"loops at one gap only, {low:g} m: a bearing moves; measure loops at a smaller and a "
-            "larger one"
+            "larger one",
+            code="single-gap",
         )
     if wanted.gap is None:
         return Value(nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
@@ -138,7 +143,9 @@ def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
         ]
         raise InputError(
             f"gap: {gap:g} m is not well within the measured gaps of {low:g} to {high:g} m, which "
-            f"are the stops; give one from {low + room:g} to {high - room:g} m{''.join(hints)}"
+            f"are the stops; give one from {low + room:g} to {high - room:g} m{''.join(hints)}",
+            code="gaps-not-covered",
+            key="gap",
         )
     return Value(gap)
 
@@ -158,6 +165,8 @@ def _load(wanted: Wanted, reach: MeasuredMagnet) -> Value:
             f"load: {load.number:g} N cannot be lifted at a gap of {where:g} m: there the "
             f"loops reach {reached:.4g} N at {reach.current_high:.4g} A, and {LIFT:g} times the "
             f"load, {load.number * LIFT:.4g} N, are needed; lower it, or give loops of larger "
-            f"currents or smaller gaps{origin}"
+            f"currents or smaller gaps{origin}",
+            code="load-too-large",
+            key="load",
         )
     return load

@@ -82,14 +82,17 @@ class MeasuredMagnet:
             raise InputError(
                 f"load: {force:g} N is less than a hundredth of the {force_high:.4g} N that the "
                 "magnet may pull: the loops do not say enough about it; give a larger one, or "
-                "loops of smaller currents"
+                "loops of smaller currents",
+                code="load-too-small",
+                key="load",
             )
         ends = float(self.gaps[0]), float(self.gaps[-1])
         tangent = fit_plane(fit_surface(self.loops, force_high, ends), force, gap, force_high)
         if not tangent.per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "
-                "current; look at the loops with anhyst inspect"
+                "current; look at the loops with anhyst inspect",
+                code="force-does-not-rise",
             )
         return tangent
 
@@ -130,18 +133,20 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
         They are none of force over current and gap, or no current above 0 was measured.
     """
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
-        raise InputError("a rig needs columns I_A, F_N and gap_m")
+        raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     groups = loops.by_schedule()
     current_high = min(max(float(one.input.max()) for one in group) for group in groups.values())
     current_high = nearest(current_high, 3)  # what is read is restless
     if not current_high > 0.0:
         raise InputError(
-            "at one gap no current above 0 A was measured; turn the sign of the current"
+            "at one gap no current above 0 A was measured; turn the sign of the current",
+            code="current-negative",
         )
     forces = np.array([_force_at_top(group, current_high) for group in groups.values()])
     if not forces.min() > 0.0:
         raise InputError(
-            "the largest current does not pull at every gap; turn the sign of the force"
+            "the largest current does not pull at every gap; turn the sign of the force",
+            code="force-negative",
         )
     return MeasuredMagnet(loops, np.array(list(groups), dtype=np.float64), current_high, forces)
 

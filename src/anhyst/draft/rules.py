@@ -113,12 +113,16 @@ def numbers_of(machine: Machine, reach: MeasuredMagnet) -> Numbers:
     if LEAST_TICKS * bandwidth > RATES[1]:
         raise InputError(
             f"mass: {mass:g} kg on {load:g} N at {gap:g} m has an unstable pole of {pole:.0f} Hz, "
-            f"too fast for {RATES[1]:g} ticks a second; give a larger mass or a smaller load"
+            f"too fast for {RATES[1]:g} ticks a second; give a larger mass or a smaller load",
+            code="pole-too-fast",
+            key="mass",
         )
     if bandwidth < SLOWEST:
         raise InputError(
             f"load: {load:g} N hardly moves {mass:g} kg: they would take {0.5 / bandwidth:.2g} s "
-            "for a step; give a larger load or a smaller mass"
+            "for a step; give a larger load or a smaller mass",
+            code="load-too-small",
+            key="load",
         )
     rate = min(max(step_up(TICKS_IN_BANDWIDTH * bandwidth), RATES[0]), RATES[1])
     force_high = down(reach.usable(gap))

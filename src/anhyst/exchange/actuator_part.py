@@ -41,12 +41,14 @@ def actuator_part(model: Model) -> Part:
         raise InputError(
             f"the iron of this model varies with its {model.schedule.name if model.schedule else ''}"
             f" ({', '.join(model.varying)}), which no actuator can follow; identify with the gap "
-            "map scaling or reluctance"
+            "map scaling or reluctance",
+            code="iron-varies",
         )
     middle = _middle(model)
     if not isinstance(model.iron_at(middle), AnyIron):
         raise InputError(
-            f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}"
+            f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
+            code="law-not-in-core",
         )
     around, rows = _around(model)
     defined = _law(model) | around | _creep(model)

@@ -88,13 +88,17 @@ def _refuse(rig: BearingRig, controller: ControllerFile) -> None:
     if wanted.variant not in {"full", "simplified"} or wanted.format != "fixed":
         raise InputError(
             f"{controller.path}: an FMU holds the compiled controller: variant full or simplified "
-            f"in format fixed, not {wanted.variant} in {wanted.format}; change [compensation]"
+            f"in format fixed, not {wanted.variant} in {wanted.format}; change [compensation]",
+            code="not-compiled-controller",
+            key="compensation",
         )
     magnet = rig.settings.magnet
     if magnet.force != "cells" or not isinstance(magnet.steel.steel(), CellSteel):
         raise InputError(
             f'{rig.path}: an FMU of a bearing knows an iron of cells; give force = "cells" with '
-            "[magnet.iron]"
+            "[magnet.iron]",
+            code="not-iron-of-cells",
+            key="magnet.force",
         )
 
 

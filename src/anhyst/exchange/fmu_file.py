@@ -104,10 +104,14 @@ def export_fmu(
     """
     path = Path(out)
     if path.suffix != ".fmu":
-        raise InputError(f"{path}: an FMU is written as .fmu; name it so")
+        raise InputError(f"{path}: an FMU is written as .fmu; name it so", code="wrong-ending")
     for name in platforms:
         if name not in PLATFORMS:
-            raise InputError(f"platform '{name}' is unknown; use one of {', '.join(PLATFORMS)}")
+            raise InputError(
+                f"platform '{name}' is unknown; use one of {', '.join(PLATFORMS)}",
+                code="unknown-platform",
+                key="platforms",
+            )
     check_writable(path)
     compiler = zig_cc("fmu")
     part = part_of(model, of, rate, kind)
@@ -138,7 +142,9 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
         for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if given is not None:
                 raise InputError(
-                    f"{name}: is of a model; the files of a bearing say it, leave it out"
+                    f"{name}: is of a model; the files of a bearing say it, leave it out",
+                    code="option-not-for-this",
+                    key=name,
                 )
         return bearing_part(model)
     if of == "actuator":
@@ -146,11 +152,17 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
             if given is not None:
                 raise InputError(
                     f"{name}: is of a compensator; an actuator answers at each step of the tool, "
-                    "leave it out"
+                    "leave it out",
+                    code="option-not-for-this",
+                    key=name,
                 )
         return actuator_part(model if isinstance(model, Model) else read_model(model))
     if rate is None:
-        raise InputError("--rate: is missing; give the ticks a second of the compensator")
+        raise InputError(
+            "--rate: is missing; give the ticks a second of the compensator",
+            code="missing",
+            key="--rate",
+        )
     return compensator_part(model, rate, kind or "full")
 
 

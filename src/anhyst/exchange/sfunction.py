@@ -48,7 +48,9 @@ def export_sfunction(
     """
     folder = Path(out)
     if folder.is_dir() and any(folder.iterdir()) and not [*folder.glob("build_sfun_*.m")]:
-        raise InputError(f"{folder}: holds other files; name a new folder")
+        raise InputError(
+            f"{folder}: holds other files; name a new folder", code="folder-holds-other-files"
+        )
     part = part_of(model, of, rate, kind)
     block = f"sfun_{c_name(part.name)}"
     _, sources = part.complete(["sfunction.c"])

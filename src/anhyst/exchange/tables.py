@@ -39,9 +39,14 @@ def export_tables(model: Model, out: PathLike) -> Path:
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:
-        raise InputError(f"{path}: tables are written as .csv or .json; name it so")
+        raise InputError(
+            f"{path}: tables are written as .csv or .json; name it so", code="wrong-ending"
+        )
     if model.valid is None:
-        raise InputError("the model does not say where it holds ([valid]): no range for a table")
+        raise InputError(
+            "the model does not say where it holds ([valid]): no range for a table",
+            code="no-valid-range",
+        )
     check_writable(path)
     ends, name = model.valid.schedule, model.output.column
     at = np.array([0.0]) if ends is None else np.linspace(*ends, GAPS if ends[0] < ends[1] else 1)

@@ -254,7 +254,8 @@ def _descend(problem: _Problem, seed: int) -> Fitted:
     if not begins:
         raise InputError(
             "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
-            "or columns with 'anhyst inspect --plot'"
+            "or columns with 'anhyst inspect --plot'",
+            code="nowhere-near",
         )
 
     def descend(

@@ -65,7 +65,9 @@ def require_gaps(records: FitRecords, wanted: str) -> None:
     if wanted != "auto" and records.gaps < 2:
         raise InputError(
             f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
-            "another gap, or use --gap-map auto for a model of this gap alone"
+            "another gap, or use --gap-map auto for a model of this gap alone",
+            code="single-gap",
+            key="gap_map",
         )
 
 

@@ -242,7 +242,8 @@ class _Problem:
         if any(correlation(loop.input, loop.output) < -0.5 for loop in loopset.loops):
             name, drive = loopset.output.name.replace("_", " "), loopset.input.name
             raise InputError(
-                f"the {name} falls as the {drive} rises; flip the sign of one of the columns"
+                f"the {name} falls as the {drive} rises; flip the sign of one of the columns",
+                code="output-falls",
             )
         self.slope = STRAIGHT * self.height / self.span
         self.thresholds = np.concatenate([[0.0], self.span * np.geomspace(FINEST, 0.5, PLAYS)])

@@ -31,6 +31,8 @@ def batch_level() -> str:
     if wanted not in levels:
         raise InputError(
             f"{VARIABLE}: there is no level {wanted!r} on this processor; set one of "
-            f"{', '.join(levels)}, or unset it for the best"
+            f"{', '.join(levels)}, or unset it for the best",
+            code="unknown-level",
+            key=VARIABLE,
         )
     return wanted

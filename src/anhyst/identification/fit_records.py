@@ -190,7 +190,9 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
         return [weight / span for weight in each]
     sizes = [float(np.max(np.abs(loop.output))) for loop in loops]
     if min(sizes) == 0.0:
-        raise InputError("a loop has no output at all; weigh by 'loops' or leave it out")
+        raise InputError(
+            "a loop has no output at all; weigh by 'loops' or leave it out", code="no-output"
+        )
     return [weight / size for weight, size in zip(each, sizes, strict=True)]
 
 
@@ -217,7 +219,11 @@ def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = Non
         a loop, or output that is zero throughout.
     """
     if weighting not in WEIGHTINGS:
-        raise InputError(f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}")
+        raise InputError(
+            f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}",
+            code="unknown-choice",
+            key="weights",
+        )
     loopset.require_reversals()
     rest = rest or Rest()
     groups = loopset.by_schedule()
@@ -226,7 +232,9 @@ def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = Non
     nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
     output_span = largest_output(loopset)
     if not any(np.any(loop.output) for loop in loops):
-        raise InputError(f"the {loopset.output.name} is zero throughout; check the columns")
+        raise InputError(
+            f"the {loopset.output.name} is zero throughout; check the columns", code="no-output"
+        )
     fitted = tuple(
         FitRecord(
             label=loop.label,

@@ -202,7 +202,11 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         ("search", search, SEARCHES),
     ):
         if value not in known:
-            raise InputError(f"{what} '{value}' is unknown; use one of {', '.join(known)}")
+            raise InputError(
+                f"{what} '{value}' is unknown; use one of {', '.join(known)}",
+                code="unknown-choice",
+                key=what,
+            )
     if law == AUTO:
         law = DEFAULT_LAW
     kernel = LAWS[law].kernel
@@ -211,13 +215,21 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         # would be fitted for two.
         raise InputError(
             f"gap map '{gap_map}' does not go with the law {law}; use --law {DEFAULT_LAW}, or "
-            "--gap-map scaling"
+            "--gap-map scaling",
+            code="choices-together",
+            key="gap_map",
         )
     if kernel is None and search == "paper":
-        raise InputError(f"search 'paper' needs a law of the core, {law} is none; use default")
+        raise InputError(
+            f"search 'paper' needs a law of the core, {law} is none; use default",
+            code="choices-together",
+            key="search",
+        )
     if search == "paper" and gap_map == "circuit":
         raise InputError(
-            "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto"
+            "gap map 'circuit' is none of the paper's; use --search default, or --gap-map auto",
+            code="choices-together",
+            key="gap_map",
         )
 
 

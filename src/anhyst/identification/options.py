@@ -28,10 +28,13 @@ def _readable(name: str) -> AfterValidator:
             if options.history is not None:
                 History.parse(options.history)
         except InputError as error:
-            raise ValueError(str(error).removeprefix(f"{name}: ")) from error
+            raise InputError(str(error).removeprefix(f"{name}: "), code=error.code) from error
         for step in options.clean:
             if step not in STEPS:
-                raise ValueError(f"'{step}' is not known; there are: {', '.join(STEPS)}")
+                raise InputError(
+                    f"'{step}' is not known; there are: {', '.join(STEPS)}",
+                    code="unknown-cleaning-step",
+                )
         return text
 
     return AfterValidator(check)

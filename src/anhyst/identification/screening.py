@@ -218,7 +218,8 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
     if not found:
         raise NowhereNearError(
             "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
-            "or columns with 'anhyst inspect --plot'"
+            "or columns with 'anhyst inspect --plot'",
+            code="nowhere-near",
         )
     return found
 

@@ -1,1 +1,1 @@
-"""Hysteresis laws: the record of each, the registry of all, and readable oracles for tests."""
+"""Hysteresis laws: the record of each, and the registry of all."""

@@ -97,7 +97,11 @@ class Refused(InputError):  # noqa: N818 - an answer
             meaning = f"not {_state(request, nak.detail)}"
             if nak.detail == State.IDLE and _begins(request):
                 meaning += "; condition the magnet first, or declare it demagnetised"
-        super().__init__(f"{url}: the controller refused {_words(name)}: {meaning}")
+        super().__init__(
+            f"{url}: the controller refused {_words(name)}: {meaning}",
+            code="refused",
+            key=self.reason.name.lower(),
+        )
 
 
 class ControllerLink:
@@ -263,7 +267,10 @@ class ControllerLink:
         """
         row = [int(word) for word in words]
         if len(row) <= GENERATION_AT:
-            raise InputError(f"a block of {len(row)} words: is too short; send a whole one")
+            raise InputError(
+                f"a block of {len(row)} words: is too short; send a whole one",
+                code="block-too-short",
+            )
         generation = row[GENERATION_AT] & 0xFFFF
         with self._lock:
             begin = BlockBeginRequest(len(row), generation, checksum(row))
@@ -355,13 +362,17 @@ class ControllerLink:
             if status.state in states:
                 return status
             if status.state is State.FAULT and status.fault is not Fault.NONE:
-                raise InputError(f"{self.url}: the controller is in fault: {_fault(status.fault)}")
+                raise InputError(
+                    f"{self.url}: the controller is in fault: {_fault(status.fault)}",
+                    code="controller-in-fault",
+                )
             time.sleep(_POLL)
             if time.monotonic() > end:
                 wanted = " or ".join(state.name.lower() for state in states)
                 raise InputError(
                     f"{self.url}: the controller is in {status.state.name.lower()}, "
-                    f"not in {wanted}, after {timeout:g} s"
+                    f"not in {wanted}, after {timeout:g} s",
+                    code="wrong-state",
                 )
 
     def _status(self, request: Message) -> Status:
@@ -436,7 +447,8 @@ class ControllerLink:
         if answer is None:
             raise InputError(
                 f"{self.url}: an answer of type {frame.type:#04x} that this version does not know; "
-                "use the firmware of this version of anhyst"
+                "use the firmware of this version of anhyst",
+                code="other-firmware",
             )
         if isinstance(answer, NakAnswer) and answer.reason == Reason.VERSION:
             raise self._other_version(answer.detail)
@@ -447,7 +459,8 @@ class ControllerLink:
     def _other_version(self, version: int) -> InputError:
         return InputError(
             f"{self.url}: the firmware speaks version {version} of the protocol, this anhyst "
-            f"version {frames.VERSION}; build and flash the firmware of this anhyst"
+            f"version {frames.VERSION}; build and flash the firmware of this anhyst",
+            code="other-protocol-version",
         )
 
     def silent(self) -> InputError:
@@ -455,7 +468,8 @@ class ControllerLink:
         return InputError(
             f"{self.url}: no answer within {self.timeout * self.attempts:.1f} s; see that the "
             "controller runs, that the cable and the baud rate are right, and that no other "
-            "program talks to it"
+            "program talks to it",
+            code="no-answer",
         )
 
 
@@ -471,7 +485,10 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
         return answer
     if isinstance(answer, NakAnswer):
         raise Refused(url, request, answer)
-    raise InputError(f"{url}: {type(answer).__name__} in answer to {type(request).__name__}")
+    raise InputError(
+        f"{url}: {type(answer).__name__} in answer to {type(request).__name__}",
+        code="unexpected-answer",
+    )
 
 
 def _begins(request: Message) -> bool:

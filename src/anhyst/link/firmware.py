@@ -79,7 +79,11 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
         The compiler refuses the sources.
     """
     if board not in BOARDS:
-        raise InputError(f"board {board}: is not known; choose one of {', '.join(BOARDS)}")
+        raise InputError(
+            f"board {board}: is not known; choose one of {', '.join(BOARDS)}",
+            code="unknown-board",
+            key="board",
+        )
     folder = Path(parameters).resolve()
     actuator = _actuator(folder)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
@@ -114,7 +118,10 @@ def firmware_folder() -> Path:
     for folder in (package.parents[1] / "firmware", package / "_firmware"):
         if (folder / "boards").is_dir():
             return folder
-    raise InputError(f"{package}: the sources of the firmware are missing; install anhyst again")
+    raise InputError(
+        f"{package}: the sources of the firmware are missing; install anhyst again",
+        code="installation-incomplete",
+    )
 
 
 def actuator_defines(name: str) -> dict[str, str]:
@@ -139,12 +146,15 @@ def _actuator(folder: Path) -> str:
         name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
-            f"{place}: is not there or names no actuator; name a folder that anhyst compile wrote"
+            f"{place}: is not there or names no actuator; name a folder that anhyst compile wrote",
+            code="not-a-compiled-folder",
         ) from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
             f"{place}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
-            "1000000"
+            "1000000",
+            code="rate-not-whole",
+            key="rate_Hz",
         )
     return name
 
@@ -167,7 +177,11 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
     for place in own:
         sources += sorted(file for file in place.glob("*.c") if not _of_another(file, body))
     if not any(source.name == f"board_{body}.c" for source in sources):
-        raise InputError(f"board {name}: has no controller of {body}; take another board")
+        raise InputError(
+            f"board {name}: has no controller of {body}; take another board",
+            code="board-has-no-controller",
+            key=name,
+        )
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
     defines = {
         "BOARD_FIRMWARE_VERSION": str(256 * major + minor),
@@ -194,7 +208,9 @@ def _compiler(name: str) -> list[str]:
     if board.cpu:
         if importlib.util.find_spec("ziglang") is None:
             raise InputError(
-                f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'"
+                f"board {name}: ziglang is not installed: pip install 'anhyst[verify]'",
+                code="not-installed",
+                key="ziglang",
             )
         zig = [sys.executable, "-m", "ziglang", "cc"]
         return [*zig, *_THUMB, f"-mcpu={board.cpu}", *_FREESTANDING, *_SMALL]
@@ -202,7 +218,11 @@ def _compiler(name: str) -> list[str]:
     for candidate in ("cc", "gcc", "clang"):
         if shutil.which(candidate):
             return [candidate, "-O2"]
-    raise InputError(f"board {name}: a C compiler is not installed: apt install gcc libc6-dev")
+    raise InputError(
+        f"board {name}: a C compiler is not installed: apt install gcc libc6-dev",
+        code="not-installed",
+        key="gcc",
+    )
 
 
 def _run(command: Sequence[str], board: str) -> None:
@@ -217,11 +237,13 @@ def _run(command: Sequence[str], board: str) -> None:
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(
-            f"board {board}: the compiler did not end within {_TIME_LIMIT:.0f} s"
+            f"board {board}: the compiler did not end within {_TIME_LIMIT:.0f} s", code="time-limit"
         ) from None
     if done.returncode:
         lines = [line for line in done.stderr.splitlines() if "error" in line] or ["no reason"]
-        raise NegativeResult(f"board {board}: does not compile: {lines[0]}")
+        raise NegativeResult(
+            f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
+        )
 
 
 @dataclass(frozen=True, slots=True)

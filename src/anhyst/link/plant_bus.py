@@ -129,10 +129,13 @@ class PlantBus:
             drive = PlantDrive.unpack(self._receive())
         except (OSError, ValueError) as error:
             raise InputError(
-                f"the controller did not finish tick {tick}: {error}; see its output"
+                f"the controller did not finish tick {tick}: {error}; see its output",
+                code="tick-not-finished",
             ) from error
         if drive.tick != tick:
-            raise InputError(f"the controller answered tick {drive.tick} to tick {tick}")
+            raise InputError(
+                f"the controller answered tick {drive.tick} to tick {tick}", code="tick-differs"
+            )
         self.tick = tick
         self.answer = drive
         self.drives = (drive.drive / Q31, drive.drive_2 / Q31)

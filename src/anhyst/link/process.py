@@ -33,7 +33,8 @@ def check_runs_here(board: str) -> None:
     if sys.platform == "win32":
         raise InputError(
             f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or plug a "
-            "controller in and name its port"
+            "controller in and name its port",
+            code="not-on-this-system",
         )
 
 
@@ -144,7 +145,7 @@ def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
     assert process.stdout is not None
     line = process.stdout.readline().decode().strip()
     if not line:
-        raise InputError(f"{program}: the firmware did not start")
+        raise InputError(f"{program}: the firmware did not start", code="did-not-start")
     return line
 
 
@@ -201,7 +202,11 @@ def find_qemu() -> str:
     check_runs_here("qemu-mps2")
     place = shutil.which(_QEMU)
     if place is None:
-        raise InputError(f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}")
+        raise InputError(
+            f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}",
+            code="not-installed",
+            key=_QEMU,
+        )
     return place
 
 
@@ -217,7 +222,9 @@ def _started(
     try:
         process = subprocess.Popen(command, pass_fds=descriptors, stdout=stdout)
     except OSError as error:
-        raise InputError(f"{command[0]}: cannot be run: {error.strerror}") from error
+        raise InputError(
+            f"{command[0]}: cannot be run: {error.strerror}", code="cannot-be-run"
+        ) from error
     finally:
         for end in handed_over:
             end.close()

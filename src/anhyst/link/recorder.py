@@ -127,7 +127,10 @@ def read_recording(controller: ControllerLink) -> FirmwareRecording:
     info = controller.request(RecorderQueryRequest(), RecorderInfoAnswer)
     if info.recorder != Recorder.DONE:
         state = Recorder(info.recorder).name.lower()
-        raise InputError(f"{controller.url}: the recorder is {state}; wait until it is done")
+        raise InputError(
+            f"{controller.url}: the recorder is {state}; wait until it is done",
+            code="recorder-busy",
+        )
     signals = [signal for signal in RecorderSignal if info.mask >> signal & 1]
     total = info.records * len(signals)
     values: list[int] = []

@@ -71,14 +71,20 @@ def demand_request(force: int) -> DemandRequest:
         It does not fit 32 bits.
     """
     if not -(1 << 31) <= force < 1 << 31:
-        raise InputError(f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1")
+        raise InputError(
+            f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1",
+            code="beyond-full-scale",
+            key="demand",
+        )
     return DemandRequest(int(force))
 
 
 def stream(controller: Line, forces: Iterable[int], window: int) -> Iterator[Status]:
     """Send demands; see :meth:`anhyst.link.client.ControllerLink.stream`."""
     if not 1 <= window <= WINDOW_MOST:
-        raise InputError(f"window {window}: choose 1 to {WINDOW_MOST}")
+        raise InputError(
+            f"window {window}: choose 1 to {WINDOW_MOST}", code="out-of-range", key="window"
+        )
     flow = _Flow(controller)
     source = iter(forces)
     while True:
@@ -137,7 +143,9 @@ class _Flow:
         if isinstance(answer, NakAnswer) and answer.reason == Reason.OLD:
             self._begin_again(demand)
             return False
-        raise InputError(f"{self.controller.url}: {answer} in answer to a demand")
+        raise InputError(
+            f"{self.controller.url}: {answer} in answer to a demand", code="unexpected-answer"
+        )
 
     def _repeat(self, demands: list[_Sent]) -> None:
         if demands[0].times >= self.controller.attempts:

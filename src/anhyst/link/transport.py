@@ -107,7 +107,10 @@ class Port:
         return data
 
     def _gone(self) -> InputError:
-        return InputError(f"{self.url}: the port is gone; see the cable and the controller's power")
+        return InputError(
+            f"{self.url}: the port is gone; see the cable and the controller's power",
+            code="port-gone",
+        )
 
 
 def _open(url: str, baud: int) -> Any:
@@ -115,16 +118,20 @@ def _open(url: str, baud: int) -> Any:
         import serial
     except ImportError as error:
         raise InputError(
-            "pyserial is not installed; install it with: pip install 'anhyst[link]'"
+            "pyserial is not installed; install it with: pip install 'anhyst[link]'",
+            code="not-installed",
+            key="pyserial",
         ) from error
     try:
         return serial.serial_for_url(url, baudrate=baud, timeout=0, exclusive=True)
     except serial.SerialException as error:
-        raise InputError(f"{url}: {_why(error)}") from error
+        raise InputError(f"{url}: {_why(error)}", code="port-not-open") from error
     except ValueError as error:
-        raise InputError(f"{url}: {error}; name a port or socket://host:port") from error
+        raise InputError(
+            f"{url}: {error}; name a port or socket://host:port", code="port-not-open"
+        ) from error
     except OSError as error:
-        raise InputError(f"{url}: {_why(error)}") from error
+        raise InputError(f"{url}: {_why(error)}", code="port-not-open") from error
 
 
 def _why(error: Exception) -> str:

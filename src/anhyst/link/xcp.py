@@ -212,7 +212,7 @@ class XcpMaster:
             for _ in range(_CLOCKS):
                 if self.clock() != done:
                     return State(self._value(_STATE))
-        raise InputError(f"{self.url}: no tick passes; the controller stands")
+        raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
 
     def aim(self, code: int) -> None:
         """Demand a force, or a position, q31 of full scale.
@@ -323,6 +323,7 @@ class XcpMaster:
         if answer[0] != _ANSWER:
             raise InputError(
                 f"{self.url}: XCP command {command:#04x} was refused with error {answer[1]:#04x}; "
-                "see that the firmware is of this version of anhyst"
+                "see that the firmware is of this version of anhyst",
+                code="xcp-refused",
             )
         return answer

@@ -49,7 +49,11 @@ class XcpBridge:
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            raise InputError(f"port {port}: {error.strerror}; name another, or 0") from error
+            raise InputError(
+                f"port {port}: {error.strerror}; name another, or 0",
+                code="port-not-open",
+                key="port",
+            ) from error
         self.port = int(self._listener.getsockname()[1])
 
     def close(self) -> None:
@@ -109,7 +113,8 @@ class XcpBridge:
             if refused.reason is not Reason.TYPE:
                 raise
             raise InputError(
-                f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst"
+                f"{self._controller.url}: this firmware carries no XCP; build it with this anhyst",
+                code="no-xcp",
             ) from None
 
 

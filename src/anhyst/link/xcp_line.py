@@ -96,7 +96,8 @@ class XcpLine:
             if answer is None and self.serial and not self._gone.is_set():
                 self._synchronise()  # a late answer would be taken for that to the next command
                 raise AnswerLost(
-                    f"{self.url}: an answer was lost; see whether the command was done"
+                    f"{self.url}: an answer was lost; see whether the command was done",
+                    code="answer-lost",
                 )
             if answer is None:
                 self._gone.set()
@@ -121,10 +122,15 @@ class XcpLine:
 
     def lost(self) -> InputError:
         """Return the error of a controller that hung up or does not answer."""
-        return InputError(f"{self.url}: the controller is gone; see its power and the line")
+        return InputError(
+            f"{self.url}: the controller is gone; see its power and the line", code="port-gone"
+        )
 
     def _stands(self) -> InputError:
-        return InputError(f"{self.url}: no tick came for {self.timeout:g} s; the controller stands")
+        return InputError(
+            f"{self.url}: no tick came for {self.timeout:g} s; the controller stands",
+            code="no-tick",
+        )
 
     def _next(self) -> bytes | None:
         end = time.monotonic() + (_ANSWER_S if self.serial else self.timeout)
@@ -166,7 +172,7 @@ class XcpLine:
         found = split(data, self.serial)
         self.skipped += found.skipped
         if found.broken:
-            raise InputError(f"{self.url}: does not speak XCP")
+            raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
         return found.packets, found.rest
 
     def _hand_on(self, packets: list[bytes]) -> None:

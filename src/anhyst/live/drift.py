@@ -84,4 +84,6 @@ def _place(names: Sequence[str], choice: Sequence[str]) -> int:
     for name in choice:
         if name in names:
             return 1 + names.index(name)
-    raise InputError(f"watch: the bench has no signal {' or '.join(choice)}")
+    raise InputError(
+        f"watch: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
+    )

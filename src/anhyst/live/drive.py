@@ -125,7 +125,9 @@ class DrivenBench:
         if not aim.low <= target + least <= target + most <= aim.high:
             raise InputError(
                 f"generator: {target + least:g} to {target + most:g} {aim.unit} is not within "
-                f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less"
+                f"{aim.low:g} to {aim.high:g} {aim.unit}; set a target in between, or take less",
+                code="out-of-range",
+                key="generator",
             )
 
     def demand(self, value: float) -> None:

@@ -71,12 +71,20 @@ class Generator:
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
-            raise InputError(f"generator: no shape '{self.shape}'; take {', '.join(SHAPES)}")
+            raise InputError(
+                f"generator: no shape '{self.shape}'; take {', '.join(SHAPES)}",
+                code="unknown-shape",
+                key="shape",
+            )
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
-            raise InputError("generator: the amplitude is not 0 or more")
+            raise InputError(
+                "generator: the amplitude is not 0 or more", code="out-of-range", key="amplitude"
+            )
         if not LOWEST_HZ <= self.frequency <= HIGHEST_HZ:
             raise InputError(
-                f"generator: the frequency is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
+                f"generator: the frequency is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz",
+                code="out-of-range",
+                key="frequency",
             )
 
     @property

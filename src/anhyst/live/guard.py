@@ -49,14 +49,28 @@ def read_address(text: str, token: bool) -> tuple[str, int]:
         number = int(port)
     except ValueError:
         raise InputError(
-            f"--listen {text}: is no address; give it in digits, such as 127.0.0.1:{PORT}"
+            f"--listen {text}: is no address; give it in digits, such as 127.0.0.1:{PORT}",
+            code="bad-address",
+            key="--listen",
         ) from None
     if not 0 <= number <= 65535:
-        raise InputError(f"--listen {text}: the port is not within 0 to 65535")
+        raise InputError(
+            f"--listen {text}: the port is not within 0 to 65535",
+            code="out-of-range",
+            key="--listen",
+        )
     if address.is_unspecified:
-        raise InputError(f"--listen {text}: name the one address by which browsers will call it")
+        raise InputError(
+            f"--listen {text}: name the one address by which browsers will call it",
+            code="bad-address",
+            key="--listen",
+        )
     if not address.is_loopback and not token:
-        raise InputError(f"--listen {text}: reaches beyond this machine; add --token")
+        raise InputError(
+            f"--listen {text}: reaches beyond this machine; add --token",
+            code="token-missing",
+            key="--listen",
+        )
     return str(address), number
 
 

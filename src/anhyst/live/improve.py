@@ -25,16 +25,18 @@ def improve(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     step = str(fields.get("step"))
     act = _STEPS.get(step)
     if act is None:
-        raise InputError(f"improve: no step '{step[:40]}'")
+        raise InputError(f"improve: no step '{step[:40]}'", code="unknown-step", key="improve")
     if session.improver is None:
-        raise InputError("improve: this bench was not opened from a rig file")
+        raise InputError(
+            "improve: this bench was not opened from a rig file", code="no-rig-file", key="improve"
+        )
     return act(session, session.improver, who, fields)
 
 
 def _measure(session: LiveSession, improver: Improver, who: str, fields: Fields) -> Fields:
     given = fields.get("limits", {})
     if not isinstance(given, dict):
-        raise InputError("limits: name none")
+        raise InputError("limits: name none", code="missing", key="limits")
     tighter = {str(name): finite(given, name) for name in given}
     improver.measure(tighter, lambda: SessionSeat(session))
     session.note(who, "loops are measured")

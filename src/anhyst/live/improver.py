@@ -132,7 +132,9 @@ class Improver:
             Nothing is compiled, or the controller refuses it.
         """
         if "compile" not in self.results or self._found is None:
-            raise InputError("swap: nothing is compiled yet; compile first")
+            raise InputError(
+                "swap: nothing is compiled yet; compile first", code="step-missing", key="swap"
+            )
         tick = self._exchange(self._words, *self._found)
         self._leave("swap", {"tick": tick})
         return tick
@@ -146,7 +148,7 @@ class Improver:
             There is nothing before.
         """
         if self._before is None:
-            raise InputError("back: no model was swapped yet")
+            raise InputError("back: no model was swapped yet", code="step-missing", key="back")
         return self._exchange(*self._before)
 
     def to_watch(self) -> Model:
@@ -158,7 +160,11 @@ class Improver:
             Two magnets pull, and the rows say no more than the sum of their forces.
         """
         if not self._prepared.alone:
-            raise InputError("watch: of a pair only the sum of both forces is known, not one's own")
+            raise InputError(
+                "watch: of a pair only the sum of both forces is known, not one's own",
+                code="force-of-a-pair",
+                key="watch",
+            )
         return self.model
 
     def cancel(self) -> None:
@@ -209,10 +215,14 @@ class Improver:
 
     def _start(self, step: str, make: Callable[[Ended], Job | BoardJob]) -> None:
         if self._job is not None:
-            raise InputError(f"{step}: {self._step} is still under way; wait, or cancel it")
+            raise InputError(
+                f"{step}: {self._step} is still under way; wait, or cancel it",
+                code="busy",
+                key=step,
+            )
         needed = STEPS[: STEPS.index(step)]
         if needed and needed[-1] not in self.results:
-            raise InputError(f"{step}: {needed[-1]} comes first")
+            raise InputError(f"{step}: {needed[-1]} comes first", code="step-missing", key=step)
         self._step, self._trouble, self._began = step, "", time.monotonic()
 
         def ended(outcome: Mapping[str, Any] | str) -> None:
@@ -240,7 +250,11 @@ class Improver:
 
     def _exchange(self, words: Sequence[int], model: Model, curves: tuple[DrawnLoop, ...]) -> int:
         if self.drives:
-            raise InputError("swap: a measurement drives the controller; wait, or cancel it")
+            raise InputError(
+                "swap: a measurement drives the controller; wait, or cancel it",
+                code="busy",
+                key="swap",
+            )
         old = self._bench.read_block()
         self._in_force = regenerate(words, (old[GENERATION_AT] + 1) & 0xFFFF)
         tick = self._bench.swap_block(self._in_force)

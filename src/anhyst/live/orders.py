@@ -48,7 +48,7 @@ def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     """
     act = _ACTS.get(str(fields.get("do")))
     if act is None:
-        raise InputError(f"no order '{str(fields.get('do'))[:40]}'")
+        raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")
     _check_free(session, fields)
     return {"tick": session.bench.tick, **act(session, who, fields)}
 
@@ -57,14 +57,16 @@ def _check_free(session: LiveSession, fields: Fields) -> None:
     """Refuse what would disturb a measurement through the controller; a stop ends it."""
     driven = session.improver is not None and session.improver.drives
     if driven and fields["do"] in _DRIVES and fields.get("name") != "stop":
-        raise InputError("a measurement drives the controller; wait, cancel it, or stop")
+        raise InputError(
+            "a measurement drives the controller; wait, cancel it, or stop", code="busy"
+        )
 
 
 def _command(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     name = str(fields.get("name"))
     commands = {command.name.lower(): command for command in session.bench.commands()}
     if name not in commands:
-        raise InputError(f"this controller has no command '{name[:40]}'")
+        raise InputError(f"this controller has no command '{name[:40]}'", code="unknown-command")
     command = commands[name]
     if command in (Command.STOP, Command.LAND):
         session.generate(None)
@@ -119,7 +121,7 @@ def _wave(session: LiveSession, fields: Fields) -> Wave:
 def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     staged = fields.get("values")
     if not isinstance(staged, dict) or not 1 <= len(staged) <= _SWITCHES_MOST:
-        raise InputError("values: names no parameter")
+        raise InputError("values: names no parameter", code="missing", key="values")
     values = {str(name): finite(staged, name) for name in staged}
     tick = session.apply(values)
     session.note(who, ", ".join(f"{name} = {value:g}" for name, value in values.items()))
@@ -128,7 +130,11 @@ def _apply(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
 
 def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     if session.bench.keeps_time:
-        raise InputError("time: goes by itself on a board, at its own speed")
+        raise InputError(
+            "time: goes by itself on a board, at its own speed",
+            code="time-goes-by-itself",
+            key="time",
+        )
     if "speed" in fields:
         speed = finite(fields, "speed")
         session.paced.set_speed(speed)
@@ -142,7 +148,11 @@ def _pace(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     if "steps" in fields:
         steps = finite(fields, "steps")
         if not 1 <= steps <= session.bench.rate:
-            raise InputError(f"steps: is not within 1 to {session.bench.rate:g}")
+            raise InputError(
+                f"steps: is not within 1 to {session.bench.rate:g}",
+                code="out-of-range",
+                key="steps",
+            )
         session.paced.step(int(steps))
     return {}
 

@@ -124,13 +124,18 @@ def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> Recor
     """
     kind = _KINDS.get(path.suffix.lower())
     if kind is None:
-        raise InputError(f"{path}: a recording is written as {' or '.join(_KINDS)}; name it so")
+        raise InputError(
+            f"{path}: a recording is written as {' or '.join(_KINDS)}; name it so",
+            code="wrong-ending",
+        )
     try:
         return kind(path, signals, rate)
     except FileExistsError:
-        raise InputError(f"{path}: is there already; name a new file") from None
+        raise InputError(
+            f"{path}: is there already; name a new file", code="exists-already"
+        ) from None
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from None
+        raise InputError(f"{path}: {error.strerror}", code="cannot-be-written") from None
 
 
 def _lines(table: FloatArray) -> bytes:

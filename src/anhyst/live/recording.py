@@ -162,7 +162,9 @@ class TickRecorder:
         """
         names = [one.name for one in self._signals]
         if signal not in names:
-            raise InputError(f"trigger: no signal '{signal[:40]}'")
+            raise InputError(
+                f"trigger: no signal '{signal[:40]}'", code="no-such-signal", key="trigger"
+            )
         return Crossing(1 + names.index(signal), level, rising)
 
     def start(self, name: str, span: Span, tick: int) -> None:
@@ -183,15 +185,27 @@ class TickRecorder:
         """
         if not _NAME.fullmatch(name):
             raise InputError(
-                "record: a name is of letters, digits, blanks, points, _ and -, without a folder"
+                "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                code="bad-name",
+                key="record",
             )
         if not 0.0 <= span.before <= KEPT_S:
-            raise InputError(f"record: before is not within 0 to {KEPT_S:g} s")
+            raise InputError(
+                f"record: before is not within 0 to {KEPT_S:g} s", code="out-of-range", key="before"
+            )
         if not (span.lasts == math.inf or 0.0 <= span.lasts <= LONGEST_S):
-            raise InputError(f"record: the length is not within 0 to {LONGEST_S:g} s")
+            raise InputError(
+                f"record: the length is not within 0 to {LONGEST_S:g} s",
+                code="out-of-range",
+                key="length",
+            )
         with self._lock:
             if self._file is not None:
-                raise InputError(f"record: {self._file.path.name} is being written; stop it first")
+                raise InputError(
+                    f"record: {self._file.path.name} is being written; stop it first",
+                    code="busy",
+                    key="record",
+                )
             self.take(start_recording(self.folder / name, self._signals, self._rate), span, tick)
 
     def take(self, file: RecordingFile, span: Span, tick: int) -> None:
@@ -212,7 +226,7 @@ class TickRecorder:
         """
         with self._lock:
             if self._file is None:
-                raise InputError("record: no recording runs")
+                raise InputError("record: no recording runs", code="no-recording", key="record")
             if self._next is None:
                 path = self._file.path
                 self._end("left, nothing crossed")

@@ -39,7 +39,11 @@ def listen_on(host: str, port: int) -> socket.socket:
         taken.listen()
     except OSError as error:
         taken.close()
-        raise InputError(f"--listen {host}:{port}: {error.strerror}; name another port") from None
+        raise InputError(
+            f"--listen {host}:{port}: {error.strerror}; name another port",
+            code="port-not-open",
+            key="--listen",
+        ) from None
     return taken
 
 

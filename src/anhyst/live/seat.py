@@ -57,13 +57,13 @@ class SessionSeat:
         while sum(map(len, parts)) * self.every < ticks:
             if self._cancelled.is_set():
                 self._cancelled.clear()
-                raise InputError("cancelled")
+                raise InputError("cancelled", code="cancelled")
             try:
                 chunk = self._rows.get(_WAIT_S)
             except TimeoutError:
                 break
             if chunk is None:
-                raise InputError(self._session.ended or "the bench is closed")
+                raise InputError(self._session.ended or "the bench is closed", code="bench-closed")
             parts.append(chunk)
         return np.concatenate(parts)
 

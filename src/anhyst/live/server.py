@@ -231,7 +231,7 @@ class LiveServer:
             self.desk.answer(client.number, message.get("yes") is True)
             return {}
         if self.desk.operator != client.number:
-            raise InputError("another browser operates; ask to take over")
+            raise InputError("another browser operates; ask to take over", code="another-operates")
         if (act := BESIDE.get(str(what))) is not None:
             return await asyncio.to_thread(act, self.session, client.name, message)
         return await self._between_chunks(lambda: perform(self.session, client.name, message))

@@ -289,5 +289,5 @@ def finite(fields: Mapping[str, Any], key: str) -> float:
     """
     value = fields.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{key}: is no number")
+        raise InputError(f"{key}: is no number", code="not-a-number", key=key)
     return float(value)

@@ -53,9 +53,15 @@ class ParameterSets:
         path = self._path(name)
         self._look()
         if name in self.names:
-            raise InputError(f"{path.name}: is there already; name a new set")
+            raise InputError(
+                f"{path.name}: is there already; name a new set", code="exists-already"
+            )
         if len(self.names) >= _MOST:
-            raise InputError(f"sets: {_MOST} stand in the folder; remove some of their files")
+            raise InputError(
+                f"sets: {_MOST} stand in the folder; remove some of their files",
+                code="too-many-sets",
+                key="sets",
+            )
         values = {one.name: {"value": one.value, "unit": one.unit} for one in parameters}
         saved = datetime.now(UTC).isoformat(timespec="seconds")
         content = {"format": _FORMAT, "version": 1, "saved": saved, "parameters": values}
@@ -76,20 +82,24 @@ class ParameterSets:
             with path.open(encoding="utf-8") as file:
                 content = json.loads(file.read(_LARGEST))
         except OSError as error:
-            raise InputError(f"{path.name}: {error.strerror}") from None
+            raise InputError(f"{path.name}: {error.strerror}", code="cannot-be-read") from None
         except ValueError:
             content = None
         if not isinstance(content, dict) or content.get("format") != _FORMAT:
-            raise InputError(f"{path.name}: is no parameter set")
+            raise InputError(f"{path.name}: is no parameter set", code="not-a-parameter-set")
         values = content.get("parameters")
         if not isinstance(values, dict):
-            raise InputError(f"{path.name}: parameters: are missing")
+            raise InputError(
+                f"{path.name}: parameters: are missing", code="missing", key="parameters"
+            )
         return {str(key): _entry(path.name, key, one) for key, one in values.items()}
 
     def _path(self, name: str) -> Path:
         if not _NAME.fullmatch(name):
             raise InputError(
-                "set: a name is of letters, digits, blanks, points, _ and -, without a folder"
+                "set: a name is of letters, digits, blanks, points, _ and -, without a folder",
+                code="bad-name",
+                key="set",
             )
         return self._folder / f"{name}{ENDING}"
 
@@ -103,7 +113,7 @@ def _entry(file: str, key: object, one: object) -> dict[str, Any]:
     unit = one.get("unit") if isinstance(one, Mapping) else None
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not math.isfinite(float(str(value))) or not isinstance(unit, str):
-        raise InputError(f"{file}: {key}: has no value with a unit")
+        raise InputError(f"{file}: {key}: has no value with a unit", code="no-value-with-unit")
     return {"value": value, "unit": unit}
 
 
@@ -127,10 +137,14 @@ def values_for(
     here = {one.name: one for one in parameters}
     for name, one in held.items():
         if name not in here:
-            raise InputError(f"set: {name}: is no parameter of this bench")
+            raise InputError(
+                f"set: {name}: is no parameter of this bench", code="unknown-parameter", key=name
+            )
         if one["unit"] != here[name].unit:
             raise InputError(
                 f"set: {name}: is in {one['unit'] or 'no unit'}, here it is in "
-                f"{here[name].unit or 'no unit'}"
+                f"{here[name].unit or 'no unit'}",
+                code="units-differ",
+                key=name,
             )
     return {name: one["value"] for name, one in held.items() if one["value"] != here[name].value}

@@ -45,16 +45,22 @@ class Chirp:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
-            raise InputError("chirp: the amplitude is not 0 or more")
+            raise InputError(
+                "chirp: the amplitude is not 0 or more", code="out-of-range", key="amplitude"
+            )
         for value in (self.low, self.high):
             if not LOWEST_HZ <= value <= HIGHEST_HZ:
                 raise InputError(
-                    f"chirp: {value:g} Hz is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz"
+                    f"chirp: {value:g} Hz is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz",
+                    code="out-of-range",
+                    key="frequency",
                 )
         if not 1.0 / min(self.low, self.high) <= self.lasts <= LONGEST_S:
             raise InputError(
                 f"chirp: it lasts {self.lasts:g} s; choose at least a period of its slowest sine, "
-                f"{1.0 / min(self.low, self.high):g} s, and at most {LONGEST_S:g} s"
+                f"{1.0 / min(self.low, self.high):g} s, and at most {LONGEST_S:g} s",
+                code="out-of-range",
+                key="lasts",
             )
 
     @property
@@ -140,7 +146,9 @@ def read_table(text: str, unit: str, begin: int) -> WaveTable:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not lines:
-        raise InputError("own CSV: holds no line; begin it with a header such as t_s,gap_um")
+        raise InputError(
+            "own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data"
+        )
     number, header = lines[0]
     units = _units(number, header, unit)
     rows: list[tuple[float, float]] = []
@@ -149,14 +157,18 @@ def read_table(text: str, unit: str, begin: int) -> WaveTable:
         last = rows[-1][0] if rows else -1.0
         if time <= last:
             raise InputError(
-                f"own CSV: line {number}: the time is not behind that of the row before"
+                f"own CSV: line {number}: the time is not behind that of the row before",
+                code="time-not-rising",
             )
         if not rows and time != 0.0:
-            raise InputError(f"own CSV: line {number}: the time does not begin at 0")
+            raise InputError(
+                f"own CSV: line {number}: the time does not begin at 0", code="time-not-from-zero"
+            )
         rows.append((time, value))
     if len(rows) < _ROWS_LEAST or rows[-1][0] > LONGEST_S:
         raise InputError(
-            f"own CSV: {len(rows)} rows; at least {_ROWS_LEAST} and at most {LONGEST_S:g} s are needed"
+            f"own CSV: {len(rows)} rows; at least {_ROWS_LEAST} and at most {LONGEST_S:g} s are needed",
+            code="rows-out-of-range",
         )
     table = np.array(rows)
     return WaveTable(table[:, 0], table[:, 1], begin)
@@ -173,20 +185,27 @@ def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
     example = "gap_um" if unit == "m" else "F_N"
     raise InputError(
         f"own CSV: line {number}: no header of a time and a {kind} with their units, such as "
-        f"t_s,{example}"
+        f"t_s,{example}",
+        code="no-header",
     )
 
 
 def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
     if len(cells) != 2:
-        raise InputError(f"own CSV: line {number}: {len(cells)} columns, not two")
+        raise InputError(
+            f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing"
+        )
     found = []
     for cell, unit in zip(cells, units, strict=True):
         try:
             value = unit.value_to_si(float(cell))
         except ValueError:
-            raise InputError(f"own CSV: line {number}: '{cell[:40]}' is no number") from None
+            raise InputError(
+                f"own CSV: line {number}: '{cell[:40]}' is no number", code="not-a-number"
+            ) from None
         if not math.isfinite(value):
-            raise InputError(f"own CSV: line {number}: '{cell[:40]}' is not finite")
+            raise InputError(
+                f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite"
+            )
         found.append(value)
     return found[0], found[1]

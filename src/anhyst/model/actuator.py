@@ -135,7 +135,10 @@ class Model(Result, ActuatorRecord):
             The model does not say where it holds.
         """
         if self.valid is None:
-            raise InputError("the model does not say where it holds ([valid]): no range for a loop")
+            raise InputError(
+                "the model does not say where it holds ([valid]): no range for a loop",
+                code="no-valid-range",
+            )
         up = np.linspace(*self.valid.input, samples)
         drive = np.concatenate([up, up[::-1]])
         time = np.linspace(0.0, CYCLE_S, drive.size) if self.needs_time else None

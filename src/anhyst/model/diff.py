@@ -133,7 +133,8 @@ def diff(first: Model, second: Model) -> ModelDiff:
         if mine != other:
             raise InputError(
                 f"the models cannot be compared: the {role} of one is {mine.column}, of the other "
-                f"{other.column}"
+                f"{other.column}",
+                code="quantities-differ",
             )
     settings = tuple(
         Change(name, one, other) for name, one, other in _settings(first, second) if one != other
@@ -177,17 +178,24 @@ def _settings(
 
 def _common(ranges: list[Range], name: str) -> Range:
     if not ranges:
-        raise InputError(f"neither model has a valid range of the {name}: no loops compared")
+        raise InputError(
+            f"neither model has a valid range of the {name}: no loops compared",
+            code="no-valid-range",
+        )
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if not low < high:
-        raise InputError(f"the valid ranges of the {name} do not overlap: no loops compared")
+        raise InputError(
+            f"the valid ranges of the {name} do not overlap: no loops compared", code="ranges-apart"
+        )
     return low, high
 
 
 def _common_schedule(first: Model, second: Model) -> list[float | None]:
     """Nodes of both models and the places between, where both are valid; [None] without any."""
     if first.schedule != second.schedule and (first.needs_schedule or second.needs_schedule):
-        raise InputError("the models run over different quantities: no loops compared")
+        raise InputError(
+            "the models run over different quantities: no loops compared", code="quantities-differ"
+        )
     nodes = np.unique([*first.nodes, *second.nodes])
     if not nodes.size:
         return [None]
@@ -198,7 +206,10 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
     within = nodes[(nodes >= low) & (nodes <= high)]
     if not within.size:
-        raise InputError("the valid ranges of the schedule do not overlap: no loops compared")
+        raise InputError(
+            "the valid ranges of the schedule do not overlap: no loops compared",
+            code="ranges-apart",
+        )
     return sorted([*within.tolist(), *(0.5 * (within[1:] + within[:-1])).tolist()])
 
 

@@ -57,11 +57,15 @@ class Dynamics:
         numbers = (self.lag, self.fastest, *self.times, *self.shares)
         if not all(math.isfinite(one) and one >= 0.0 for one in numbers):
             raise InputError("model dynamics: lag, times, shares and rate must be finite and not "
-                             "negative")  # fmt: skip
+                             "negative", code="out-of-range")  # fmt: skip
         if len(self.times) != len(self.shares):
-            raise InputError("model dynamics: give one creep share for each creep time")
+            raise InputError(
+                "model dynamics: give one creep share for each creep time", code="length-differs"
+            )
         if any(one <= 0.0 for one in self.times) or list(self.times) != sorted(set(self.times)):
-            raise InputError("model dynamics: creep times must be above 0 and ascend")
+            raise InputError(
+                "model dynamics: creep times must be above 0 and ascend", code="not-ascending"
+            )
 
     @property
     def needs_time(self) -> bool:

@@ -108,7 +108,9 @@ class _Reader:
 
     def _check_version(self, content: dict[str, Any]) -> None:
         if content.get("format") != FORMAT:
-            self.file.add(("format",), f'must be "{FORMAT}"; is this a model file?')
+            self.file.add(
+                ("format",), f'must be "{FORMAT}"; is this a model file?', code="wrong-format"
+            )
         elif content.get("version") != VERSION:
             version = content.get("version")
             self.file.add(
@@ -116,6 +118,7 @@ class _Reader:
                 f"is missing; a file of this anhyst says version = {VERSION}"
                 if version is None
                 else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
+                code="wrong-version",
             )
         self._stop_if_wrong()
 
@@ -138,7 +141,7 @@ class _Reader:
                 f"must be {len(table.thresholds)} rows of {len(table.widths)}, one row for each "
                 "threshold and one column for each width"
             )
-            self.file.add(self._file_path(("cells", "weights")), text)
+            self.file.add(self._file_path(("cells", "weights")), text, code="wrong-shape")
             self._stop_if_wrong()
         try:
             return CellWeights(
@@ -148,7 +151,7 @@ class _Reader:
                 table.shape,
             )
         except ValueError as error:
-            self.file.add(("cells",), str(error))
+            self.file.add(("cells",), str(error), code="cells-out-of-range")
             self._stop_if_wrong()
             raise
 
@@ -156,7 +159,7 @@ class _Reader:
         try:
             return law_of(law.name, cells)
         except ValueError as error:
-            self.file.add(("cells",), str(error))
+            self.file.add(("cells",), str(error), code="cells-out-of-range")
             self._stop_if_wrong()
             raise
 
@@ -170,7 +173,7 @@ class _Reader:
         ) else written  # fmt: skip
         try:
             if written is None:
-                self.file.add((key,), "is missing; add this table")
+                self.file.add((key,), "is missing; add this table", code="missing")
                 return None
             table = QuantityTable.model_validate(known)
         except ValidationError as error:
@@ -183,10 +186,14 @@ class _Reader:
         unit = find_unit(quantity.unit)
         wanted = usual.unit if usual else unit.si if unit else None
         if wanted is None:
-            self.file.add((key, "unit"), f"unknown unit {quantity.unit!r}; write an SI unit")
+            self.file.add(
+                (key, "unit"),
+                f"unknown unit {quantity.unit!r}; write an SI unit",
+                code="unknown-unit",
+            )
         elif quantity.unit != wanted:
             text = f"is {quantity.unit!r}; model files are in SI, write {wanted!r}"
-            self.file.add((key, "unit"), text)
+            self.file.add((key, "unit"), text, code="unit-not-si")
         return quantity
 
     def _strip_units(self, table: Any, at: KeyPath) -> None:
@@ -203,7 +210,7 @@ class _Reader:
                 table[fields[key]] = table.pop(key)
             elif field := meant(key, names):
                 text = f"its unit must stand in the key; write {names[field][1]}"
-                self.file.add((*at, key), text)
+                self.file.add((*at, key), text, code="unit-missing")
                 table[field] = table.pop(key)
         for key, value in table.items():
             self._strip_units(value, (*at, key))
@@ -240,14 +247,20 @@ class _Reader:
         }
         nodes = content.get("schedule", {}).get("nodes", [])
         for problem in find_problems(law, values, nodes, content["gap_map"]):
-            self.file.add(self._file_path(_place_of(problem.key)), problem.text)
+            self.file.add(self._file_path(_place_of(problem.key)), problem.text, code=problem.code)
         for key, pair in content.get("valid", {}).items():
             if pair[0] > pair[1]:
                 self.file.add(
-                    self._file_path(("valid", key)), "the first must not exceed the second"
+                    self._file_path(("valid", key)),
+                    "the first must not exceed the second",
+                    code="range-reversed",
                 )
         if "schedule" in content.get("valid", {}) and "schedule" not in content:
-            self.file.add(("valid",), "has a range of a scheduling variable that there is not")
+            self.file.add(
+                ("valid",),
+                "has a range of a scheduling variable that there is not",
+                code="no-schedule",
+            )
         unsure = content.get("uncertainty")
         if unsure is not None:
             self._check_lengths(unsure)
@@ -262,7 +275,9 @@ class _Reader:
         ):
             if set(sizes) != {count}:
                 self.file.add(
-                    ("uncertainty", key), f"must hold one entry for each of {count} names"
+                    ("uncertainty", key),
+                    f"must hold one entry for each of {count} names",
+                    code="length-differs",
                 )
 
     def _build(
@@ -276,7 +291,7 @@ class _Reader:
         try:
             history = History.parse(table.history)
         except InputError as error:
-            self.file.add(("history",), str(error))
+            self.file.add(("history",), str(error), code=error.code)
         late = self._dynamics(table)
         self._stop_if_wrong()
         model = Model(
@@ -304,7 +319,9 @@ class _Reader:
             for node in model.nodes if model.fixed_gap_only else (None,):
                 model.iron_at(node)
         except InputError as error:
-            self.file.add(("parameters",), str(error).removeprefix("model parameters: "))
+            self.file.add(
+                ("parameters",), str(error).removeprefix("model parameters: "), code=error.code
+            )
             self._stop_if_wrong()
         return model
 
@@ -317,7 +334,9 @@ class _Reader:
                 given.lag, tuple(given.creep_times), tuple(given.creep_shares), given.fastest
             )
         except InputError as error:
-            self.file.add(("dynamics",), str(error).removeprefix("model dynamics: "))
+            self.file.add(
+                ("dynamics",), str(error).removeprefix("model dynamics: "), code=error.code
+            )
             return None
 
     def _stop_if_wrong(self) -> None:

@@ -72,14 +72,26 @@ class Curve:
         if self.nodes.ndim != 1 or self.nodes.shape != self.values.shape or not self.nodes.size:
             raise InputError(
                 f"{self.name}: {self.values.size} values for {self.nodes.size} nodes; "
-                "give one value for each node"
+                "give one value for each node",
+                code="length-differs",
+                key=self.name,
             )
         if not (np.isfinite(self.nodes).all() and np.isfinite(self.values).all()):
-            raise InputError(f"{self.name}: a node or value is not finite; give plain numbers")
+            raise InputError(
+                f"{self.name}: a node or value is not finite; give plain numbers",
+                code="not-finite",
+                key=self.name,
+            )
         if (np.diff(self.nodes) <= 0.0).any():
-            raise InputError(f"{self.name}: the nodes do not ascend; sort them and drop repeats")
+            raise InputError(
+                f"{self.name}: the nodes do not ascend; sort them and drop repeats",
+                code="not-ascending",
+                key=self.name,
+            )
         if self.coordinate != "plain" and (self.values <= 0.0).any():
-            raise InputError(f"{self.name}: must be positive at every node")
+            raise InputError(
+                f"{self.name}: must be positive at every node", code="not-above-zero", key=self.name
+            )
 
     def __call__(self, at: FloatArray) -> FloatArray:
         """Return the parameter at any values of the scheduling variable.
@@ -169,7 +181,9 @@ class Curve:
     def _too_far(self) -> InputError:
         return InputError(
             f"{self.name}: the straight line beyond the nodes {self.nodes[0]:g} to "
-            f"{self.nodes[-1]:g} has left the range of the parameter; stay nearer to the nodes"
+            f"{self.nodes[-1]:g} has left the range of the parameter; stay nearer to the nodes",
+            code="too-far-beyond-nodes",
+            key=self.name,
         )
 
 

@@ -61,6 +61,7 @@ class Problem:
 
     key: str
     text: str
+    code: str
 
 
 def find_problems(
@@ -86,26 +87,31 @@ def find_problems(
     """
     problems = []
     if gap_map not in GAP_MAPS:
-        return [Problem("gap_map", f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}")]
+        text = f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}"
+        return [Problem("gap_map", text, code="unknown-choice")]
     steps = np.diff(np.asarray(nodes, dtype=np.float64))
     if not np.isfinite(steps).all() or (steps <= 0.0).any():
-        problems.append(Problem("nodes", "must be finite and ascend, without repeats"))
+        text = "must be finite and ascend, without repeats"
+        problems.append(Problem("nodes", text, code="not-ascending"))
     specs = specs_of(law)
     for name, spec in specs.items():
         value = parameters.get(name)
         if value is None:
             if spec.default is None:
-                problems.append(Problem(name, "is missing"))
+                problems.append(Problem(name, "is missing", code="missing"))
             continue
         values = value if isinstance(value, tuple) else (value,)
         if isinstance(value, tuple):
             if len(value) != len(nodes):
                 text = f"has {len(value)} values for {len(nodes)} nodes; give one for each node"
-                problems.append(Problem(name, text))
+                problems.append(Problem(name, text, code="length-differs"))
             if gap_map != "free" and name not in MAY_VARY[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
-                problems.append(Problem(name, text))
+                problems.append(Problem(name, text, code="may-not-vary"))
         texts = (spec.problem(single) for single in values)
-        problems.extend([Problem(name, text) for text in texts if text][:1])
-    problems.extend(Problem(name, "is unknown") for name in parameters if name not in specs)
+        wrong = next(filter(None, texts), None)
+        if wrong is not None:
+            problems.append(Problem(name, wrong, code="out-of-range"))
+    unknown = [name for name in parameters if name not in specs]
+    problems.extend(Problem(name, "is unknown", code="extra-forbidden") for name in unknown)
     return problems

@@ -53,7 +53,7 @@ class SampleError(InputError):
     """
 
     def __init__(self, name: str, sample: int, what: str) -> None:
-        super().__init__(f"{name}: sample {sample} {what}")
+        super().__init__(f"{name}: sample {sample} {what}", code="sample-refused", key=name)
         self.sample = sample
         self.what = what
 
@@ -313,12 +313,15 @@ def _slow_start(
 def _clock(time: ArrayLike | None, size: int) -> FloatArray:
     if time is None:
         raise InputError(
-            "the model has a lag or creep ([dynamics]): give the time, in a file as column t_s"
+            "the model has a lag or creep ([dynamics]): give the time, in a file as column t_s",
+            code="time-missing",
         )
     clock = as_samples(time, "time", size)
     if (np.diff(clock) <= 0.0).any():
         sample = int(np.argmax(np.diff(clock) <= 0.0)) + 1
-        raise InputError(f"time: does not ascend at sample {sample}")
+        raise InputError(
+            f"time: does not ascend at sample {sample}", code="time-not-rising", key="time"
+        )
     return clock
 
 
@@ -403,7 +406,8 @@ def _settle(
     if status == NOT_SETTLED:
         raise NegativeResult(
             f"the {kind} was repeated {cycles} times and the cycle still does not close: "
-            "it is too small against the pinning of the model; use another history"
+            "it is too small against the pinning of the model; use another history",
+            code="cycle-does-not-close",
         )
     if status != OK:  # once more, to see where
         *_, again, index = _step(iron, kind)(*around, start)
@@ -437,12 +441,24 @@ def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatAr
     if size is not None and np.ndim(values) == 0:
         array = np.full(size, float(array.reshape(-1)[0]))
     if array.ndim != 1 or not array.size:
-        raise InputError(f"{name}: has shape {array.shape}; give one row of samples")
+        raise InputError(
+            f"{name}: has shape {array.shape}; give one row of samples",
+            code="wrong-shape",
+            key=name,
+        )
     if size is not None and array.size != size:
-        raise InputError(f"{name}: has {array.size} samples for {size}; give one for each")
+        raise InputError(
+            f"{name}: has {array.size} samples for {size}; give one for each",
+            code="length-differs",
+            key=name,
+        )
     finite = np.isfinite(array)
     if not finite.all():
-        raise InputError(f"{name}: sample {int(np.argmin(finite))} is not a finite number; mend it")
+        raise InputError(
+            f"{name}: sample {int(np.argmin(finite))} is not a finite number; mend it",
+            code="not-finite",
+            key=name,
+        )
     return array
 
 
@@ -465,11 +481,16 @@ def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> Float
         return None
     if time is None:
         raise InputError(
-            "the model has eddy currents (gamma): give the time, in a file as column t_s"
+            "the model has eddy currents (gamma): give the time, in a file as column t_s",
+            code="time-missing",
         )
     steps = np.diff(as_samples(time, "time", size))
     if (steps <= 0.0).any():
-        raise InputError(f"time: does not ascend at sample {int(np.argmax(steps <= 0.0)) + 1}")
+        raise InputError(
+            f"time: does not ascend at sample {int(np.argmax(steps <= 0.0)) + 1}",
+            code="time-not-rising",
+            key="time",
+        )
     return np.concatenate([[0.0], 1.0 / steps])
 
 
@@ -478,7 +499,11 @@ def check(status: int, name: str, index: int, given: FloatArray) -> None:
     if status == OK:
         return
     error = SampleError(name, index, f"({given[index]:g}) {status_text(status)}")
-    raise NegativeResult(str(error)) if status in {NOT_CONVERGED, NOT_SETTLED} else error
+    raise (
+        NegativeResult(str(error), code=error.code, key=name)
+        if status in {NOT_CONVERGED, NOT_SETTLED}
+        else error
+    )
 
 
 def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iterator[slice]:
@@ -492,7 +517,8 @@ def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iter
         raise InputError(
             f"the schedule moves at sample {int(edges[1])}, but in this model (gap map 'free') the "
             f"iron itself varies with it ({', '.join(model.varying)}): run each value by itself, "
-            "or identify with the gap map scaling or reluctance"
+            "or identify with the gap map scaling or reluctance",
+            code="schedule-moves",
         )
     for start, stop in pairwise(edges):
         yield slice(int(start), int(stop))

@@ -154,7 +154,11 @@ def _compute(
         try:
             model.schedule_or_default(None)
         except InputError as error:
-            raise InputError(f"{table.path}: {error}{table.hint(model.schedule.name)}") from None
+            raise InputError(
+                f"{table.path}: {error}{table.hint(model.schedule.name)}",
+                code=error.code,
+                key=error.key,
+            ) from None
     # A column of time that nothing needs may be as it likes.
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
@@ -169,11 +173,12 @@ def _compute(
         except SampleError as error:
             raise InputError(
                 f"{table.where(int(rows[error.sample]))}: {given.name.replace('_', ' ')} "
-                f"{error.what}; stay nearer to the valid range of the model"
+                f"{error.what}; stay nearer to the valid range of the model",
+                code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
-            where = "" if rows.size == values.size else f"rows from {rows[0] + 1}: "
-            raise type(error)(f"{table.path}: {where}{error}") from error
+            where = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
+            raise error.at(f"{table.path}{where}") from error
         found[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
@@ -276,7 +281,11 @@ def _write(
         flag = "valid_model"
     if name in columns or flag in columns:
         taken = name if name in columns else flag
-        raise InputError(f"{table.path}: has a column '{taken}' already; rename it in the file")
+        raise InputError(
+            f"{table.path}: has a column '{taken}' already; rename it in the file",
+            code="exists-already",
+            key=taken,
+        )
     write_csv(out, columns | {name: found, flag: valid})
     return name
 

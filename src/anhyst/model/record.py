@@ -53,7 +53,9 @@ def _iron(law: Law, *parameters: float) -> IronOperator:
     try:
         return law.iron(*parameters)
     except ValueError as error:
-        raise InputError(f"model parameters: {error}") from error
+        raise InputError(
+            f"model parameters: {error}", code="parameters-out-of-range", key="parameters"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -118,16 +120,30 @@ class ActuatorRecord:
         nodes = tuple(float(node) for node in self.nodes)
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
-            raise InputError(f"law: is {self.law!r}; use one of {', '.join(LAWS)}")
+            raise InputError(
+                f"law: is {self.law!r}; use one of {', '.join(LAWS)}",
+                code="unknown-choice",
+                key="law",
+            )
         try:
             law = self.operator_law
         except ValueError as error:
-            raise InputError(f"model cells: {error}") from error
+            raise InputError(
+                f"model cells: {error}", code="cells-out-of-range", key="cells"
+            ) from error
         problems = find_problems(law, given, nodes, self.gap_map)
         if problems:
-            raise InputError(f"model parameter {problems[0].key}: {problems[0].text}")
+            raise InputError(
+                f"model parameter {problems[0].key}: {problems[0].text}",
+                code=problems[0].code,
+                key=problems[0].key,
+            )
         if nodes and self.schedule is None:
-            raise InputError("model: there are nodes but no scheduling variable; name it")
+            raise InputError(
+                "model: there are nodes but no scheduling variable; name it",
+                code="no-schedule",
+                key="model",
+            )
         complete = {
             name: given.get(name, 0.0 if spec.default is None else spec.default)
             for name, spec in self.specs.items()
@@ -221,7 +237,9 @@ class ActuatorRecord:
                 if problem := self.specs[name].problem(float(extreme)):
                     raise InputError(
                         f"{name} {problem}, in the straight line beyond the nodes "
-                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them"
+                        f"{self.nodes[0]:g} to {self.nodes[-1]:g}; stay nearer to them",
+                        code="too-far-beyond-nodes",
+                        key=name,
                     )
             return values
         value = self.parameters[name]
@@ -262,7 +280,8 @@ class ActuatorRecord:
             assert self.schedule is not None
             raise InputError(
                 f"the model runs over {self.schedule.name}: give it, in a file as column "
-                f"{self.schedule.column}"
+                f"{self.schedule.column}",
+                code="schedule-missing",
             )
         return self.nodes[0] if self.nodes else 0.0
 

@@ -160,7 +160,11 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     """
     sources = model.provenance.sources
     if not sources:
-        raise InputError("the model does not say which measurements it came from: [provenance]")
+        raise InputError(
+            "the model does not say which measurements it came from: [provenance]",
+            code="no-provenance",
+            key="provenance",
+        )
     kept = {
         name.removeprefix(PREFIX): str(value)
         for name, value in model.provenance.settings.items()
@@ -168,7 +172,10 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
     }
     unknown = set(kept) - {item.name for item in fields(ReadOptions)}
     if unknown:
-        raise InputError(f"provenance.settings.{PREFIX}{min(unknown)}: is unknown; remove it")
+        raise InputError(
+            f"provenance.settings.{PREFIX}{min(unknown)}: is unknown; remove it",
+            code="extra-forbidden",
+        )
     options = ReadOptions.from_text(**kept)
     return options.read([_find(source.path, source.sha256, Path(folder)) for source in sources])
 
@@ -181,8 +188,13 @@ def _find(path: str, sha256: str, folder: Path) -> Path:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:
                 return place
     if there:
-        raise InputError(f"{there[0]}: has changed since the model was identified; identify again")
-    raise InputError(f"{path}: no such file; put the measurements back or identify again")
+        raise InputError(
+            f"{there[0]}: has changed since the model was identified; identify again",
+            code="source-changed",
+        )
+    raise InputError(
+        f"{path}: no such file; put the measurements back or identify again", code="no-such-file"
+    )
 
 
 def _parts(text: str) -> list[str]:
@@ -194,9 +206,13 @@ def _pairs(text: str, what: str) -> dict[str, str]:
     for part in _parts(text):
         name, equals, value = (piece.strip() for piece in part.rpartition("="))
         if not equals or not name:
-            raise InputError(f"{what}: '{part}' is not of the form name=value")
+            raise InputError(
+                f"{what}: '{part}' is not of the form name=value", code="not-name-value", key=what
+            )
         if name in pairs:
-            raise InputError(f"{what}: '{name}' is given twice; keep one")
+            raise InputError(
+                f"{what}: '{name}' is given twice; keep one", code="name-twice", key=name
+            )
         pairs[name] = value
     return pairs
 

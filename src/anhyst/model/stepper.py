@@ -106,7 +106,11 @@ class Stepper:
         slow = self._slow
         if self._output is not None:
             if dt is None:
-                raise InputError("dt: the model creeps ([dynamics]); give the time of the step")
+                raise InputError(
+                    "dt: the model creeps ([dynamics]); give the time of the step",
+                    code="time-missing",
+                    key="dt",
+                )
             slow = self._late.follow(self._flux, slow, dt)
         return float(np.array(self._late.shares) @ slow), slow
 
@@ -117,7 +121,8 @@ class Stepper:
         if self.model.valid is None:
             raise InputError(
                 "a stepper cannot start settled: the model has no valid range of the input to "
-                "cycle over; pass history='demagnetised' or 'conditioned:...'"
+                "cycle over; pass history='demagnetised' or 'conditioned:...'",
+                code="no-valid-range",
             )
         low, high = self.model.valid.input
         slow = [0.0, 1e9, 2e9]  # eddy currents do not count
@@ -236,9 +241,14 @@ class Stepper:
         given = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", given.size)
         if np.any(self.model.over_schedule("gamma", at) > 0.0):
-            raise InputError("the model has eddy currents (gamma); commit one by one, with dt")
+            raise InputError(
+                "the model has eddy currents (gamma); commit one by one, with dt",
+                code="time-missing",
+            )
         if self._late is not None:
-            raise InputError("the model creeps ([dynamics]); commit one by one, with dt")
+            raise InputError(
+                "the model creeps ([dynamics]); commit one by one, with dt", code="time-missing"
+            )
         for end in (at.min(), at.max()):
             self._at(float(end))
         circuit = self.model.circuit(at, np.zeros(given.size))
@@ -258,15 +268,22 @@ class Stepper:
         if self.model.fixed_gap_only and at != self._schedule:
             raise InputError(
                 "the schedule moved, but in this model (gap map 'free') the iron itself varies "
-                "with it; start another stepper, or identify with the gap map scaling or reluctance"
+                "with it; start another stepper, or identify with the gap map scaling or reluctance",
+                code="schedule-moves",
             )
         return at
 
     def _circuit(self, at: float, dt: float | None) -> Circuit:
         if dt is not None and not dt > 0.0:
-            raise InputError(f"dt: is {dt:g} s; give a time above 0")
+            raise InputError(
+                f"dt: is {dt:g} s; give a time above 0", code="not-above-zero", key="dt"
+            )
         begun = self._output is not None  # the first commit has nothing before it to be timed from
         if dt is None and begun and np.any(self.model.over_schedule("gamma", [at]) > 0.0):
-            raise InputError("dt: the model has eddy currents (gamma); give the time of the step")
+            raise InputError(
+                "dt: the model has eddy currents (gamma); give the time of the step",
+                code="time-missing",
+                key="dt",
+            )
         rate = 0.0 if dt is None else 1.0 / dt
         return self.model.circuit(np.array([at]), np.array([rate]))

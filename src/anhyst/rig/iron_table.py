@@ -82,7 +82,9 @@ class MagnetSteelTable(SteelTable):
     @classmethod
     def _few(cls, cells: int) -> int:
         if cells >= MOST_CELLS:
-            raise ValueError(f"the plant has room for {MOST_CELLS - 1}; lower it")
+            raise InputError(
+                f"the plant has room for {MOST_CELLS - 1}; lower it", code="too-many-cells"
+            )
         return cells
 
 
@@ -99,10 +101,7 @@ class PreisachTable(CurveTable):
 
     @model_validator(mode="after")
     def _makes_an_iron(self) -> Self:
-        try:
-            self.steel().plant()
-        except InputError as error:
-            raise ValueError(str(error)) from error
+        self.steel().plant()
         return self
 
     def steel(self) -> PreisachSteel:
@@ -141,10 +140,7 @@ class DuhemTable(CurveTable):
 
     @model_validator(mode="after")
     def _makes_an_iron(self) -> Self:
-        try:
-            self.steel().plant()
-        except InputError as error:
-            raise ValueError(str(error)) from error
+        self.steel().plant()
         return self
 
     def steel(self) -> DuhemSteel:

@@ -17,7 +17,7 @@ from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
-from anhyst.support.toml_file import Fault, faults_error
+from anhyst.support.toml_file import FileFault, faults_error
 from anhyst.support.toml_text import Path as KeyPath
 
 
@@ -26,7 +26,7 @@ def _listed(value: Any) -> Any:
         return [value]
     if isinstance(value, list) and value and all(isinstance(one, str) for one in value):
         return value
-    raise ValueError("must be a file, a folder, or a list of them")
+    raise InputError("must be a file, a folder, or a list of them", code="wrong-kind")
 
 
 FileList = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
@@ -78,11 +78,13 @@ class Measured:
             if not place.exists():
                 key = (*self.key, number) if len(self.names) > 1 else self.key
                 text = f"{place}: no such file or folder; check the path"
-                raise faults_error(self.rig, [(key, text)])
+                raise faults_error(self.rig, [FileFault(key, text, code="no-such-file")])
         try:
             return files_read(self.places, self.options.reading(self.rig.parent).sidecar)
         except InputError as error:
-            raise faults_error(self.rig, [(self.key, str(error))]) from error
+            raise faults_error(
+                self.rig, [FileFault(self.key, str(error), code=error.code)]
+            ) from error
 
     def read(self) -> Loops:
         """Read and clean them.
@@ -93,14 +95,16 @@ class Measured:
             As :attr:`files`, as the reader, or they are no loops of force over current and gap.
         """
         if not self.files:
-            raise InputError(f"{self.text}: no loops")
+            raise InputError(f"{self.text}: no loops", code="no-loops")
         loops = self.options.reading(self.rig.parent).read(self.places)
         if not is_electromagnet(loops) or loops.schedule is None:
-            raise InputError(f"{self.text}: a rig needs columns I_A, F_N and gap_m")
+            raise InputError(
+                f"{self.text}: a rig needs columns I_A, F_N and gap_m", code="columns-missing"
+            )
         return loops
 
 
-def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fault]:
+def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[FileFault]:
     """Find what a rig file wants of its identification and cannot have.
 
     Parameters
@@ -111,11 +115,11 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fa
     """
     if options.gap_map == "free":
         text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
-        return [(("identify", "gap_map"), text)]
+        return [FileFault(("identify", "gap_map"), text, code="choice-not-for-this")]
     try:
         check_wanted(options.law, options.gap_map or gap_map, options.search)
     except InputError as error:
-        return [(("identify",), str(error))]
+        return [FileFault(("identify",), str(error), code=error.code)]
     return []
 
 

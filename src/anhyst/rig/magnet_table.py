@@ -11,6 +11,7 @@ from pydantic import Field, Tag, model_validator
 from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, MagnetSteelTable, PreisachTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
+from anhyst.support.errors import InputError
 from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table
 
 FROM_LOOPS = "from loops"
@@ -61,7 +62,9 @@ class ElectromagnetTable(Table):
             return self
         for key in ("turns", "resistance_ohm", *_GEOMETRY):
             if getattr(self, key) is None:
-                raise ValueError(f'needs {key}; add it, or write iron = "{FROM_LOOPS}"')
+                raise InputError(
+                    f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing"
+                )
         return self
 
     @property

@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from anhyst.identification.options import IdentifyTable
+from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Share, Table
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
@@ -20,7 +21,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 def ordered(low_key: str, low: float, high_key: str, high: float) -> None:
     """Refuse a range that does not rise, with ValueError."""
     if not low < high:
-        raise ValueError(f"{low_key} must be below {high_key}; correct them")
+        raise InputError(f"{low_key} must be below {high_key}; correct them", code="range-reversed")
 
 
 class ExciteTable(Table):
@@ -37,7 +38,10 @@ class ExciteTable(Table):
     @model_validator(mode="after")
     def _both(self) -> Self:
         if (self.continuous_A is None) != (self.thermal_s is None):
-            raise ValueError("continuous_A and thermal_s belong together; give both or none")
+            raise InputError(
+                "continuous_A and thermal_s belong together; give both or none",
+                code="belong-together",
+            )
         return self
 
 

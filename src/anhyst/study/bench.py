@@ -126,9 +126,15 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
     """
     manifest = _manifest(folder)
     if not is_force_rig(rig_path):
-        raise InputError(f"{rig_path}: no rig file of force control; loops need a controlled force")
+        raise InputError(
+            f"{rig_path}: no rig file of force control; loops need a controlled force",
+            code="wrong-rig",
+        )
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
-        raise InputError(f"{folder}: is no fixed-point controller of force; compile one")
+        raise InputError(
+            f"{folder}: is no fixed-point controller of force; compile one",
+            code="not-a-compiled-folder",
+        )
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
     signals, limits = manifest["signals"], manifest["limits"]
@@ -154,7 +160,8 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
     if not isinstance(manifest, dict) or "signals" not in manifest:
         raise InputError(
             f"{place}: is not there or no manifest; name the folder that anhyst compile wrote and "
-            "the firmware is built around"
+            "the firmware is built around",
+            code="not-a-compiled-folder",
         )
     return manifest
 
@@ -168,7 +175,8 @@ def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     places = " or ".join(str(folder) for folder in folders)
     raise InputError(
         f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "
-        f"{places}; put it there, unchanged"
+        f"{places}; put it there, unchanged",
+        code="model-file-missing",
     )
 
 
@@ -201,7 +209,9 @@ def prepare_bench(
     """
     if is_force_rig(rig_path):
         if controller_path is not None:
-            raise InputError(f"{controller_path}: a force rig has no controller file")
+            raise InputError(
+                f"{controller_path}: a force rig has no controller file", code="option-not-for-this"
+            )
         return _force(rig_path, place, progress)
     return _bearing(rig_path, controller_path, place, progress)
 

@@ -90,14 +90,19 @@ class PreparedBearing:
         running = self.setup.compensator.parameters
         variant = self.setup.name
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
-            raise InputError(f"the controller runs without a model ('{variant}'): none to change")
+            raise InputError(
+                f"the controller runs without a model ('{variant}'): none to change",
+                code="no-model",
+            )
         table, scales = self.setup.controller, running.scales
         gaps = scales.gap_low, scales.gap_high
         current, force = table.limits.current_high_A, table.force_max(pair_of(self.setup.rig))
         if model.valid is not None and current > BEYOND * model.valid.input[1]:
             raise InputError(
                 f"model: was seen up to {model.valid.input[1]:g} A, the controller drives up to "
-                f"{current:g} A; measure further"
+                f"{current:g} A; measure further",
+                code="currents-not-covered",
+                key="model",
             )
         narrowed = bearing_model(model, current, force, gaps)
         request = CompileRequest(
@@ -235,7 +240,9 @@ class PreparedBoard:
         if low < high and not model.needs_schedule:
             raise InputError(
                 f"model: holds at one gap, the board works from {low:g} to {high:g} m; identify one "
-                "of loops at several gaps and build the firmware around it"
+                "of loops at several gaps and build the firmware around it",
+                code="single-gap",
+                key="model",
             )
         return _plan(model, self.request, self.scales, self.limits)
 
@@ -256,7 +263,11 @@ def block_of(plan: Plan) -> Block:
 def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
     """Plan a model of a force for what a board works with."""
     if model.valid is None:
-        raise InputError("model: does not say where it holds; identify it from loops")
+        raise InputError(
+            "model: does not say where it holds; identify it from loops",
+            code="no-valid-range",
+            key="model",
+        )
     valid = ValidRange(
         _within(model.valid.input, limits.current),
         _within(model.valid.output, limits.demand),
@@ -280,6 +291,8 @@ def _covering(model: Model, scales: Scales) -> tuple[float, float] | None:
         known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
         raise InputError(
             f"model: holds at {known}, the board works from {low:g} to {high:g} m; measure loops "
-            "at both ends"
+            "at both ends",
+            code="gaps-not-covered",
+            key="model",
         )
     return low, high

@@ -46,7 +46,10 @@ def simulate_rig(
     """
     kind = format_of(rig)
     if kind in {PIEZO, STAGE} and controller is not None:
-        raise InputError(f"{controller}: this rig takes no controller file; leave it out")
+        raise InputError(
+            f"{controller}: this rig takes no controller file; leave it out",
+            code="option-not-for-this",
+        )
     if kind == PIEZO:
         return track(read_piezo_rig(rig))
     if kind == STAGE:

@@ -27,7 +27,9 @@ _ADVICE = {
 def write_error(path: PathLike, error: OSError) -> InputError:
     """Say why a file could not be written and what to do, in one line."""
     advice = _ADVICE.get(error.errno or 0, "choose another place")
-    return InputError(f"{path}: cannot be written: {error.strerror or error}; {advice}")
+    return InputError(
+        f"{path}: cannot be written: {error.strerror or error}; {advice}", code="cannot-be-written"
+    )
 
 
 @contextmanager
@@ -137,7 +139,9 @@ def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
     """
     target = Path(os.path.realpath(path))
     if any(target == Path(os.path.realpath(source)) for source in reads):
-        raise InputError(f"{path}: is read by this command; write to another file")
+        raise InputError(
+            f"{path}: is read by this command; write to another file", code="writes-over-input"
+        )
     try:
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))

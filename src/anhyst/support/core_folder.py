@@ -21,7 +21,10 @@ def core_folder() -> Path:
     for place in (package.parents[1] / "core", package / "_core" / "c"):
         if (place / "include" / "anhyst" / "compensator" / "compensator.h").is_file():
             return place
-    raise InputError(f"{package}: the C sources of the core are missing; install anhyst again")
+    raise InputError(
+        f"{package}: the C sources of the core are missing; install anhyst again",
+        code="installation-incomplete",
+    )
 
 
 def plant_folder() -> Path:
@@ -36,4 +39,7 @@ def plant_folder() -> Path:
     for place in (package.parents[1] / "plant", package / "_core" / "plant"):
         if (place / "include" / "anhyst_plant" / "bearing.h").is_file():
             return place
-    raise InputError(f"{package}: the C sources of the plant are missing; install anhyst again")
+    raise InputError(
+        f"{package}: the C sources of the plant are missing; install anhyst again",
+        code="installation-incomplete",
+    )

@@ -2,18 +2,60 @@
 
 from __future__ import annotations
 
+import copyreg
+from copy import copy
+from typing import Any, Self
 
-class InputError(ValueError):
+
+class _Coded(Exception):  # noqa: N818 - only half of one
+    """An error that says by a code what it is, and in words what to do."""
+
+    def __init__(self, text: str, *, code: str, key: str = "") -> None:
+        super().__init__(text)
+        self.code = code
+        self.key = key
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # As it stands, whatever its class is made from: errors come back from other processes.
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
+
+    def at(self, place: object) -> Self:
+        """Return the same error, its text headed by the place."""
+        error = copy(self)
+        error.args = (f"{place}: {self}",)
+        return error
+
+
+class InputError(_Coded, ValueError):
     """Bad input, reported in one line: file, line or key; what is wrong; what to do.
 
     The command line prints it as ``anhyst: error: ...`` and exits with 2.
+
+    Parameters
+    ----------
+    text : str
+        The line.
+    code : str
+        What is wrong, in a few small letters that stay when the line is worded otherwise, such as
+        ``no-such-file``.
+    key : str, optional
+        Key of a file, option, column or parameter that is wrong; empty where there is none.
     """
 
 
-class NegativeResult(RuntimeError):  # noqa: N818 - an answer
+class NegativeResult(_Coded, RuntimeError):  # noqa: N818 - an answer
     """The work was done and the answer is no, such as a model that fails its acceptance test.
 
     The command line prints it and exits with 1.
+
+    Parameters
+    ----------
+    text : str
+        The line.
+    code : str
+        What the answer is, as that of an `InputError`.
+    key : str, optional
+        What it is about, if that has a name.
     """
 
 

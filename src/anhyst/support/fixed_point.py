@@ -45,14 +45,18 @@ def as_factor(name: str, value: float) -> tuple[int, int]:
     if shift > _SHIFT_HIGH:
         raise InputError(
             f"{name}: the gain is too large for the full scales, a last place of the input would "
-            "move the output by more than 1/8192; lower the rate or raise the output's full scale"
+            "move the output by more than 1/8192; lower the rate or raise the output's full scale",
+            code="too-large-for-fixed-point",
+            key=name,
         )
     if shift < _SHIFT_LOW:
         mantissa, shift = round(math.ldexp(value, 16 - _SHIFT_LOW)), _SHIFT_LOW
         if abs(mantissa) < _LEAST_MANTISSA:
             raise InputError(
                 f"{name}: the gain is too small for the full scales to be kept to 0.1 %; set it "
-                "to zero or lower the output's full scale"
+                "to zero or lower the output's full scale",
+                code="too-small-for-fixed-point",
+                key=name,
             )
     return mantissa, shift
 
@@ -80,5 +84,9 @@ def as_smoothing(name: str, share: float) -> tuple[int, int]:
     shift = 1 if share > 0.5 else 0
     mantissa = -round(share * 65536.0 / 2.0**shift)
     if -mantissa < _LEAST_MANTISSA:
-        raise InputError(f"{name}: too low for this rate to be kept to 0.1 %; raise it")
+        raise InputError(
+            f"{name}: too low for this rate to be kept to 0.1 %; raise it",
+            code="too-small-for-fixed-point",
+            key=name,
+        )
     return mantissa, shift

@@ -39,7 +39,7 @@ def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
     """
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
-        raise InputError(f"{out}: is a file; name a folder")
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
     as_whole = replace or not target.exists()
     draft = (target.parent if as_whole else target) / f".{target.name}.{os.getpid()}.part"
     try:

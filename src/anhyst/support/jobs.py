@@ -102,7 +102,8 @@ def workers_of(scheduler: str | None) -> Iterator[None]:
     except (OSError, ValueError) as error:
         raise InputError(
             f"{scheduler}: no scheduler answers; start one with 'dask scheduler' and name its "
-            "address, such as tcp://host:8786"
+            "address, such as tcp://host:8786",
+            code="no-scheduler",
         ) from error
     token = _cluster.set(client)
     try:
@@ -131,7 +132,9 @@ def _library() -> Any:
         import distributed
     except ImportError as error:
         raise InputError(
-            "dask.distributed is not installed: pip install 'anhyst[cluster]'"
+            "dask.distributed is not installed: pip install 'anhyst[cluster]'",
+            code="not-installed",
+            key="dask.distributed",
         ) from error
     return distributed
 

@@ -90,7 +90,11 @@ class Result(ABC):
         try:
             import pandas as pd
         except ImportError as error:
-            raise InputError("pandas is not installed: pip install 'anhyst[pandas]'") from error
+            raise InputError(
+                "pandas is not installed: pip install 'anhyst[pandas]'",
+                code="not-installed",
+                key="pandas",
+            ) from error
         columns = self.to_columns()
         return pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
 

@@ -71,7 +71,9 @@ class ResultsFile:
             result = self._parse(row, number)
             wrong = self._fault(result)
             if wrong is not None:
-                raise InputError(f"{self.path}: line {number}: {wrong}; {_AGAIN}")
+                raise InputError(
+                    f"{self.path}: line {number}: {wrong}; {_AGAIN}", code="damaged-results"
+                )
             self.done[result[self._key]] = result
 
     def _parse(self, row: bytes, number: int) -> dict[str, Any]:
@@ -80,7 +82,9 @@ class ResultsFile:
         except ValueError:
             found = None
         if not isinstance(found, dict):
-            raise InputError(f"{self.path}: line {number}: cannot be read; {_OTHER}")
+            raise InputError(
+                f"{self.path}: line {number}: cannot be read; {_OTHER}", code="damaged-results"
+            )
         return found
 
     def _check(self, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
@@ -90,7 +94,9 @@ class ResultsFile:
                 text = f"is {_short(there)} in the file and {_short(value)} now"
                 raise InputError(
                     f"{self.path}: line 1: {name}: {text}, its results belong to something else; "
-                    f"{_OTHER}"
+                    f"{_OTHER}",
+                    code="other-results",
+                    key=name,
                 )
 
     def add(self, result: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -25,8 +25,24 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Bits = Annotated[int, Field(ge=4, le=24)]
 BRANCH = "|"
 """Tags of what a key may hold instead begin with it: they are no part of the key's path."""
-Fault = tuple[KeyPath, str]
-"""Where in a file something is wrong, and what is wrong and what to do."""
+
+
+class FileFault(NamedTuple):
+    """Something wrong with a file that its schema cannot see, such as keys that contradict.
+
+    Parameters
+    ----------
+    key : tuple of str or int
+        Where; list elements by index from 0.
+    text : str
+        What is wrong and what to do.
+    code : str
+        As that of an `InputError`.
+    """
+
+    key: KeyPath
+    text: str
+    code: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +89,8 @@ class FileProblem:
         Path of the key.
     text : str
         What is wrong and what to do.
+    code : str
+        What is wrong, as that of an `InputError`.
     written : bool
         Whether the key stands in the file.
     """
@@ -80,6 +98,7 @@ class FileProblem:
     line: int | None
     key: str
     text: str
+    code: str
     written: bool
 
 
@@ -100,7 +119,7 @@ class TomlFileError(InputError):
             named = [f"{o.key} (line {o.line})" if o.line else o.key for o in others[:SHOWN]]
             rest = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
             text += f"; wrong as well: {', '.join(named)}{rest}"
-        super().__init__(text)
+        super().__init__(text, code=first.code, key=first.key)
 
 
 class TomlFile:
@@ -132,18 +151,20 @@ class TomlFile:
         try:
             self.content: dict[str, Any] = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
-            raise InputError(_damage(path, text, str(error))) from error
+            raise InputError(_damage(path, text, str(error)), code="damaged-toml") from error
         except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
-            raise InputError(f"{path}: damaged TOML: {error}; mend it") from error
+            raise InputError(
+                f"{path}: damaged TOML: {error}; mend it", code="damaged-toml"
+            ) from error
         self.lines = key_lines(text)
         self.problems: list[FileProblem] = []
 
-    def add(self, key: KeyPath, text: str) -> None:
+    def add(self, key: KeyPath, text: str, code: str) -> None:
         """Note what is wrong at a key, and what to do; list elements by index from 0."""
         place = key
         while place and place not in self.lines:
             place = place[:-1]
-        found = FileProblem(self.lines.get(place), dotted(key) or "file", text, place == key)
+        found = FileProblem(self.lines.get(place), dotted(key) or "file", text, code, place == key)
         self.problems.append(found)
 
     def collect(
@@ -168,7 +189,7 @@ class TomlFile:
             key = place(tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH)))
             if dotted(key) not in seen:
                 seen.add(dotted(key))
-                self.add(key, advice(key, finding))
+                self.add(key, advice(key, finding), _code(finding))
 
     def error(self) -> TomlFileError:
         """Return all that is wrong, to be raised; at least one problem has been noted."""
@@ -248,15 +269,15 @@ def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
         warnings.warn(f"{file.path}:{line}: {dotted(old)}: {text}", RenamedWarning, stacklevel=4)
 
 
-def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:
-    """Say where in a file stands what its schema cannot see, such as keys that contradict.
+def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
+    """Say where in a file stands what its schema cannot see.
 
     Parameters
     ----------
     path : path-like
         A file that has been read.
-    faults : iterable of (path of the key, text)
-        At least one; list elements by index from 0. The text says what is wrong and what to do.
+    faults : iterable of FileFault
+        At least one.
 
     Returns
     -------
@@ -264,8 +285,8 @@ def faults_error(path: PathLike, faults: Iterable[Fault]) -> TomlFileError:
         To be raised.
     """
     file = TomlFile(path)
-    for key, text in faults:
-        file.add(key, text)
+    for fault in faults:
+        file.add(*fault)
     return file.error()
 
 
@@ -273,11 +294,13 @@ def _text(path: PathLike) -> str:
     try:
         return Path(path).read_bytes().decode("utf-8")
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; check the path") from error
+        raise InputError(f"{path}: no such file; check the path", code="no-such-file") from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
+        ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no UTF-8 text; name a TOML file") from error
+        raise InputError(f"{path}: is no UTF-8 text; name a TOML file", code="not-utf8") from error
 
 
 def _damage(path: PathLike, text: str, message: str) -> str:
@@ -287,6 +310,12 @@ def _damage(path: PathLike, text: str, message: str) -> str:
     else:
         what, line = (what or message), str(len(text.splitlines()))
     return f"{path}:{line}: damaged TOML: {what[0].lower()}{what[1:]}; mend this line"
+
+
+def _code(finding: Any) -> str:
+    """Code of a finding: that of a check of this package, or the kind that pydantic calls it."""
+    own = finding.get("ctx", {}).get("error")
+    return own.code if isinstance(own, InputError) else str(finding["type"]).replace("_", "-")
 
 
 def _advice(schema: type[Table], path: KeyPath, finding: Any) -> str:

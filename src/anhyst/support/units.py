@@ -250,7 +250,7 @@ def unit_of(text: str) -> Unit:
     """
     unit = find_unit(text)
     if unit is None:
-        raise InputError(_unknown_unit(text))
+        raise InputError(_unknown_unit(text), code="unknown-unit")
     return unit
 
 

@@ -89,22 +89,34 @@ def read_bundle(folder: Path) -> Bundle:
     """
     place = folder / MANIFEST
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; name the one 'anhyst compile --out' made")
+        raise InputError(
+            f"{folder}: no such folder; name the one 'anhyst compile --out' made",
+            code="no-such-folder",
+        )
     try:
         manifest = json.loads(place.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(
-            f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made"
+            f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made",
+            code="no-manifest",
         ) from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{place}: is not JSON: {error}; {AGAIN}") from None
+        raise InputError(
+            f"{place}: is not JSON: {error}; {AGAIN}", code="damaged-manifest"
+        ) from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise InputError(f"{place}: key 'format' is not {FORMAT}; {AGAIN}")
+        raise InputError(
+            f"{place}: key 'format' is not {FORMAT}; {AGAIN}", code="damaged-manifest", key="format"
+        )
     _check_files(folder, place, manifest)
     io = _text(place, manifest, "io")
     if io not in FORMATS:
         known = " and ".join(FORMATS)
-        raise InputError(f"{place}: key 'io': {io} cannot be verified; only {known} can")
+        raise InputError(
+            f"{place}: key 'io': {io} cannot be verified; only {known} can",
+            code="not-verifiable",
+            key="io",
+        )
     rate = manifest.get("rate_Hz")
     return Bundle(
         folder,
@@ -119,28 +131,42 @@ def read_bundle(folder: Path) -> Bundle:
 def _text(place: Path, manifest: Mapping[str, Any], key: str) -> str:
     value = manifest.get(key)
     if not isinstance(value, str):
-        raise InputError(f"{place}: key '{key}' is missing or not a text; {AGAIN}")
+        raise InputError(
+            f"{place}: key '{key}' is missing or not a text; {AGAIN}",
+            code="damaged-manifest",
+            key=key,
+        )
     return value
 
 
 def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None:
     files = manifest.get("files")
     if not isinstance(files, dict):
-        raise InputError(f"{place}: key 'files' is missing; {AGAIN}")
+        raise InputError(
+            f"{place}: key 'files' is missing; {AGAIN}", code="damaged-manifest", key="files"
+        )
     name = _text(place, manifest, "name")
     needed = [f"{name}_parameters.h", f"{name}_parameters.c", VECTORS]
     if manifest.get("controller") is not None:
         needed += [f"{name}_controller.h", f"{name}_controller.c", LEVITATION]
     for file in needed:
         if file not in files:
-            raise InputError(f"{place}: key 'files' does not name {file}; {AGAIN}")
+            raise InputError(
+                f"{place}: key 'files' does not name {file}; {AGAIN}",
+                code="damaged-manifest",
+                key="files",
+            )
     for file, wanted in files.items():
         path = folder / str(file)
         try:
             found = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             raise InputError(
-                f"{path}: {error.strerror}, but {MANIFEST} names it; {AGAIN}"
+                f"{path}: {error.strerror}, but {MANIFEST} names it; {AGAIN}",
+                code="damaged-manifest",
+                key="files",
             ) from None
         if found != wanted:
-            raise InputError(f"{path}: was changed since it was written (sha256); {AGAIN}")
+            raise InputError(
+                f"{path}: was changed since it was written (sha256); {AGAIN}", code="changed-since"
+            )

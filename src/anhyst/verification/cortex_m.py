@@ -168,9 +168,15 @@ class _Machine:
             self._uc.emu_start(address | 1, self._wait, timeout=int(TIME_LIMIT * 1e6))
         except self._error as error:
             at = self._uc.reg_read(self._registers.UC_ARM_REG_PC)
-            raise NegativeResult(f"target {self._name}: {error} at {at:#010x}") from None
+            raise NegativeResult(
+                f"target {self._name}: {error} at {at:#010x}", code="target-failed", key=self._name
+            ) from None
         if self._uc.reg_read(self._registers.UC_ARM_REG_PC) != self._wait:
-            raise NegativeResult(f"target {self._name}: did not end within {TIME_LIMIT:.0f} s")
+            raise NegativeResult(
+                f"target {self._name}: did not end within {TIME_LIMIT:.0f} s",
+                code="time-limit",
+                key=self._name,
+            )
 
     def answer(self, request: Request) -> Reply:
         """Put a request into the box, run, and read the box."""

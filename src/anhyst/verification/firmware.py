@@ -124,7 +124,9 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
             statuses.append(asdict(controller.demand(round(demand * (ONE - 1))).codes))
             board.bus.step(TICKS_A_DEMAND)
         if board.bus.fault is not Fault.NONE:
-            raise NegativeResult(f"the firmware went to the fault {board.bus.fault.name}")
+            raise NegativeResult(
+                f"the firmware went to the fault {board.bus.fault.name}", code="controller-in-fault"
+            )
     return FirmwareRun(plant.drives, statuses)
 
 

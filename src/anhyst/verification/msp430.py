@@ -61,7 +61,9 @@ class Msp430Program:
             )
         except subprocess.TimeoutExpired:
             raise NegativeResult(
-                f"target {self.name}: did not end within {TIME_LIMIT:.0f} s"
+                f"target {self.name}: did not end within {TIME_LIMIT:.0f} s",
+                code="time-limit",
+                key=self.name,
             ) from None
         dump = bytes(
             int(byte, 16)
@@ -71,7 +73,11 @@ class Msp430Program:
         )
         if done.returncode or len(dump) != len(requests) * BOX_BYTES:
             last = (done.stderr.strip() or done.stdout.strip() or "no reason given").splitlines()
-            raise NegativeResult(f"target {self.name}: mspdebug ended early: {last[-1]}")
+            raise NegativeResult(
+                f"target {self.name}: mspdebug ended early: {last[-1]}",
+                code="target-failed",
+                key=self.name,
+            )
         return [Reply.unpack(dump[at : at + BOX_BYTES]) for at in range(0, len(dump), BOX_BYTES)]
 
     def _script(self, requests: Sequence[Request]) -> list[str]:

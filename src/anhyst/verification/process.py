@@ -42,10 +42,16 @@ class ProcessProgram:
             )
         except subprocess.TimeoutExpired:
             raise NegativeResult(
-                f"target {self.name}: did not end within {TIME_LIMIT:.0f} s"
+                f"target {self.name}: did not end within {TIME_LIMIT:.0f} s",
+                code="time-limit",
+                key=self.name,
             ) from None
         if done.returncode or len(done.stdout) != len(requests) * BOX_BYTES:
-            raise NegativeResult(f"target {self.name}: {_reason(done.stderr, done.returncode)}")
+            raise NegativeResult(
+                f"target {self.name}: {_reason(done.stderr, done.returncode)}",
+                code="target-failed",
+                key=self.name,
+            )
         boxes = range(0, len(done.stdout), BOX_BYTES)
         return [Reply.unpack(done.stdout[at : at + BOX_BYTES]) for at in boxes]
 

@@ -115,7 +115,9 @@ def reference(workshop: Workshop) -> Variant:
         return _host(workshop, name, command, ("-O2",))
     raise InputError(
         "no C compiler for this machine, which all targets are compared with: apt install gcc, or "
-        "pip install 'anhyst[verify]'"
+        "pip install 'anhyst[verify]'",
+        code="not-installed",
+        key="gcc",
     )
 
 
@@ -311,12 +313,26 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
     wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, FIRMWARE)
     if not wanted:
-        raise InputError(f"--on: no target; known are {', '.join(known)}")
+        raise InputError(
+            f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
+        )
     for name in wanted:
         if name not in known:
-            raise InputError(f"--on: unknown target {name}; known are {', '.join(known)}")
+            raise InputError(
+                f"--on: unknown target {name}; known are {', '.join(known)}",
+                code="unknown-target",
+                key="--on",
+            )
         if bundle.io == "f32" and name not in FLOATING:
-            raise InputError(f"--on: {name} is not for f32; {NUMBERS_NEED}")
+            raise InputError(
+                f"--on: {name} is not for f32; {NUMBERS_NEED}",
+                code="target-not-for-this",
+                key="--on",
+            )
         if bundle.kind == PLAY and name == FIRMWARE:
-            raise InputError(f"--on: {name} is built around a compensator, not a map with one play")
+            raise InputError(
+                f"--on: {name} is built around a compensator, not a map with one play",
+                code="target-not-for-this",
+                key="--on",
+            )
     return wanted

@@ -30,7 +30,7 @@ def zig_cc(wanted_by: str) -> list[str]:
         It is not installed.
     """
     for missing in missing_modules(wanted_by, ["ziglang"]):
-        raise InputError(f"target {missing.text()}")
+        raise InputError(f"target {missing.text()}", code="tool-missing", key=missing.tool)
     return [sys.executable, "-m", "ziglang", "cc"]
 
 
@@ -159,10 +159,16 @@ def run_tool(command: Sequence[str], wanted_by: str) -> str:
         )
     except subprocess.TimeoutExpired:
         raise NegativeResult(
-            f"target {wanted_by}: {Path(command[0]).name} did not end within {TIME_LIMIT:.0f} s"
+            f"target {wanted_by}: {Path(command[0]).name} did not end within {TIME_LIMIT:.0f} s",
+            code="time-limit",
+            key=wanted_by,
         ) from None
     if done.returncode:
-        raise NegativeResult(f"target {wanted_by}: does not compile: {_first_error(done.stderr)}")
+        raise NegativeResult(
+            f"target {wanted_by}: does not compile: {_first_error(done.stderr)}",
+            code="does-not-compile",
+            key=wanted_by,
+        )
     return done.stderr
 
 

@@ -107,13 +107,19 @@ def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Wor
         rows = list(lines)
     for name in needed:
         if name not in names:
-            raise InputError(f"{path}: column '{name}' is missing; run 'anhyst compile' again")
+            raise InputError(
+                f"{path}: column '{name}' is missing; run 'anhyst compile' again",
+                code="damaged-vectors",
+                key=name,
+            )
     try:
         words = _words_of_numbers(rows) if floating else _words_of_codes(rows)
         words = words.reshape(len(rows), len(names))
     except (ValueError, OverflowError) as error:
         what = "a number of 32 bits" if floating else "an integer of 32 bits"
-        raise InputError(f"{path}: a cell is not {what}; run 'anhyst compile' again") from error
+        raise InputError(
+            f"{path}: a cell is not {what}; run 'anhyst compile' again", code="damaged-vectors"
+        ) from error
     return {name: words[:, place] for place, name in enumerate(names)}
 
 

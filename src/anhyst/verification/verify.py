@@ -83,7 +83,9 @@ def verify(
     """
     for name, number in (("host steps", host_steps), ("steps", target_steps), ("seed", seed)):
         if not 1 <= number < 1 << 32:
-            raise InputError(f"{name}: {number} is not within 1 .. 2^32 - 1")
+            raise InputError(
+                f"{name}: {number} is not within 1 .. 2^32 - 1", code="out-of-range", key=name
+            )
     folder = Path(folder)
     bundle = read_bundle(folder)
     names = parse_targets(DEFAULT if on is None else on, bundle)
@@ -96,7 +98,7 @@ def verify(
         if FIRMWARE in names and not missing_tools():
             works.add(FIRMWARE)
         if not works:
-            raise InputError(f"no target can run; missing is {_listed(missing)}")
+            raise InputError(f"no target can run; missing is {_listed(missing)}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
             place = Path(scratch) / "controller"

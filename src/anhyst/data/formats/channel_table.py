@@ -145,6 +145,7 @@ class ChannelTable:
                 f"{self.place}: column '{self.header[index]}' holds text or complex numbers, no "
                 "real ones",
                 index,
+                self.header[index],
             ) from None
 
     def _times(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
@@ -153,7 +154,9 @@ class ChannelTable:
             names = ", ".join(one.full_name for one in channels)
             raise InputError(
                 f"{self.place}: the time '{self.header[0]}' is not said to be that of {names}; "
-                f'leave it out: --columns "{self.header[0]}="'
+                f'leave it out: --columns "{self.header[0]}="',
+                code="time-of-others",
+                key=self.header[0],
             )
         if len(self.clocks) == 1 and clock.channel is not None:
             return np.array(self._values(clock.channel), dtype=np.float64)
@@ -185,7 +188,8 @@ def open_channels(file: ChannelFile, least: int) -> ChannelTable:
     if count < least:
         raise InputError(
             f"{file.path}: holds {count} channels of numbers with samples; at least {least} are "
-            "needed"
+            "needed",
+            code="too-few-channels",
         )
     return table
 

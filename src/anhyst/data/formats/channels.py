@@ -75,7 +75,9 @@ class ChannelFile:
             if values.shape != (expected,):
                 raise InputError(
                     f"{self.path}: channel '{channel.full_name}' holds {values.size} of its "
-                    f"{expected} samples; the file is damaged"
+                    f"{expected} samples; the file is damaged",
+                    code="damaged-file",
+                    key=channel.full_name,
                 )
         return found
 
@@ -163,7 +165,9 @@ def check_size(path: Path, name: str, samples: int, size: int) -> None:
     if samples < 0 or samples * max(size, 8) > MOST_BYTES:
         raise InputError(
             f"{path}: channel '{name}' says that it holds {samples} samples, more than "
-            f"{MOST_BYTES >> 30} GiB; cut the recording into parts"
+            f"{MOST_BYTES >> 30} GiB; cut the recording into parts",
+            code="too-large",
+            key=name,
         )
 
 
@@ -199,15 +203,18 @@ def one_line_if_damaged(path: Path) -> Iterator[None]:
     except (InputError, MemoryError):
         raise
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path") from None
+        raise InputError(f"{path}: no such file; check the path", code="no-such-file") from None
     except (IsADirectoryError, PermissionError) as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from None
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
+        ) from None
     except Exception as error:
         text = " ".join(str(error).split())[:160]
         reason = f"{type(error).__name__}: {text}" if text else type(error).__name__
         raise InputError(
             f"{path}: cannot be read as {path.suffix}, the file is damaged or of another kind "
-            f"({reason}); export it again"
+            f"({reason}); export it again",
+            code="damaged-file",
         ) from None
     finally:
         logging.disable(spoken)
@@ -223,7 +230,11 @@ def need_package(path: Path, *names: str) -> None:
     """
     for name in names:
         if importlib.util.find_spec(name) is None:
-            raise InputError(f"{path}: {name} is not installed: pip install 'anhyst[io]'")
+            raise InputError(
+                f"{path}: {name} is not installed: pip install 'anhyst[io]'",
+                code="not-installed",
+                key=name,
+            )
 
 
 def hash_of(path: Path) -> str:

@@ -57,7 +57,8 @@ def open_excel(path: Path, least: int) -> ChannelTable:
     if not tables:
         raise InputError(
             f"{path}: no sheet holds a header and {_LEAST_ROWS} rows of numbers below it; put one "
-            "table on a sheet, or export it as CSV"
+            "table on a sheet, or export it as CSV",
+            code="no-table",
         )
     name, rows, start = tables[0]
     others = ", ".join(f"'{other}'" for other, *_ in tables[1:])
@@ -129,7 +130,9 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
         return np.array([str(cell) for cell in cells]), False
     row = next(place for place, cell in enumerate(cells) if type(cell) is not type(cells[0]))
     said = f"'{str(cells[row])[:30]}' is no number" if cells[row] != "" else "is empty"
-    raise InputError(f"{where}, row {row + 1} below the header: {said}; correct or remove it")
+    raise InputError(
+        f"{where}, row {row + 1} below the header: {said}; correct or remove it", code="bad-cell"
+    )
 
 
 def _seconds(cell: Any) -> float:

@@ -90,7 +90,8 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
         if depth > _DEEPEST or len(seen) > MOST_CHANNELS:
             raise InputError(
                 f"{path}: holds more than {MOST_CHANNELS} objects, or groups more than {_DEEPEST} "
-                "deep; export the channels you need"
+                "deep; export the channels you need",
+                code="nested-too-deep",
             )
         for name in here:
             link = here.get(name, getlink=True)
@@ -98,7 +99,9 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
             if isinstance(link, h5py.ExternalLink):
                 raise InputError(
                     f"{path}: '{place}' is a link to the file '{link.filename}', which is not "
-                    "followed; copy its data into this file"
+                    "followed; copy its data into this file",
+                    code="external-link",
+                    key=place,
                 )
             if isinstance(link, h5py.SoftLink):
                 continue  # what it leads to is found in its own place
@@ -125,7 +128,9 @@ def check_dataset(path: Path, dataset: Any) -> None:
     if dataset.external or dataset.is_virtual:
         raise InputError(
             f"{path}: '{dataset.name}' has its samples in other files, which are not followed; "
-            "copy them into this file"
+            "copy them into this file",
+            code="external-link",
+            key=dataset.name,
         )
     check_size(path, dataset.name, int(dataset.size or 0), int(dataset.dtype.itemsize))
 

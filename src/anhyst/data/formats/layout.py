@@ -87,7 +87,10 @@ def read_layout(path: PathLike, least: int = 2) -> Layout:
             return _find_layout(path, head, size, least, last=last)
         except _HeadTooShortError:
             continue
-    raise InputError(f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB hold no row of data: no table")
+    raise InputError(
+        f"{path}: the first {_HEAD_BYTES[-1] >> 20} MiB hold no row of data: no table",
+        code="no-table",
+    )
 
 
 def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) -> Layout:
@@ -100,7 +103,10 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
     notes, first = _skip_comments(lines, 0)
     if first == len(lines):
         _ask_for_more(complete)
-        raise InputError(f"{path}: holds no table, only blank lines and comments; {_HEADER_ADVICE}")
+        raise InputError(
+            f"{path}: holds no table, only blank lines and comments; {_HEADER_ADVICE}",
+            code="no-table",
+        )
     delimiter, above = _delimiter(lines[first][0]), first
     if not _is_header(lines, first, least):
         above, delimiter = _skip_preamble(path, lines, first, least, last=last)
@@ -115,7 +121,8 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
     if len(header) < least:
         raise InputError(
             f"{path}: line {first + 1}: one column only ('{_short(header[0])}'); a loop needs an "
-            "input and an output column, separated by comma, semicolon, tab or blanks"
+            "input and an output column, separated by comma, semicolon, tab or blanks",
+            code="single-column",
         )
     more, after = _skip_comments(lines, after)
     units = _unit_row(lines[after][0], delimiter, header) if after < len(lines) else None
@@ -124,7 +131,7 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
         more = more + even_more
     if after == len(lines):
         _ask_for_more(complete)
-        raise InputError(f"{path}: has a header but no data; nothing to read")
+        raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
     offset = start + lines[after][1]
     found = tuple(notes + more)
     return Layout(
@@ -174,7 +181,8 @@ def _skip_preamble(
     raise InputError(
         f"{path}: line {above + 1}: '{_short(lines[above][0].strip())}' stands where the header of "
         f"the {run.width} columns of numbers below it should be; name them there, such as "
-        "'I_A,F_N,gap_m'"
+        "'I_A,F_N,gap_m'",
+        code="header-not-named",
     )
 
 
@@ -253,21 +261,29 @@ def _read_head(path: Path, most: int) -> tuple[bytes, int]:
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
             raise InputError(
                 f"{path}: is a pipe or a device, and a table is read more than once; save it as a "
-                "file first"
+                "file first",
+                code="not-a-file",
             )
         with path.open("rb") as file:
             head = file.read(most)
             size = os.fstat(file.fileno()).st_size
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; check the path") from None
+        raise InputError(f"{path}: no such file; check the path", code="no-such-file") from None
     except IsADirectoryError:
-        raise InputError(f"{path}: is a folder, not a file; name the file in it") from None
+        raise InputError(
+            f"{path}: is a folder, not a file; name the file in it", code="is-a-folder"
+        ) from None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; {_READ_ADVICE}") from None
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; {_READ_ADVICE}", code="cannot-be-read"
+        ) from None
     if not head.strip():
         if size > len(head):
-            raise InputError(f"{path}: begins with {len(head)} blanks: no table; {_HEADER_ADVICE}")
-        raise InputError(f"{path}: is empty; {_HEADER_ADVICE}")
+            raise InputError(
+                f"{path}: begins with {len(head)} blanks: no table; {_HEADER_ADVICE}",
+                code="no-table",
+            )
+        raise InputError(f"{path}: is empty; {_HEADER_ADVICE}", code="empty-file")
     return head, size
 
 
@@ -279,12 +295,16 @@ def _refuse_binary(path: Path, head: bytes) -> None:
         even, odd = sample[::2].count(0), sample[1::2].count(0)
         utf16 = nulls > len(sample) // 4 and min(even, odd) <= len(sample) // 100
     if utf16:
-        raise InputError(f"{path}: is UTF-16 text; save it again as UTF-8")
+        raise InputError(f"{path}: is UTF-16 text; save it again as UTF-8", code="not-utf8")
     if head.startswith(b"PK\x03\x04"):
-        raise InputError(f"{path}: is a zip archive or a workbook, no text; export it as CSV")
+        raise InputError(
+            f"{path}: is a zip archive or a workbook, no text; export it as CSV", code="not-a-text"
+        )
     control = sum(sample.count(code) for code in range(32) if code not in {9, 10, 12, 13})
     if control > len(sample) // 200:
-        raise InputError(f"{path}: is a binary file, no text table; export it as CSV")
+        raise InputError(
+            f"{path}: is a binary file, no text table; export it as CSV", code="not-a-text"
+        )
 
 
 def _encoding(head: bytes) -> str:
@@ -356,7 +376,7 @@ def _header_from_comment(
         if len(fields) == len(row) and not any(is_number(field) for field in fields):
             return fields, _delimiter(lines[first][0])
     raise InputError(f"{path}: line {first + 1}: numbers where the header should be; "
-                     f"{_HEADER_ADVICE}")  # fmt: skip
+                     f"{_HEADER_ADVICE}", code="no-header")  # fmt: skip
 
 
 def _unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str, ...] | None:

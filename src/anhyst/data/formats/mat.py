@@ -47,14 +47,16 @@ def open_mat(path: Path, least: int) -> ChannelTable:
             tree, objects = _read_v5(path)
         else:
             raise InputError(
-                f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3"
+                f"{path}: is no MAT file of version 5 or 7.3; save it in MATLAB with -v7 or -v7.3",
+                code="not-a-mat-file",
             )
         channels = channels_of(tree)
     unread = [f"'{name}' is a {kind} object" for name, kind in objects]
     if unread and not channels:
         raise InputError(
             f"{path}: {', '.join(unread)}, which only MATLAB reads; save its fields there, such as "
-            "r.time = x.Time; r.signals.values = x.Data; r.signals.label = 'I_A'; save file.mat r"
+            "r.time = x.Time; r.signals.values = x.Data; r.signals.label = 'I_A'; save file.mat r",
+            code="matlab-objects",
         )
     notes = tuple(f"{text}, which only MATLAB reads: left out" for text in unread)
     return open_channels(ChannelFile(path, channels, read_arrays, notes), least)

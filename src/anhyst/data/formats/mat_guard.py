@@ -69,7 +69,8 @@ class MatGuard:
         if len(content) > most:
             raise InputError(
                 f"{self.path}: expands to more than {MOST_BYTES >> 30} GiB; cut the recording into "
-                "parts"
+                "parts",
+                code="too-large",
             )
         return content
 
@@ -164,4 +165,6 @@ class MatGuard:
         return found[1]
 
     def _fault(self, what: str) -> InputError:
-        return InputError(f"{self.path}: {what}: the MAT file is damaged; export it again")
+        return InputError(
+            f"{self.path}: {what}: the MAT file is damaged; export it again", code="damaged-file"
+        )

@@ -59,7 +59,9 @@ class _Tree:
             if isinstance(link, h5py.ExternalLink):
                 raise InputError(
                     f"{self.path}: '{name}' is a link to the file '{link.filename}', which is not "
-                    "followed; copy its data into this file"
+                    "followed; copy its data into this file",
+                    code="external-link",
+                    key=name,
                 )
             if isinstance(link, h5py.SoftLink) or (depth == 0 and name.startswith("#")):
                 continue
@@ -72,7 +74,10 @@ class _Tree:
 
         self._count += 1
         if depth > _DEEPEST or self._count > 10 * MOST_CHANNELS:
-            raise InputError(f"{self.path}: is nested without end; export the channels you need")
+            raise InputError(
+                f"{self.path}: is nested without end; export the channels you need",
+                code="nested-too-deep",
+            )
         if isinstance(item, h5py.Group):
             fields = self.group(item, depth)
             return _rows(fields) if fields and all(map(_is_member, item.values())) else fields
@@ -101,7 +106,11 @@ class _Tree:
 
     def _references(self, name: str, item: Any, depth: int) -> Any:
         if item.size > MOST_CHANNELS:
-            raise InputError(f"{self.path}: '{name}' has more than {MOST_CHANNELS} members")
+            raise InputError(
+                f"{self.path}: '{name}' has more than {MOST_CHANNELS} members",
+                code="too-many-members",
+                key=name,
+            )
         members = []
         for place, reference in enumerate(np.ravel(item[()]), start=1):
             target = self.file[reference] if reference else None

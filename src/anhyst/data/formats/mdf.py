@@ -42,7 +42,10 @@ def open_mdf(path: Path, least: int) -> ChannelTable:
         with path.open("rb") as stream:
             head = stream.read(16)
         if not head.startswith((b"MDF     4", b"UnFinMF 4")):
-            raise InputError(f"{path}: is no MDF 4 file; convert it, such as with asammdf")
+            raise InputError(
+                f"{path}: is no MDF 4 file; convert it, such as with asammdf",
+                code="not-an-mdf-file",
+            )
         from asammdf import MDF
 
         with MDF(path) as file:
@@ -64,7 +67,8 @@ def _channels(path: Path, file: Any) -> list[Channel]:
         if row and count * row > max(stored, size):
             raise InputError(
                 f"{path}: group '{name or place + 1}' says that it holds {count} samples, more "
-                "than are there; the file is damaged, record or export it again"
+                "than are there; the file is damaged, record or export it again",
+                code="damaged-file",
             )
         own, clock = [], None
         for index, one in enumerate(group.channels):

@@ -60,7 +60,9 @@ def shared_clock(
         one, other = list(by_length.values())[:2] if len(by_length) > 1 else (free[0], clocks[1])
         raise InputError(
             f"{place}: channels '{one.full_name}' ({one.length} samples) and '{other.full_name}' "
-            f"({other.length}) have no common clock; leave one out, or export them with their times"
+            f"({other.length}) have no common clock; leave one out, or export them with their times",
+            code="no-common-clock",
+            key=one.full_name,
         )
     if not clocks:
         return Clock(None, max(by_length, default=1), None), ()
@@ -77,7 +79,9 @@ def shared_clock(
         early = first[[ticks[-1] for ticks in times].index(end)]
         raise InputError(
             f"{place}: channel '{early}' ends at {end:g} s and '{late}' begins at {begin:g} s: "
-            "nothing was recorded together; leave one out"
+            "nothing was recorded together; leave one out",
+            code="no-common-time",
+            key=late,
         )
     clock = Clock(clocks[finest], int(stop - start), times[finest][start:stop], int(start), False)
     names = ", ".join(one.full_name for one in channels if one.clock not in {None, clock.channel})
@@ -92,7 +96,9 @@ def _step(place: str, clock: Channel, times: FloatArray) -> float:
     if times.size < 2:
         raise InputError(
             f"{place}: '{clock.full_name}' holds one time only, too few to bring others onto it; "
-            "leave its channels out"
+            "leave its channels out",
+            code="clock-too-short",
+            key=clock.full_name,
         )
     odd = ~np.isfinite(times)
     odd[1:] |= ~(np.diff(times) >= 0.0)
@@ -100,7 +106,9 @@ def _step(place: str, clock: Channel, times: FloatArray) -> float:
         row = int(np.argmax(odd))
         raise InputError(
             f"{place}: time '{clock.full_name}' is {times[row]:g} s in sample {row + 1}, not later "
-            "than before; channels on several clocks need rising times"
+            "than before; channels on several clocks need rising times",
+            code="time-not-rising",
+            key=clock.full_name,
         )
     return float(np.median(np.diff(times))) or float(np.mean(np.diff(times)))
 
@@ -127,7 +135,9 @@ def onto(place: str, channel: Channel, own: Clock, values: FloatArray, clock: Cl
         raise InputError(
             f"{place}: channel '{channel.full_name}' has no sample from {own.times[row]:g} to "
             f"{own.times[row + 1]:g} s, {steps[row] / usual:.0f} of its usual steps: it cannot be "
-            "interpolated; leave it out, or give it as a constant"
+            "interpolated; leave it out, or give it as a constant",
+            code="gap-in-channel",
+            key=channel.full_name,
         )
     used = np.concatenate(([False], inside)) | np.concatenate((inside, [False]))
     odd = used & ~np.isfinite(values)
@@ -135,7 +145,9 @@ def onto(place: str, channel: Channel, own: Clock, values: FloatArray, clock: Cl
         row = int(np.argmax(odd))
         raise InputError(
             f"{place}: channel '{channel.full_name}', sample {row + 1}: {values[row]:g} is no "
-            "measured value; remove it"
+            "measured value; remove it",
+            code="not-finite",
+            key=channel.full_name,
         )
     return np.interp(clock.times, own.times, values)
 

@@ -81,7 +81,7 @@ class MemoryTable:
                 found[index] = np.array(self.columns[index], dtype=np.float64)
             except (TypeError, ValueError):
                 text = f"{self.place}: column '{self.header[index]}' holds text, not numbers"
-                raise TextInNumbersError(text, index) from None
+                raise TextInNumbersError(text, index, self.header[index]) from None
         return RawColumns(self.sha256, found, {index: self._text(index) for index in texts}, ())
 
     def where(self, row: int) -> str:

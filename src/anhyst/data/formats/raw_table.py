@@ -93,7 +93,10 @@ def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
             yield rest + block[:cut]
             rest = block[cut:]
         elif len(block) == _CHUNK:
-            raise InputError(f"{layout.path}: holds a line of more than 4 MiB: no text table")
+            raise InputError(
+                f"{layout.path}: holds a line of more than 4 MiB: no text table",
+                code="line-too-long",
+            )
         else:
             rest += block
     if rest:
@@ -141,7 +144,9 @@ class _Reader:
     def finish(self, sha256: str) -> RawColumns:
         """Trim and hand over what was collected."""
         if self.rows == 0:
-            raise InputError(f"{self.layout.path}: has a header but no data; nothing to read")
+            raise InputError(
+                f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
+            )
         for column in self.store.values():
             column.resize(self.rows, refcheck=False)
         texts = {
@@ -252,7 +257,8 @@ class _Reader:
             has = f"{count} field{'s' if count != 1 else ''}"
             raise InputError(
                 f"{path}: line {number}: has {has} where the header names {width} columns; "
-                "complete or remove the line"
+                "complete or remove the line",
+                code="fields-missing",
             )
         return fields
 
@@ -265,11 +271,11 @@ class _Reader:
             value = float(field.replace(",", ".", 1) if comma else field)
         except ValueError:
             what = f"'{shown(field)}' is not a number" if field else "is empty"
-            message = f"{place}: {what}; correct or remove the line"
-            raise TextInNumbersError(message, index) from None
+            text = f"{place}: {what}; correct or remove the line"
+            raise TextInNumbersError(text, index, self.layout.header[index]) from None
         if not math.isfinite(value):
-            message = f"{place}: {field} is no measured value; remove the line"
-            raise TextInNumbersError(message, index)
+            text = f"{place}: {field} is no measured value; remove the line"
+            raise TextInNumbersError(text, index, self.layout.header[index])
         return value
 
 

@@ -48,7 +48,8 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
         if status.incomplete_final_segment or status.channel_statuses:
             raise InputError(
                 f"{path}: is cut off within its last segment; copy it again, or open and save it "
-                "in LabVIEW"
+                "in LabVIEW",
+                code="damaged-file",
             )
         size = path.stat().st_size
         clocks: dict[tuple[Any, ...], Channel] = {}
@@ -70,7 +71,8 @@ def _channel(path: Path, size: int, one: Any, clocks: dict[tuple[Any, ...], Chan
     ):
         raise InputError(
             f"{path}: channel '{group}/{one.name}' says that it holds {count} samples, more than "
-            "the file; it is damaged, record or export it again"
+            "the file; it is damaged, record or export it again",
+            code="damaged-file",
         )
     clock = None
     if (step := _number(one.properties.get(_WAVEFORM))) is not None and step > 0.0:

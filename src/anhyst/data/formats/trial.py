@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import json
 import os
 import subprocess
 import sys
@@ -44,12 +45,13 @@ def try_first(path: Path) -> None:
         return
     about = path.stat()
     if (refusal := _tried(path, about.st_mtime_ns, about.st_size, SECONDS)) is not None:
-        raise InputError(refusal)
+        text, code, key = refusal
+        raise InputError(text, code=code, key=key)
 
 
 @cache
-def _tried(path: Path, _changed: int, size: int, seconds: float) -> str | None:
-    """Return why a file is refused."""
+def _tried(path: Path, _changed: int, size: int, seconds: float) -> tuple[str, str, str] | None:
+    """Return why a file is refused: the text, code and key of the error."""
     limit = seconds + size / 4e6
     script = "from anhyst.data.formats.trial import read_here; read_here()"
     command = [sys.executable, "-P", "-c", script, str(path), str(limit)]
@@ -69,10 +71,11 @@ def _tried(path: Path, _changed: int, size: int, seconds: float) -> str | None:
     if done is not None and done.returncode == 0:
         return None
     if done is not None and done.returncode == _REFUSED:
-        return done.stdout.decode("utf-8", "replace")
+        text, code, key = json.loads(done.stdout)
+        return text, code, key
     if done is not None and done.returncode == _FULL:
-        return f"{path}: needs more than {_MEMORY >> 30} GiB to be read; {_ADVICE}"
-    return f"{path}: crashes or hangs what reads it; {_ADVICE}"
+        return f"{path}: needs more than {_MEMORY >> 30} GiB to be read; {_ADVICE}", "too-large", ""
+    return f"{path}: crashes or hangs what reads it; {_ADVICE}", "reader-ended", ""
 
 
 def read_here() -> None:
@@ -83,7 +86,7 @@ def read_here() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
     # Without the end of an interpreter, in which what a library left behind may crash.
     code, text = _read(path)
-    os.write(said, text.encode("utf-8", "replace"))
+    os.write(said, text.encode())
     os._exit(code)
 
 
@@ -114,7 +117,7 @@ def _read(path: Path) -> tuple[int, str]:
     except MemoryError:
         return _FULL, ""
     except InputError as error:
-        return _REFUSED, str(error)
+        return _REFUSED, json.dumps([str(error), error.code, error.key])
     except Exception:
         return 0, ""  # a fault of this package, to be seen where it is used
     return 0, ""

@@ -42,7 +42,8 @@ def check_workbook(path: Path) -> None:
                     guard.member(member.filename, iter(lambda: stream.read(_BLOCK), b""))
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:
         raise InputError(
-            f"{path}: is no whole workbook ({error}); save it again, or export it as CSV"
+            f"{path}: is no whole workbook ({error}); save it again, or export it as CSV",
+            code="damaged-file",
         ) from None
     guard.texts()
 
@@ -63,7 +64,8 @@ class _Guard:
             if self.total > _MOST_BYTES:
                 raise InputError(
                     f"{self.path}: expands to more than {_MOST_BYTES >> 20} MiB; export the sheet "
-                    "as CSV"
+                    "as CSV",
+                    code="too-large",
                 )
             if is_sheet:
                 corners.see(tail + block)
@@ -77,7 +79,8 @@ class _Guard:
         if corners.cells > _MOST_CELLS:
             raise InputError(
                 f"{self.path}: {name} says that it holds {corners.cells} cells; delete what stands "
-                "far from the table, or export it as CSV"
+                "far from the table, or export it as CSV",
+                code="too-large",
             )
 
     def texts(self) -> None:
@@ -85,7 +88,8 @@ class _Guard:
         if self.longest * self.references > 4 * _MOST_BYTES:
             raise InputError(
                 f"{self.path}: repeats texts of {self.longest} bytes {self.references} times; "
-                "export the sheet as CSV"
+                "export the sheet as CSV",
+                code="too-large",
             )
 
 

@@ -85,11 +85,15 @@ class EvolutionStrategy:
         children: int = CHILDREN,
     ) -> None:
         if not np.all(low < high):
-            raise InputError("evolution strategy: each lower bound must be below its upper bound")
+            raise InputError(
+                "evolution strategy: each lower bound must be below its upper bound",
+                code="range-reversed",
+            )
         if not 1 <= parents < children:
             raise InputError(
                 f"evolution strategy: {children} children of {parents} parents leave nothing to "
-                "select; take about seven children for a parent"
+                "select; take about seven children for a parent",
+                code="too-few-children",
             )
         self._low, self._high = low.copy(), high.copy()
         self._random = np.random.default_rng(seed)

@@ -298,7 +298,9 @@ def spline_model_at(model: Model, gap: float) -> Model:
         A spline leaves the range of its parameter.
     """
     if len(model.nodes) < 2:
-        raise InputError("a spline over the gap needs a model with two nodes or more")
+        raise InputError(
+            "a spline over the gap needs a model with two nodes or more", code="single-gap"
+        )
     # Only here: importing it takes longer than the default search, which does without.
     from scipy.interpolate import CubicSpline
 

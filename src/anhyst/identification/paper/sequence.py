@@ -127,7 +127,9 @@ def _kept_to_the_last(bench: SearchBench, wanted: str) -> str | None:
         given = bench.loopset.input.name
         raise InputError(
             f"gap map '{wanted}' with search 'paper' keeps {last} to the last, but with a measured "
-            f"{given} {last} is known; use --gap-map auto or --search default"
+            f"{given} {last} is known; use --gap-map auto or --search default",
+            code="choices-together",
+            key="gap_map",
         )
     return last
 

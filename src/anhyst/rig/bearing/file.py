@@ -13,7 +13,7 @@ from anhyst.rig.bearing.tables import BearingTable, MagnetTable
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.loop_files import Measured, identify_faults
 from anhyst.support.atomic import PathLike
-from anhyst.support.toml_file import Fault, faults_error, read_toml
+from anhyst.support.toml_file import FileFault, faults_error, read_toml
 from anhyst.support.toml_text import Path as KeyPath
 
 TICKS_PER_POLE = 20.0
@@ -178,15 +178,23 @@ def check_load(rig: BearingRig, force_max: float) -> None:
     """
     load = rig.load
     steps = rig.settings.simulate.load_steps_N
-    faults: list[Fault] = []
+    faults: list[FileFault] = []
     if not load < force_max:
         text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
-        faults.append((("load", "force_N"), f"{text}; lower it or raise current_high_A"))
+        faults.append(
+            FileFault(
+                ("load", "force_N"),
+                f"{text}; lower it or raise current_high_A",
+                code="load-too-large",
+            )
+        )
     for place, step in enumerate(steps):
         if load < force_max <= load + step:
             text = f"{load:.4g} N and this step are {load + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"
-            faults.append((("simulate", "load_steps_N", place), text))
+            faults.append(
+                FileFault(("simulate", "load_steps_N", place), text, code="load-too-large")
+            )
     if faults:
         raise faults_error(rig.path, faults)
 
@@ -210,50 +218,52 @@ def check_rate(rig: BearingRig, pole_Hz: float) -> None:
     if rate < least:
         text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
         text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
-        raise faults_error(rig.path, [(("timing", "rate_Hz"), text)])
+        raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def _delay_faults(settings: BearingTable) -> list[Fault]:
+def _delay_faults(settings: BearingTable) -> list[FileFault]:
     """Find delays that the plant has no memory for."""
     timing = settings.timing
     per_second = timing.rate_Hz * timing.substeps
     output = timing.delay_ticks * timing.substeps + settings.amplifier.delay_s * per_second
-    faults: list[Fault] = []
+    faults: list[FileFault] = []
     for key, steps in (
         (("amplifier", "delay_s"), output),
         (("position_sensor", "delay_s"), settings.position_sensor.sensor().delay * per_second),
     ):
         if steps > MOST_DELAY:
             text = f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}"
-            faults.append((key, f"{text}; shorten it or lower substeps"))
+            faults.append(
+                FileFault(key, f"{text}; shorten it or lower substeps", code="delay-too-long")
+            )
     return faults
 
 
-def _plant_faults(settings: BearingTable) -> list[Fault]:
+def _plant_faults(settings: BearingTable) -> list[FileFault]:
     """Find what does not fit together in the plant and its instruments."""
-    faults: list[Fault] = []
+    faults: list[FileFault] = []
     mechanics, magnet = settings.mechanics, settings.magnet
     low, high = mechanics.stop_low_m, mechanics.stop_high_m
     if magnet.gap_total_m is not None and not high < magnet.gap_total_m:
         text = f"must be above stop_high_m, {high:g} m, or the second magnet is touched; raise it"
-        faults.append((("magnet", "gap_total_m"), text))
+        faults.append(FileFault(("magnet", "gap_total_m"), text, code="range-too-narrow"))
     sensor = settings.position_sensor
     if not (sensor.low_m <= low and high <= sensor.high_m):
         text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
-        faults.append((("position_sensor",), text))
+        faults.append(FileFault(("position_sensor",), text, code="range-too-narrow"))
     amplifier, shunt = settings.amplifier, settings.current_sensor
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must hold that of the amplifier; widen low_A or high_A"
-        faults.append((("current_sensor",), text))
+        faults.append(FileFault(("current_sensor",), text, code="range-too-narrow"))
     if settings.measurement.current_max_A > amplifier.current_high_A:
         text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
-        faults.append((("measurement", "current_max_A"), text))
+        faults.append(FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier"))
     return faults
 
 
-def _simulate_faults(settings: BearingTable) -> list[Fault]:
+def _simulate_faults(settings: BearingTable) -> list[FileFault]:
     """Find references outside the travel."""
-    faults: list[Fault] = []
+    faults: list[FileFault] = []
     low, high = settings.mechanics.stop_low_m, settings.mechanics.stop_high_m
     cases = settings.simulate
 
@@ -262,7 +272,11 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
             return True
         goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
         text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
-        faults.append((("simulate", *key), f"{text}; lower it or move the stops"))
+        faults.append(
+            FileFault(
+                ("simulate", *key), f"{text}; lower it or move the stops", code="outside-travel"
+            )
+        )
         return False
 
     check(("gap_m",), "the reference", cases.gap_m, cases.gap_m)
@@ -280,14 +294,14 @@ def _simulate_faults(settings: BearingTable) -> list[Fault]:
     return [*faults, *_time_faults(settings)]
 
 
-def _time_faults(settings: BearingTable) -> list[Fault]:
+def _time_faults(settings: BearingTable) -> list[FileFault]:
     """Find what is too short or too long for the rate."""
-    faults: list[Fault] = []
+    faults: list[FileFault] = []
     cases, rate = settings.simulate, settings.timing.rate_Hz
     if round(cases.hold_s * rate) < LEAST_HOLD:
         text = f"holds a step for {cases.hold_s * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
-        faults.append((("simulate", "hold_s"), text))
+        faults.append(FileFault(("simulate", "hold_s"), text, code="too-short"))
     most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
     for place, trajectory in enumerate(cases.trajectories):
         frequency, text = trajectory.frequency_Hz, ""
@@ -297,5 +311,9 @@ def _time_faults(settings: BearingTable) -> list[Fault]:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {LONGEST_PERIOD_S:g} s"
             text += "; raise it"
         if text:
-            faults.append((("simulate", "trajectories", place, "frequency_Hz"), text))
+            faults.append(
+                FileFault(
+                    ("simulate", "trajectories", place, "frequency_Hz"), text, code="out-of-range"
+                )
+            )
     return faults

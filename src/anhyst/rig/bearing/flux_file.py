@@ -45,15 +45,25 @@ def read_flux_table(path: PathLike) -> FluxTable:
     gaps, row = np.unique(gap, return_inverse=True)
     for name, values in (("current", currents), ("gap", gaps)):
         if values.size < 2:
-            raise InputError(f"{table.path}: has a single {name}; measure at least two")
+            raise InputError(
+                f"{table.path}: has a single {name}; measure at least two",
+                code="too-few-values",
+                key=name,
+            )
     if currents[0] != 0.0:
         text = f"currents begin at {currents[0]:g} A; begin at 0, the flux is taken as odd in it"
-        raise InputError(f"{table.where(int(np.argmin(current)))}: {text}")
+        raise InputError(
+            f"{table.where(int(np.argmin(current)))}: {text}",
+            code="currents-not-from-zero",
+            key="I_A",
+        )
     numbers = np.full((gaps.size, currents.size), -1)
     for number, place in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
         if numbers[place] >= 0:
             point = _point(gap[number], current[number])
-            raise InputError(f"{table.where(number)}: {point} comes twice; remove one")
+            raise InputError(
+                f"{table.where(number)}: {point} comes twice; remove one", code="value-again"
+            )
         numbers[place] = number
     _check_full(table.path, gaps, currents, numbers)
     made = FluxTable(currents, gaps, psi[numbers])
@@ -85,12 +95,16 @@ def check_flux_range(
     if not (low <= gap_low and gap_high <= high):
         raise InputError(
             f"{path}: gap_m runs from {low:g} to {high:g} m and must hold the travel, "
-            f"{gap_low:g} to {gap_high:g} m; add gaps"
+            f"{gap_low:g} to {gap_high:g} m; add gaps",
+            code="gaps-not-covered",
+            key="gap_m",
         )
     if table.current[-1] < current_high:
         raise InputError(
             f"{path}: I_A ends at {table.current[-1]:g} A and the amplifier at {current_high:g} A; "
-            "add currents"
+            "add currents",
+            code="currents-not-covered",
+            key="I_A",
         )
 
 
@@ -101,7 +115,8 @@ def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: Numb
         more = f" and at {len(holes) - 1} other points" if len(holes) > 1 else ""
         raise InputError(
             f"{path}: has a hole at {first}{more}; {gaps.size} gaps and {currents.size} currents "
-            "must make a full grid, add what is missing"
+            "must make a full grid, add what is missing",
+            code="grid-has-holes",
         )
 
 
@@ -118,7 +133,7 @@ def _check_monotone(table: DataTable, made: FluxTable, numbers: Numbers) -> None
             g, i = places[0].tolist()
             point = _point(made.gap[g], made.current[i])
             where = table.where(int(numbers[g, i]))
-            raise InputError(f"{where}: {text} at {point}; correct this point")
+            raise InputError(f"{where}: {text} at {point}; correct this point", code="not-monotone")
 
 
 def _point(gap: float, current: float) -> str:

@@ -133,9 +133,7 @@ def make_setups(
         try:
             found[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:
-            raise InputError(
-                f"{controller.model if modelled else rig.measured.text}: {error}"
-            ) from error
+            raise error.at(controller.model if modelled else rig.measured.text) from error
         with error_at_key(controller):
             check_position(found[variant])
     return found

@@ -77,7 +77,8 @@ def law_of(rig: BearingRig) -> Model:
     if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
         raise InputError(
             f"{rig.model}: a bearing needs a model of force over current whose gap may move; "
-            "identify one from loops at several gaps"
+            "identify one from loops at several gaps",
+            code="not-current-to-force",
         )
     return model
 

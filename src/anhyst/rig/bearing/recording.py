@@ -70,7 +70,9 @@ ENDINGS = (".csv", ".mat")
 def check_ending(path: PathLike) -> None:
     """Refuse a file that is no recording by its ending."""
     if Path(path).suffix.lower() not in ENDINGS:
-        raise InputError(f"{path}: a recording is written as .csv or .mat; name it so")
+        raise InputError(
+            f"{path}: a recording is written as .csv or .mat; name it so", code="wrong-ending"
+        )
 
 
 def write_recording(path: PathLike, recording: Recording) -> None:
@@ -115,10 +117,16 @@ def read_recording(path: PathLike) -> Recording:
     try:
         found = _read_csv(path) if Path(path).suffix.lower() == ".csv" else _read_mat(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; check the path", code="cannot-be-read"
+        ) from error
     missing = [name for name in COLUMNS if name not in found]
     if missing:
-        raise InputError(f"{path}: column {missing[0]} is missing; name a recording of simulate")
+        raise InputError(
+            f"{path}: column {missing[0]} is missing; name a recording of simulate",
+            code="column-missing",
+            key=missing[0],
+        )
     return Recording(np.column_stack([found[name] for name in COLUMNS]))
 
 
@@ -128,7 +136,9 @@ def _read_csv(path: PathLike) -> Mapping[str, FloatArray]:
             names = file.readline().rstrip("\n").split(",")
             return dict(zip(names, np.loadtxt(file, delimiter=",", ndmin=2).T, strict=True))
     except ValueError as error:
-        raise InputError(f"{path}: {error}; name a recording of simulate") from error
+        raise InputError(
+            f"{path}: {error}; name a recording of simulate", code="not-a-recording"
+        ) from error
 
 
 def _read_mat(path: PathLike) -> Mapping[str, FloatArray]:
@@ -138,5 +148,7 @@ def _read_mat(path: PathLike) -> Mapping[str, FloatArray]:
     try:
         found = loadmat(io.BytesIO(Path(path).read_bytes()), variable_names=COLUMNS)
     except (MatReadError, ValueError, TypeError, NotImplementedError) as error:
-        raise InputError(f"{path}: is no MAT file of version 5; name another") from error
+        raise InputError(
+            f"{path}: is no MAT file of version 5; name another", code="not-a-mat-file"
+        ) from error
     return {name: np.ravel(found[name]) for name in COLUMNS if name in found}

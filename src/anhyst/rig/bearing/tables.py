@@ -21,6 +21,7 @@ from anhyst.rig.tables import (
     ShuntTable,
     ordered,
 )
+from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Table
 
 MOST_SEED = 1 << 31
@@ -40,9 +41,10 @@ class TimingTable(Table):
     def _whole(self) -> Self:
         steps = self.delay_ticks * self.substeps
         if abs(steps - round(steps)) > 1e-9:
-            raise ValueError(
+            raise InputError(
                 f"delay_ticks of {self.delay_ticks} is no whole number of sub-steps of "
-                f"1/{self.substeps} tick; correct one of them"
+                f"1/{self.substeps} tick; correct one of them",
+                code="delay-not-whole",
             )
         return self
 
@@ -68,15 +70,20 @@ class MagnetTable(ElectromagnetTable):
     def _complete(self) -> Self:
         for key, value in (("gap_total_m", self.gap_total_m), ("bias_force_N", self.bias_force_N)):
             if self.arrangement == "pair" and value is None:
-                raise ValueError(f"a pair needs {key}; add it")
+                raise InputError(f"a pair needs {key}; add it", code="missing")
             if self.arrangement == "single" and value is not None:
-                raise ValueError(f'{key} belongs to a pair; remove it or write arrangement "pair"')
+                raise InputError(
+                    f'{key} belongs to a pair; remove it or write arrangement "pair"',
+                    code="pair-only",
+                )
         if self.force == "cells" and self.iron is None:
-            raise ValueError('force "cells" needs the table [magnet.iron]; add it')
+            raise InputError('force "cells" needs the table [magnet.iron]; add it', code="missing")
         if self.force == "model" and self.model is None:
-            raise ValueError('force "model" needs the table [magnet.model]; add it')
+            raise InputError('force "model" needs the table [magnet.model]; add it', code="missing")
         if self.model is not None and self.model.flux_table is None and self.iron is None:
-            raise ValueError("a model without flux_table needs the table [magnet.iron]; add one")
+            raise InputError(
+                "a model without flux_table needs the table [magnet.iron]; add one", code="missing"
+            )
         return self
 
 
@@ -123,9 +130,9 @@ class DisturbanceTable(Table):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.kind == "step" and self.frequency_Hz is not None:
-            raise ValueError("a step has no frequency_Hz; remove it")
+            raise InputError("a step has no frequency_Hz; remove it", code="not-for-a-step")
         if self.kind != "step" and self.frequency_Hz is None:
-            raise ValueError(f"a {self.kind} needs frequency_Hz; add it")
+            raise InputError(f"a {self.kind} needs frequency_Hz; add it", code="missing")
         return self
 
 
@@ -185,7 +192,9 @@ class PositionTable(Table):
     def _consistent(self) -> Self:
         ordered("low_m", self.low_m, "high_m", self.high_m)
         if self.step_m is not None and self.adc_bits is not None:
-            raise ValueError("step_m and adc_bits both say the resolution; keep one")
+            raise InputError(
+                "step_m and adc_bits both say the resolution; keep one", code="both-given"
+            )
         return self
 
     def sensor(self) -> PositionSensor:

@@ -148,7 +148,9 @@ class BearingBench(LockStepBench[BusController]):
         load = self.load_drive.forces(first, ticks)
         plant = self._loop.run(nothing, load, nothing, nothing, np.zeros(ticks, dtype=np.uint32))
         if len(plant) < ticks:
-            raise InputError(f"the controller did not answer tick {self.tick}; see its output")
+            raise InputError(
+                f"the controller did not answer tick {self.tick}; see its output", code="no-answer"
+            )
         numbers = np.arange(first, first + ticks, dtype=np.float64)
         return np.column_stack((numbers, plant[:, _TAKEN], self._of_firmware(self._bus.take())))
 

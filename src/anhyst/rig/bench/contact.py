@@ -99,7 +99,8 @@ class Contact:
             raise OtherFirmware(
                 f"{mine.url}: '{mine.name}' answers with {len(mine.signals)} signals instead of "
                 f"'{other.name}' with {len(other.signals)}; it is another firmware, start again "
-                "with its folder"
+                "with its folder",
+                code="other-firmware",
             )
 
 
@@ -127,7 +128,10 @@ def _check(line: BoardLine, manifest: Mapping[str, Any]) -> None:
     """Refuse a folder whose numbers would be wrong for the signals of this controller."""
     signals = manifest["signals"]
     if (manifest["controller"] is None) is not (line.body is Body.FORCE):
-        raise OtherFirmware(f"{line.url}: controls a {line.body.name.lower()}, the folder does not")
+        raise OtherFirmware(
+            f"{line.url}: controls a {line.body.name.lower()}, the folder does not",
+            code="other-firmware",
+        )
     wanted = {
         "SCALE_DEMAND": ("full scale of the demand", signals["demand"]["scale"]),
         "SCALE_CURRENT": ("full scale of the current", signals["current"]["scale"]),
@@ -139,5 +143,7 @@ def _check(line: BoardLine, manifest: Mapping[str, Any]) -> None:
         if not abs(found - value) <= 1e-6 * abs(value):
             raise OtherFirmware(
                 f"{line.url}: the {name} of its block is {found:g}, that of the folder {value:g}; "
-                "name the folder that the firmware is built around"
+                "name the folder that the firmware is built around",
+                code="other-firmware",
+                key=name,
             )

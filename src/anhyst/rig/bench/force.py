@@ -187,7 +187,11 @@ class ForceBench(LockStepBench[PlantBus]):
     def load(self, force: float) -> None:
         """Refuse: the armature is held."""
         del force
-        raise InputError("load: a force rig has no load drive; move the armature by its gap")
+        raise InputError(
+            "load: a force rig has no load drive; move the armature by its gap",
+            code="no-load-drive",
+            key="load",
+        )
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the motion of the armature and the settings of the controller."""
@@ -211,8 +215,14 @@ def check_demand(aim: Aim, value: float, state: State) -> None:
         It is beyond the range, or the controller does not run.
     """
     if not aim.low <= value <= aim.high:
-        raise InputError(f"demand: is {value:g} N; choose one from {aim.low:g} to {aim.high:g} N")
+        raise InputError(
+            f"demand: is {value:g} N; choose one from {aim.low:g} to {aim.high:g} N",
+            code="out-of-range",
+            key="demand",
+        )
     if state is not State.RUN:
         raise InputError(
-            f"demand: a force is demanded in the state run, not in {state.name.lower()}"
+            f"demand: a force is demanded in the state run, not in {state.name.lower()}",
+            code="wrong-state",
+            key="demand",
         )

@@ -172,7 +172,9 @@ class HardwareBench:
 
     def _reached(self) -> BoardLine:
         if self._search is not None:
-            raise InputError(f"{self.lost}; it is looked for, wait until it is back")
+            raise InputError(
+                f"{self.lost}; it is looked for, wait until it is back", code="port-gone"
+            )
         return self._line
 
     def command(self, command: Command) -> None:
@@ -193,7 +195,9 @@ class HardwareBench:
     def load(self, force: float) -> None:
         """Refuse: nothing of the load is known here."""
         del force
-        raise InputError("load: the bench of a board has no load drive")
+        raise InputError(
+            "load: the bench of a board has no load drive", code="no-load-drive", key="load"
+        )
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the settings of the controller."""

@@ -149,7 +149,7 @@ class PacedBench:
 
         with self._wake:
             if self._closing:
-                raise self.error or InputError("the bench is closed")
+                raise self.error or InputError("the bench is closed", code="bench-closed")
             self._todo.append(work)
             self._wake.notify_all()
         return done.result()
@@ -311,5 +311,9 @@ class PacedBench:
 
 def _checked(speed: float) -> float:
     if not SLOWEST <= speed <= FASTEST:
-        raise InputError(f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}")
+        raise InputError(
+            f"speed {speed:g}: choose one from {SLOWEST:g} to {FASTEST:g}",
+            code="out-of-range",
+            key="speed",
+        )
     return speed

@@ -26,10 +26,15 @@ def check_values(values: Mapping[str, float], parameters: Sequence[Parameter]) -
     known = {one.name: one for one in parameters}
     for name, value in values.items():
         if name not in known:
-            raise InputError(f"{name}: is no parameter of this bench; it has {', '.join(known)}")
+            raise InputError(
+                f"{name}: is no parameter of this bench; it has {', '.join(known)}",
+                code="unknown-parameter",
+                key=name,
+            )
         one = known[name]
         if not one.low <= value <= one.high:
             raise InputError(
                 f"{name}: is {value:g} {one.unit}".rstrip()
-                + f"; choose a value from {one.low:g} to {one.high:g}"
+                + f"; choose a value from {one.low:g} to {one.high:g}",
+                code="out-of-range",
             )

@@ -63,7 +63,11 @@ class KnownSetting(NamedTuple):
             It lies between the numbers that there are.
         """
         if self.code == 1.0 and value != round(value):
-            raise InputError(f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}")
+            raise InputError(
+                f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}",
+                code="out-of-range",
+                key=self.name,
+            )
         most = SETTINGS[self.setting]
         return min(max(round(value / self.code), most.low), most.high)
 
@@ -118,7 +122,9 @@ class ControllerSettings:
             if runs and not SETTINGS[setting].while_running:
                 raise InputError(
                     f"{setting.name.lower()}: stays as it is while the controller runs; stop it "
-                    "first"
+                    "first",
+                    code="wrong-state",
+                    key=setting.name.lower(),
                 )
         before = {setting: self._codes[setting] for setting in changed}
         try:

@@ -35,6 +35,7 @@ from anhyst.rig.tables import (
 )
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
     BRANCH,
     Bits,
@@ -198,9 +199,11 @@ class ForceRigTable(RigTable):
     def _one_actuator(self) -> Self:
         if (self.solenoid is None) == (self.magnet is None):
             both = "is named beside [magnet]" if self.solenoid else "is missing, and so is [magnet]"
-            raise ValueError(f"solenoid: {both}; a rig has one of the two")
+            raise InputError(f"solenoid: {both}; a rig has one of the two", code="one-of-two")
         if self.magnet is not None and self.magnet.iron is None:
-            raise ValueError('magnet: needs iron; add the table [magnet.iron] or "from loops"')
+            raise InputError(
+                'magnet: needs iron; add the table [magnet.iron] or "from loops"', code="missing"
+            )
         return self
 
 

@@ -37,7 +37,9 @@ def loops_of_rig(rig: Rig) -> Loops:
     if not _at(loops, end):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
         raise InputError(
-            f"{rig.path}: force_control.end_m: no loops at {end:g} m; there are some at {gaps} m"
+            f"{rig.path}: force_control.end_m: no loops at {end:g} m; there are some at {gaps} m",
+            code="no-such-loop",
+            key="force_control.end_m",
         )
     return loops
 

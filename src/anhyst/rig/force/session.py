@@ -97,7 +97,9 @@ def run_firmware(
             controller.demand(code)
             bus.step()
         if controller.status().state is not State.RUN:
-            raise NegativeResult(f"the controller left its run for {_state(bus)}")
+            raise NegativeResult(
+                f"the controller left its run for {_state(bus)}", code="wrong-state"
+            )
         last = bus.drive
     plant.drives.append(round(last * ONE))
     session = Session(
@@ -125,7 +127,9 @@ def _get_ready(controller: ControllerLink, bus: PlantBus, demagnetised: bool) ->
     end = bus.tick + _LONGEST
     while bus.state is not State.READY:
         if bus.state is State.FAULT or bus.tick > end:
-            raise NegativeResult(f"the controller did not get ready: it is in {_state(bus)}")
+            raise NegativeResult(
+                f"the controller did not get ready: it is in {_state(bus)}", code="wrong-state"
+            )
         bus.step(_BETWEEN)
         controller.status()
 

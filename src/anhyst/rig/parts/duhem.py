@@ -89,12 +89,16 @@ class DuhemSteel:
         if self.fading * (1.0 + 2.0 * turn + 2.0 * turn * turn) > 1.0:
             raise InputError(
                 f"fading: {self.fading:g} with a turning of {self.turning:g} T lets small loops "
-                "give energy; lower one of them"
+                "give energy; lower one of them",
+                code="small-loops-give-energy",
+                key="fading",
             )
         polarisation, slope = self.curve(_FIELDS * self.knee_sharp)
         falls = 2.0 * self.coercivity * self.fading / saturation**2
         if np.max(falls * (polarisation - self.turning) * slope) > 0.9:
             raise InputError(
                 f"coercivity: {self.coercivity:g} A/m fades too fast for a knee of "
-                f"{self.knee_sharp:g} A/m; lower it or fading, or raise knee_sharp"
+                f"{self.knee_sharp:g} A/m; lower it or fading, or raise knee_sharp",
+                code="fades-too-fast",
+                key="coercivity",
             )

@@ -93,7 +93,11 @@ class CellSteel:
             Too many cells.
         """
         if self.cells + 1 > MOST_CELLS:
-            raise InputError(f"cells: {self.cells} are too many; use up to {MOST_CELLS - 1}")
+            raise InputError(
+                f"cells: {self.cells} are too many; use up to {MOST_CELLS - 1}",
+                code="too-many-cells",
+                key="cells",
+            )
         return Steel(self.curve(), self.thresholds, self.weights)
 
     def curve(self) -> dict[str, float]:

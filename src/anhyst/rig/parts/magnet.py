@@ -192,7 +192,11 @@ def law_magnet(
         A law that the core does not have.
     """
     if not isinstance(iron, AnyIron):
-        raise InputError("model: the core does not have its law, and a virtual magnet runs there")
+        raise InputError(
+            "model: the core does not have its law, and a virtual magnet runs there",
+            code="law-not-in-core",
+            key="model",
+        )
     numbers = {
         "eddy": eddy,
         "current_high": float(table.current[-1]),

@@ -151,7 +151,9 @@ def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
     if steel.feedback * slope > 0.9:
         raise InputError(
             f"feedback: {steel.feedback:g} A/m for each T would make the polarisation jump; this "
-            f"steel bears up to {0.9 / slope:.3g}"
+            f"steel bears up to {0.9 / slope:.3g}",
+            code="reversible-part-jumps",
+            key="feedback",
         )
     numbers = {
         "knee": knee,

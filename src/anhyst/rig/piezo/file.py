@@ -13,6 +13,7 @@ from pydantic import model_validator
 from anhyst.rig.piezo.stack import PiezoStage
 from anhyst.rig.tables import ordered
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 
 FORMAT = "anhyst-piezo-stage"
@@ -33,7 +34,9 @@ class PiezoStackTable(Table):
     @model_validator(mode="after")
     def _alike(self) -> Self:
         if len(self.creep_times_s) != len(self.creep_shares):
-            raise ValueError("creep_shares must hold one share for each of creep_times_s")
+            raise InputError(
+                "creep_shares must hold one share for each of creep_times_s", code="length-differs"
+            )
         return self
 
 

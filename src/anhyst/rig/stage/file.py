@@ -33,7 +33,15 @@ from anhyst.rig.bearing.tables import (
 from anhyst.rig.loop_files import FileList, Measured, identify_faults
 from anhyst.rig.tables import ForceSensorTable, MeasurementTable, RigTable
 from anhyst.support.atomic import PathLike
-from anhyst.support.toml_file import NotNegative, Positive, Table, faults_error, read_toml
+from anhyst.support.errors import InputError
+from anhyst.support.toml_file import (
+    FileFault,
+    NotNegative,
+    Positive,
+    Table,
+    faults_error,
+    read_toml,
+)
 
 FORMAT = "anhyst-stage"
 """Of the rig file of a stage."""
@@ -62,15 +70,19 @@ class TrackingTable(Table):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if not 2.0 * self.snap_phase_s <= self.jerk_phase_s:
-            raise ValueError("snap_phase_s must be at most half of jerk_phase_s; correct them")
+            raise InputError(
+                "snap_phase_s must be at most half of jerk_phase_s; correct them",
+                code="phases-too-long",
+            )
         for peak in (*self.train_m_per_s2, *self.test_m_per_s2):
             if self.speed_m_per_s / peak < self.jerk_phase_s:
-                raise ValueError(
+                raise InputError(
                     f"{peak:g} m/s2 are not reached before speed_m_per_s is; lower them or "
-                    "shorten jerk_phase_s"
+                    "shorten jerk_phase_s",
+                    code="not-reached",
                 )
         if self.slit_s >= self.cruise_s:
-            raise ValueError("slit_s must be shorter than cruise_s; correct them")
+            raise InputError("slit_s must be shorter than cruise_s; correct them", code="too-long")
         return self
 
 
@@ -195,9 +207,21 @@ def read_stage(path: PathLike) -> StageRig:
     settings = read_toml(place, ShortStrokeTable)
     faults = identify_faults(settings.identify)
     if settings.magnet.arrangement != "pair":
-        faults.append((("magnet", "arrangement"), 'a stage has two magnets; write "pair"'))
+        faults.append(
+            FileFault(
+                ("magnet", "arrangement"),
+                'a stage has two magnets; write "pair"',
+                code="not-a-pair",
+            )
+        )
     if settings.magnet.from_loops:
-        faults.append((("magnet", "iron"), "a stage needs its iron; write a table [magnet.iron]"))
+        faults.append(
+            FileFault(
+                ("magnet", "iron"),
+                "a stage needs its iron; write a table [magnet.iron]",
+                code="missing",
+            )
+        )
     if faults:
         raise faults_error(place, faults)
     return StageRig(place, settings)

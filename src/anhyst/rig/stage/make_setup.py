@@ -33,5 +33,5 @@ def make_stage(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> S
         sources = Sources(operating, magnet.loops, magnet.model, probe)
         compensator = make_compensator(method, sources, table.tracking.format)
     except InputError as error:
-        raise InputError(f"{rig.measured.text}: {error}") from error
+        raise error.at(rig.measured.text) from error
     return StageSetup(rig, compensator)

@@ -156,7 +156,9 @@ def _bad_block(running: LevitatingFirmware, n: int) -> bool:
                 running.link.write_block(broken)
             except Refused:
                 continue
-            raise NegativeResult("the controller took a parameter block that is not valid")
+            raise NegativeResult(
+                "the controller took a parameter block that is not valid", code="bad-block-taken"
+            )
     return True
 
 
@@ -270,7 +272,8 @@ class FaultRuns:
         if running.state is not State.RUN or phase is not Phase.HOVER:
             raise NegativeResult(
                 f"the armature does not hover before a fault: state {running.state.name.lower()}, "
-                f"phase {phase.name.lower()}, fault {running.fault.name.lower()}"
+                f"phase {phase.name.lower()}, fault {running.fault.name.lower()}",
+                code="does-not-hover",
             )
 
     def _watch(self, injection: Injection) -> Ending:

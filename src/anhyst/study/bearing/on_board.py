@@ -115,13 +115,19 @@ class BoardComparison:
         if self.differ:
             raise NegativeResult(
                 f"the firmware drove another current than the simulation at {self.differ} of "
-                f"{len(self.recorded)} ticks"
+                f"{len(self.recorded)} ticks",
+                code="firmware-differs",
             )
         if not self.landed:
-            raise NegativeResult("the firmware did not land the armature at the end of its run")
+            raise NegativeResult(
+                "the firmware did not land the armature at the end of its run", code="not-landed"
+            )
         wrong = [one.injection.name for one in self.endings if not one.as_expected]
         if wrong:
-            raise NegativeResult(f"the firmware did not notice what it should: {'; '.join(wrong)}")
+            raise NegativeResult(
+                f"the firmware did not notice what it should: {'; '.join(wrong)}",
+                code="faults-not-noticed",
+            )
 
 
 def count_differences(simulated: Recording, recorded: FloatArray) -> int:
@@ -168,7 +174,9 @@ def run_board(
         The armature was not held.
     """
     if Path(out).suffix != ".json":
-        raise InputError(f"{out}: the run of a firmware is written as .json; name it so")
+        raise InputError(
+            f"{out}: the run of a firmware is written as .json; name it so", code="wrong-ending"
+        )
     check_compiler(board)
     if board == QEMU:
         find_qemu()
@@ -251,7 +259,8 @@ def build_firmware(
     if compiled.manifest["controller"]["settings"] != wanted:
         raise InputError(
             f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "
-            f"{rig.path} says; write [converter], and [pair] where there is one"
+            f"{rig.path} says; write [converter], and [pair] where there is one",
+            code="controller-and-rig-differ",
         )
     return setup, build(board, place / "c", place / "firmware")
 

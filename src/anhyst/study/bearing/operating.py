@@ -14,7 +14,7 @@ from anhyst.study.bearing import linear
 from anhyst.study.bearing.slopes import Reversal, measure_reversal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import spaced
-from anhyst.support.toml_file import faults_error
+from anhyst.support.toml_file import FileFault, faults_error
 
 _CURRENTS = 1200
 _GAP_STEP = 2e-6
@@ -73,7 +73,7 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
         text += f", {least:.4g} to {most:.4g} N; correct it"
-        raise faults_error(rig.path, [(key, text)])
+        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
@@ -87,7 +87,7 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
         text = f"at {wanted:g} N {error}; raise or lower it"
-        raise faults_error(rig.path, [(key, text)]) from error
+        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
     magnets = float(len(rig.magnets))
@@ -121,7 +121,7 @@ def _check_rest(rig: BearingRig) -> None:
     if not rig.load < force:
         text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
         text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
-        raise faults_error(rig.path, [(("load", "force_N"), text)])
+        raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
 
 def _check_probe(rig: BearingRig) -> None:
@@ -136,7 +136,9 @@ def _check_probe(rig: BearingRig) -> None:
     density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
         text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
-        raise faults_error(rig.path, [(("hall_probe", "range_T"), text)])
+        raise faults_error(
+            rig.path, [FileFault(("hall_probe", "range_T"), text, code="range-too-narrow")]
+        )
 
 
 def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:

@@ -100,7 +100,8 @@ def make_ready(
     if not min(gaps) < middle < max(gaps):
         raise InputError(
             f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "
-            f"works at {middle:g} m; measure loops around it"
+            f"works at {middle:g} m; measure loops around it",
+            code="gaps-not-covered",
         )
     whole = complete_rig(rig, loops)
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
@@ -113,6 +114,7 @@ def _controller_model(controller: ControllerFile, rig: BearingRig) -> Model | No
     if not is_electromagnet(model) or not model.needs_schedule:
         raise InputError(
             f"{controller.model}: a bearing needs a model of force over current and gap; identify "
-            f"one from {rig.measured.text}"
+            f"one from {rig.measured.text}",
+            code="not-current-to-force",
         )
     return model

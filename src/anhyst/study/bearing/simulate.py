@@ -214,11 +214,11 @@ def explore(
     run = _whole_run(mine)
     fault = run.fault()
     if fault and out is None:
-        raise NegativeResult(fault)
+        raise NegativeResult(fault, code="levitation-lost")
     if fault and out is not None:
         (Path(out).parent / FIGURES).unlink(missing_ok=True)  # of another recording
         _write_recording(out, run.recording, controller, knowledge)
-        raise NegativeResult(f"{fault}; the recording is kept in {out}")
+        raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(stages)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
     found = _compare(controller, knowledge, setups, ready.at, run.recording, stages)
@@ -279,7 +279,8 @@ def refuse_losses(found: Simulation) -> None:
     if found.lost_in:
         raise NegativeResult(
             f"'{found.own}' of the controller file lost levitation: {'; '.join(found.lost_in)}; "
-            "figures and recording are kept"
+            "figures and recording are kept",
+            code="levitation-lost",
         )
 
 

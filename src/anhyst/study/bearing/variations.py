@@ -53,14 +53,18 @@ def with_iron(
     magnet = rig.settings.magnet
     if magnet.force != "cells":
         raise InputError(
-            f'{rig.path}: magnet.force: other irons are tried with force "cells"; set it so'
+            f'{rig.path}: magnet.force: other irons are tried with force "cells"; set it so',
+            code="not-iron-of-cells",
+            key="magnet.force",
         )
     keys = magnet.steel.drifted(width - 1.0, 0.0, 0.0)
     if reversible_fraction is not None:
         if not isinstance(magnet.steel, MagnetSteelTable):
             raise InputError(
                 f"{rig.path}: magnet.iron.family: cells alone have a reversible fraction; describe "
-                "an iron of cells, or leave the fraction out"
+                "an iron of cells, or leave the fraction out",
+                code="not-iron-of-cells",
+                key="magnet.iron.family",
             )
         keys["reversible_fraction"] = reversible_fraction
     return changed(rig, {f"magnet.iron.{key}": value for key, value in keys.items()})

@@ -157,7 +157,9 @@ def coolest_peak(specimen: Specimen) -> Bound:
     if not specimen.rate.value > 0.0:
         raise InputError(
             f"{specimen.rate.key}: the supply does not drive {specimen.current.value:g} A through "
-            "the winding; raise it or lower the largest current"
+            "the winding; raise it or lower the largest current",
+            code="supply-too-weak",
+            key=specimen.rate.key,
         )
     wanted, winding = specimen.current.value, specimen.winding
     if winding is None:
@@ -174,5 +176,7 @@ def coolest_peak(specimen: Specimen) -> Bound:
         f"excite.continuous_A: a winding for {winding.continuous:g} A with a time constant of "
         f"{winding.time:g} s becomes too warm in a record of {LEAST * wanted:.3g} A, "
         f"{100 * LEAST:.0f} % of {specimen.current.key}; measure faster (measurement.sweep_A_per_s)"
-        f", or correct continuous_A and thermal_s (I^2 t is kept below {100 * MARGIN:.0f} %)"
+        f", or correct continuous_A and thermal_s (I^2 t is kept below {100 * MARGIN:.0f} %)",
+        code="winding-too-warm",
+        key="excite.continuous_A",
     )

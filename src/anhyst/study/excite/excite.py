@@ -272,7 +272,9 @@ def place_of(
     if gone.size < 3:
         raise InputError(
             f"{specimen.force.key}: at {1e3 * gap:g} mm {specimen.force.value:g} N are reached at "
-            f"{gone[-1]:.3g} A; there is no room for a loop"
+            f"{gone[-1]:.3g} A; there is no room for a loop",
+            code="force-limit-too-low",
+            key=specimen.force.key,
         )
     enough = np.flatnonzero(np.array(forces) >= specimen.operating.value)
     least, most = (share * peak.value for share in INNER)
@@ -297,7 +299,9 @@ def _take(
         raise InputError(
             f"{specimen.force.key}: {label} reads {force[above[0]]:.4g} N at "
             f"{current[above[0]]:.4g} A, more than {specimen.force.value:g} N and more than the "
-            "first rise at this gap showed; lower excite.current_max_A"
+            "first rise at this gap showed; lower excite.current_max_A",
+            code="force-above-limit",
+            key=specimen.force.key,
         )
     return Loop(label, current, force, np.full(time.size, gap), time, record.history)
 
@@ -311,7 +315,9 @@ def check_operating(specimen: Specimen, places: Sequence[Place]) -> None:
         f"{specimen.operating.key}: inner loops are wanted about {specimen.operating.value:g} N, "
         f"and at no gap is that between {100 * INNER[0]:.0f} and {100 * INNER[1]:.0f} % of the "
         f"largest current; {best.peak.key} leaves {best.peak.value:.3g} A and {best.force:.4g} N at "
-        f"{1e3 * best.gap:g} mm; give excite.operating_N, or raise that limit"
+        f"{1e3 * best.gap:g} mm; give excite.operating_N, or raise that limit",
+        code="operating-force-not-reached",
+        key=specimen.operating.key,
     )
 
 
@@ -383,17 +389,21 @@ def excite(
     """
     place = Path(out)
     if place.suffix.lower() != ".csv":
-        raise InputError(f"{place}: loops are written as .csv; change the ending")
+        raise InputError(
+            f"{place}: loops are written as .csv; change the ending", code="wrong-ending"
+        )
     found = read_specimen(rig)
     sidecar = place.with_suffix(".toml")
     for path in (place, sidecar):
         check_writable(path, reads=found.reads)
     if sidecar.exists() and not is_sidecar(sidecar):
-        raise InputError(f"{sidecar}: is no description of loops; write to another file")
+        raise InputError(
+            f"{sidecar}: is no description of loops; write to another file", code="not-a-sidecar"
+        )
     try:
         measured = how(found.specimen, progress)
     except InputError as error:
-        raise InputError(f"{rig}: {error}") from error
+        raise error.at(rig) from error
     write_excitation(measured, Path(rig), place)
     return measured
 

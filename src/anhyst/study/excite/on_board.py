@@ -179,7 +179,11 @@ class BoardDrive:
         absent = [name for name in _NEEDED if name not in names]
         if bench.aim.unit != "N" or absent:
             why = f"says no {', '.join(absent)}" if absent else "controls no force"
-            raise InputError(f"measure: the controller {why}; loops need one that controls a force")
+            raise InputError(
+                f"measure: the controller {why}; loops need one that controls a force",
+                code="controller-without-force",
+                key="measure",
+            )
         self._at = {name: 1 + names.index(name) for name in _NEEDED}
         self._chunk = max(1, round(_CHUNK_S * bench.rate))
         self._read = [self._at["current"], self._at["force"]]
@@ -201,7 +205,9 @@ class BoardDrive:
             gaps = ", ".join(f"{1e3 * gap:g}" for gap in self._specimen.gaps)
             raise InputError(
                 f"measure: the armature stands at {1e3 * found:.4g} mm; hold it at a gap of the rig "
-                f"file: {gaps} mm"
+                f"file: {gaps} mm",
+                code="gap-not-of-rig",
+                key="measure",
             )
         return near
 
@@ -252,7 +258,11 @@ class BoardDrive:
         end = self._time() + self._longest
         while self._off(parts[-1][-1:], force).any():
             if self._time() > end:
-                raise InputError(f"measure: the controller does not go to a demand of {force:g} N")
+                raise InputError(
+                    f"measure: the controller does not go to a demand of {force:g} N",
+                    code="demand-not-reached",
+                    key="measure",
+                )
             parts.append(self._running(self._chunk))
         way = np.concatenate(parts)
         way = way[self._off(way, force)]
@@ -291,7 +301,7 @@ class BoardDrive:
         rows = self._bench.advance(self._chunk)
         while not len(rows):
             if self._bench.lost:
-                raise InputError(f"measure: {self._bench.lost}")
+                raise InputError(f"measure: {self._bench.lost}", code="port-gone", key="measure")
             rows = self._bench.advance(self._chunk)
         time = float(rows[-1, 0]) / self._bench.rate
         current, winding = float(rows[:, self._at["current"]].mean()), self._specimen.winding
@@ -317,7 +327,9 @@ class BoardDrive:
             raise InputError(
                 f"{limit.key}: {force[worst]:.4g} N are read at "
                 f"{rows[worst, self._at['current']]:.4g} A, more than {limit.value:g} N; lower "
-                "excite.current_max_A"
+                "excite.current_max_A",
+                code="force-above-limit",
+                key=limit.key,
             )
         return rows
 
@@ -325,7 +337,11 @@ class BoardDrive:
         state, fault = State(int(row[self._at["state"]])), Fault(int(row[self._at["fault"]]))
         if state is not State.RUN:
             why = "" if fault is Fault.NONE else f" ({fault.name.lower().replace('_', ' ')})"
-            raise InputError(f"measure: the controller is in the state {state.name.lower()}{why}")
+            raise InputError(
+                f"measure: the controller is in the state {state.name.lower()}{why}",
+                code="wrong-state",
+                key="measure",
+            )
 
     def _state(self) -> State:
         return State(int(self._look()[-1, self._at["state"]]))
@@ -337,7 +353,9 @@ class BoardDrive:
             if state is State.FAULT or time.monotonic() > end:
                 raise InputError(
                     f"measure: the controller is in the state {state.name.lower()}, not "
-                    f"{wanted.name.lower()}; see why, and clear its fault"
+                    f"{wanted.name.lower()}; see why, and clear its fault",
+                    code="wrong-state",
+                    key="measure",
                 )
 
 

@@ -251,7 +251,10 @@ def fleet(
     members = find_members(folder)
     place = Path(out)
     if Path(folder).resolve() in {place.resolve(), place.resolve().parent}:
-        raise InputError(f"{out}: lies where magnets are looked for; write to another folder")
+        raise InputError(
+            f"{out}: lies where magnets are looked for; write to another folder",
+            code="out-among-inputs",
+        )
     place.mkdir(parents=True, exist_ok=True)
     for name in (TABLE, FIGURES):
         check_writable(place / name)
@@ -260,7 +263,8 @@ def fleet(
     results = all_of(judge, tasks, progress, jobs)
     if all("error" in one for one in results):
         raise NegativeResult(
-            f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}"
+            f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}",
+            code="no-magnet-judged",
         )
     found = _compared(members, results, choice.settings, place, jobs)
     write_csv(place / TABLE, {name: _plain(c) for name, c in found.to_columns().items()})

@@ -42,7 +42,8 @@ class Member:
                 whole.update(path.read_bytes())
             except OSError as error:
                 raise InputError(
-                    f"{path}: cannot be read: {error.strerror}; check the path"
+                    f"{path}: cannot be read: {error.strerror}; check the path",
+                    code="cannot-be-read",
                 ) from None
         return whole.hexdigest()
 
@@ -57,18 +58,26 @@ def find_members(folder: PathLike) -> list[Member]:
     """
     place = Path(folder)
     if not place.is_dir():
-        raise InputError(f"{place}: is no folder; name one that holds a file or folder a magnet")
+        raise InputError(
+            f"{place}: is no folder; name one that holds a file or folder a magnet",
+            code="no-such-folder",
+        )
     found = [
         Member(path.stem if path.is_file() else path.name, path)
         for path in sorted(place.iterdir())
         if (path.is_file() and path.suffix.lower() in FORMATS) or _holds_loops(path)
     ]
     if not found:
-        raise InputError(f"{place}: holds no {', '.join(FORMATS)} file and no folder of them")
+        raise InputError(
+            f"{place}: holds no {', '.join(FORMATS)} file and no folder of them", code="no-files"
+        )
     names: set[str] = set()
     for member in found:
         if member.name in names:
-            raise InputError(f"{member.source}: two magnets are called '{member.name}'; rename one")
+            raise InputError(
+                f"{member.source}: two magnets are called '{member.name}'; rename one",
+                code="name-twice",
+            )
         names.add(member.name)
     return found
 

@@ -255,7 +255,11 @@ def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
         found.append(_read_demand(rig, path))
     names = [demand.name for demand in found]
     if len(set(names)) < len(names):
-        raise InputError(f"{rig.path}: force_control.demand: two demands have the same name")
+        raise InputError(
+            f"{rig.path}: force_control.demand: two demands have the same name",
+            code="name-twice",
+            key="force_control.demand",
+        )
     return found
 
 
@@ -268,11 +272,13 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
         row = int(np.argmax((force < 0.0) | (force > most)))
         raise InputError(
             f"{path}: sample {row}: {force[row]:g} N is beyond 0 to {most:g} N "
-            f"(force_max_N of {rig.path}); lower the demand"
+            f"(force_max_N of {rig.path}); lower the demand",
+            code="out-of-range",
         )
     if not 0.0 < time[-1] - time[0] <= LONGEST_DEMAND:
         raise InputError(
-            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {LONGEST_DEMAND:g} s"
+            f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {LONGEST_DEMAND:g} s",
+            code="too-long",
         )
     ticks = np.arange(round((time[-1] - time[0]) * rig.settings.rate_Hz) + 1)
     sampled = np.interp(time[0] + ticks * rig.dt, time, force)

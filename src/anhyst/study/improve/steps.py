@@ -108,10 +108,18 @@ def within(specimen: Specimen, tighter: Mapping[str, float]) -> Specimen:
     bounds = _bounds(specimen)
     for name, value in tighter.items():
         if name not in bounds:
-            raise InputError(f"limits: there is no '{name[:40]}'; choose of {', '.join(bounds)}")
+            raise InputError(
+                f"limits: there is no '{name[:40]}'; choose of {', '.join(bounds)}",
+                code="unknown-limit",
+                key="limits",
+            )
         given = bounds[name]
         if not 0.0 < value <= given.value:
-            raise InputError(f"{name}: is not above 0 and up to {given.value:.4g}, {given.key}")
+            raise InputError(
+                f"{name}: is not above 0 and up to {given.value:.4g}, {given.key}",
+                code="out-of-range",
+                key=name,
+            )
         if value < given.value:
             bounds[name] = Bound(value, f"{name} of the operator")
     return replace(

@@ -144,7 +144,9 @@ def track(rig: PiezoRig) -> PiezoTracking:
     if wanted.max() > top:
         raise InputError(
             f"{rig.path}: [reference]: reaches {1e6 * wanted.max():.3g} um, the stack "
-            f"{1e6 * top:.3g} um; lower low_m or stroke_m"
+            f"{1e6 * top:.3g} um; lower low_m or stroke_m",
+            code="reference-too-far",
+            key="reference",
         )
     ways: dict[str, PiezoInverse] = {
         "none": _constant(loops),

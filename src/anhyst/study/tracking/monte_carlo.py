@@ -115,7 +115,9 @@ def calibrate_wrongly(
         The rig file, its loops or the place to write to will not do.
     """
     if Path(out).suffix != ".json":
-        raise InputError(f"{out}: wrong calibrations are written as .json; name it so")
+        raise InputError(
+            f"{out}: wrong calibrations are written as .json; name it so", code="wrong-ending"
+        )
     check_writable(out)
     rig = read_stage(path)
     made, _ = make_variants(rig, identify_magnet(rig.measured.read(), rig.settings.identify))

@@ -98,11 +98,17 @@ class Aims:
     def __post_init__(self) -> None:
         for name, limit in self.limits.items():
             if not (math.isfinite(limit) and limit > 0.0):
-                raise InputError(f"aim {name}: {limit} is not above zero; give another limit")
+                raise InputError(
+                    f"aim {name}: {limit} is not above zero; give another limit",
+                    code="not-above-zero",
+                    key=name,
+                )
         if self.peak_sensitivity <= 1.0:
             raise InputError(
                 f"aim peak_sensitivity: {self.peak_sensitivity:g} is not above 1, and no bearing "
-                "with delay stays below; give 1.5 to 5"
+                "with delay stays below; give 1.5 to 5",
+                code="out-of-range",
+                key="peak_sensitivity",
             )
 
     @property

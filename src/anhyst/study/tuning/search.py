@@ -211,7 +211,8 @@ class GainSearch:
             raise NegativeResult(
                 f"none of {len(places)} sets of gains that linear loops like best holds the "
                 "armature at every gap, load and step; 'anhyst simulate' reports how levitation is "
-                "lost: look at [lift_off], [limits] and the load"
+                "lost: look at [lift_off], [limits] and the load",
+                code="no-gains-hold",
             )
 
     def _search(self, aims: Aims, generations: int, round_: int) -> None:

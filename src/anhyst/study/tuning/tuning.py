@@ -78,7 +78,11 @@ def tune(
         Ctrl-C, too early for any gains.
     """
     if budget < 10:
-        raise InputError(f"--budget: {budget} sets of gains are too few; give 10 or more")
+        raise InputError(
+            f"--budget: {budget} sets of gains are too few; give 10 or more",
+            code="out-of-range",
+            key="--budget",
+        )
     begin, used = time.perf_counter(), _processor_time()
     rig, controller = read_files(rig_path, controller_path)
     own = controller.settings.compensation.variant
@@ -172,7 +176,7 @@ def _places(
         for name in (*names.values(), *RESULTS):
             check_writable(folder / name, reads=[rig.path, controller.path, *rig.measured.files])
     elif folder.exists():
-        raise InputError(f"{folder}: is a file; name a folder")
+        raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
     else:
         # A file of that name could be made there, and so could the folder.
         above = next(one for one in folder.absolute().parents if one.exists())

@@ -181,7 +181,9 @@ class DriftWatch:
 
     def __post_init__(self) -> None:
         if self.model.valid is None:
-            raise InputError("the model has no valid range; identify it again")
+            raise InputError(
+                "the model has no valid range; identify it again", code="no-valid-range"
+            )
         low, high = self.model.valid.input
         self._stepper = Stepper(self.model, self.gap, self.history)
         self._cycles = _Cycles(TURN * (high - low))
@@ -214,7 +216,9 @@ class DriftWatch:
         if ticks.size == 0 or self.finding.drifted is not None:
             return self.finding
         if np.any(np.diff(ticks) <= 0) or (self._tick is not None and ticks[0] <= self._tick):
-            raise InputError("ticks do not rise; give the chunks in their order")
+            raise InputError(
+                "ticks do not rise; give the chunks in their order", code="time-not-rising"
+            )
         self._tick = int(ticks[-1])
         left = force - self._stepper.follow(current, gap)
         for tick, drive, rest in zip(ticks.tolist(), current.tolist(), left.tolist(), strict=True):

@@ -37,10 +37,12 @@ def watch_recording(
         The recording is no single run, or has no time or gap.
     """
     if len(recording) != 1 or not is_electromagnet(recording):
-        raise InputError("a recording is one run with columns t_s, I_A, F_N and gap_m")
+        raise InputError(
+            "a recording is one run with columns t_s, I_A, F_N and gap_m", code="columns-missing"
+        )
     (run,) = recording.loops
     if run.time is None or run.schedule is None:
-        raise InputError("a recording needs columns t_s and gap_m")
+        raise InputError("a recording needs columns t_s and gap_m", code="columns-missing")
     watch = DriftWatch(
         model, float(run.schedule[0]), run.history, run_length=run_length, least=least
     )

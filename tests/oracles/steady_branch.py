@@ -18,8 +18,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.special import exp1, expi
 
-from anhyst.laws.oracle.langevin import langevin
 from anhyst.support.arrays import FloatArray
+from tests.oracles.langevin import langevin
 
 _EDGE = 30.0
 _WIDTH = 0.5

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from anhyst.laws.oracle.lagging import LaggingLaw
-from anhyst.laws.oracle.langevin import (
+from anhyst.support.errors import InputError
+from tests.oracles.lagging import LaggingLaw
+from tests.oracles.langevin import (
     LARGEST_SLOPE,
     inverse_langevin_scalar,
     langevin_scalar,
     langevin_slope_scalar,
 )
-from anhyst.support.errors import InputError
 
 _TOLERANCE = 1e-14
 _MEMORY_LENGTHS = 40.0
@@ -60,7 +60,11 @@ class JilesAtherton1986(LaggingLaw):
     def __post_init__(self) -> None:
         self.check_parameters()
         if not self.eps * LARGEST_SLOPE < 1.0:
-            raise InputError("alpha: alpha*c*M_s/(3*a) must stay below 1; lower alpha or c")
+            raise InputError(
+                "alpha: alpha*c*M_s/(3*a) must stay below 1; lower alpha or c",
+                code="reversible-part-jumps",
+                key="alpha",
+            )
 
     @property
     def largest_slope(self) -> float:

@@ -24,9 +24,9 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from anhyst.laws.oracle.operator import LawState, LawStep, Operator
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.operator import LawState, LawStep, Operator
 
 _RTOL = 4.0 * 2.220446049250313e-16
 _SHORTEST_STRIDE = 1e-3
@@ -200,7 +200,11 @@ def refuse(law: Operator, omega: float) -> None:
         If the equation has no stable solution whatever the state.
     """
     if -omega * law.largest_reversible_slope > 1.0:
-        raise InputError("alpha: the reversible part jumps (-w*c*M_s/(3*a) > 1); lower alpha or c")
+        raise InputError(
+            "alpha: the reversible part jumps (-w*c*M_s/(3*a) > 1); lower alpha or c",
+            code="reversible-part-jumps",
+            key="alpha",
+        )
 
 
 def may_jump(law: Operator, omega: float) -> bool:
@@ -240,7 +244,7 @@ def solve(law: Operator, state: LawState, omega: float, r: float) -> LawStep:
     """
     refuse(law, omega)
     if not math.isfinite(r):
-        raise InputError("drive: not finite; remove the sample")
+        raise InputError("drive: not finite; remove the sample", code="not-finite", key="drive")
     m0 = law.magnetisation(state)
     d = r - state.x - omega * m0
     if d == 0.0:

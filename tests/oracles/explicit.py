@@ -8,7 +8,7 @@ the forward counterpart is integrated against the field. With
 
 Both take the effective field from the magnetisation of the step before. That is of low order at a
 turning point whatever the scheme and diverges quietly once a step is long against the curve, which
-is why :mod:`anhyst.laws.oracle.equation` solves for the effective field instead.
+is why :mod:`tests.oracles.equation` solves for the effective field instead.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.laws.oracle.langevin import langevin_scalar, langevin_slope_scalar
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.langevin import langevin_scalar, langevin_slope_scalar
 
 Scheme = Literal["euler", "rk4"]
 Rate = Callable[[float, float, float], float]
@@ -54,7 +54,9 @@ def integrate(rate: Rate, given: FloatArray, m0: float, scheme: Scheme) -> list[
         If the scheme is unknown.
     """
     if scheme not in ("euler", "rk4"):
-        raise InputError(f"scheme: {scheme!r} is unknown; use euler or rk4")
+        raise InputError(
+            f"scheme: {scheme!r} is unknown; use euler or rk4", code="unknown-choice", key="scheme"
+        )
     m, path = m0, [m0]
     for t0, t1 in zip(given[:-1].tolist(), given[1:].tolist(), strict=True):
         d = t1 - t0

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from anhyst.laws.cells import CellWeights
-from anhyst.laws.oracle.langevin import langevin
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.langevin import langevin
 
 _PLACES = 4000
 """At which a path that may jump is looked at, one after the other."""

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import lambertw
 
-from anhyst.laws.oracle.operator import LawState, LawStep
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.operator import LawState, LawStep
 
 _ROUNDING = 1e-9
 
@@ -31,7 +31,7 @@ _ROUNDING = 1e-9
 class LinearAnhysteretic:
     """The simplified law, in physical units.
 
-    It is also an operator for :func:`anhyst.laws.oracle.equation.solve`, with ``M_s = a = 1``: then
+    It is also an operator for :func:`tests.oracles.equation.solve`, with ``M_s = a = 1``: then
     ``omega`` is ``w`` and ``r`` in A/m, and the state holds ``x`` and ``M_irr`` in A/m.
 
     Parameters
@@ -68,15 +68,17 @@ class LinearAnhysteretic:
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(v) for v in (self.k1, self.k2, self.k, self.c, self.alpha)):
-            raise InputError("linear law: a parameter is not finite; correct it")
+            raise InputError("linear law: a parameter is not finite; correct it", code="not-finite")
         if not self.k1 > 0.0:
-            raise InputError("K_1: must be positive; correct K_1")
+            raise InputError("K_1: must be positive; correct K_1", code="not-above-zero", key="K_1")
         if not self.k > 0.0:
-            raise InputError("k: must be positive; correct k")
+            raise InputError("k: must be positive; correct k", code="not-above-zero", key="k")
         if not 0.0 <= self.c <= 1.0:
-            raise InputError("c: must lie in 0..1; correct c")
+            raise InputError("c: must lie in 0..1; correct c", code="out-of-range", key="c")
         if not self.alpha < 1.0:
-            raise InputError("alpha: must be below 1; correct alpha")
+            raise InputError(
+                "alpha: must be below 1; correct alpha", code="out-of-range", key="alpha"
+            )
 
     @property
     def lam(self) -> float:
@@ -115,7 +117,11 @@ class LinearAnhysteretic:
         """Raise `InputError` unless ``|M_an - M_irr| <= k*K_1``."""
         lag = abs(self.anhysteretic(state.x) - state.y)
         if not (state.p == state.x and lag <= self.k * self.k1 * (1.0 + _ROUNDING)):
-            raise InputError("state: |M_an - M_irr| exceeds k*K_1; start from another state")
+            raise InputError(
+                "state: |M_an - M_irr| exceeds k*K_1; start from another state",
+                code="state-not-reachable",
+                key="state",
+            )
 
     def step(self, state: LawState, x1: float) -> LawStep:
         """Return where the law arrives when the effective field (A/m) moves straight to `x1`."""
@@ -200,7 +206,11 @@ class LinearAnhysteretic:
             If `u0` lies outside [-1, 1].
         """
         if not abs(u0) <= 1.0:
-            raise InputError("u0: the bounded state must lie in -1..1; start from 0")
+            raise InputError(
+                "u0: the bounded state must lie in -1..1; start from 0",
+                code="out-of-range",
+                key="u0",
+            )
         samples = np.atleast_1d(np.asarray(b, dtype=np.float64))
         states, fields = np.empty_like(samples), np.empty_like(samples)
         u, before = u0, b0

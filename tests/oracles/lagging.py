@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 
-from anhyst.laws.oracle.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
-from anhyst.laws.oracle.operator import LawState, LawStep
 from anhyst.support.errors import InputError
+from tests.oracles.langevin import LARGEST_SLOPE, langevin_scalar, langevin_slope_scalar
+from tests.oracles.operator import LawState, LawStep
 
 _ROUNDING = 1e-9
 
@@ -32,11 +32,17 @@ class LaggingLaw(ABC):
     def check_parameters(self) -> None:
         """Raise `InputError` if a parameter is out of range."""
         if not (math.isfinite(self.kappa) and self.kappa > 0.0):
-            raise InputError("k: must be positive and finite; correct k or a")
+            raise InputError(
+                "k: must be positive and finite; correct k or a", code="not-above-zero", key="k"
+            )
         if not 0.0 <= self.c <= 1.0:
-            raise InputError("c: must lie in 0..1; correct c")
+            raise InputError("c: must lie in 0..1; correct c", code="out-of-range", key="c")
         if not (math.isfinite(self.play) and self.play >= 0.0):
-            raise InputError("r_d: must be zero or positive and finite; correct r_d")
+            raise InputError(
+                "r_d: must be zero or positive and finite; correct r_d",
+                code="out-of-range",
+                key="r_d",
+            )
 
     @abstractmethod
     def irreversible_step(self, x0: float, y0: float, x1: float) -> tuple[float, float]:
@@ -59,13 +65,23 @@ class LaggingLaw(ABC):
     def check_state(self, state: LawState) -> None:
         """Raise `InputError` unless ``|M_an - M_irr| <= k*A`` and the play is within ``r_d``."""
         if not all(math.isfinite(value) for value in state):
-            raise InputError("state: not finite; start from the demagnetised state")
+            raise InputError(
+                "state: not finite; start from the demagnetised state",
+                code="not-finite",
+                key="state",
+            )
         if abs(state.p - state.x) > self.play * (1.0 + _ROUNDING) + _ROUNDING * abs(state.x):
-            raise InputError("state: the self.play lies farther from the field than r_d; check r_d")
+            raise InputError(
+                "state: the self.play lies farther from the field than r_d; check r_d",
+                code="state-not-reachable",
+                key="state",
+            )
         lag = langevin_scalar(state.p) - state.y
         if abs(lag) > self.kappa * LARGEST_SLOPE * (1.0 + _ROUNDING) + 1e-15:
             raise InputError(
-                "state: |M_an - M_irr| exceeds k*A, no path leads there; start elsewhere"
+                "state: |M_an - M_irr| exceeds k*A, no path leads there; start elsewhere",
+                code="state-not-reachable",
+                key="state",
             )
 
     def step(self, state: LawState, x1: float) -> LawStep:

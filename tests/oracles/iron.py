@@ -14,13 +14,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.laws.oracle.effective_field import EffectiveField, StepKind
-from anhyst.laws.oracle.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
-from anhyst.laws.oracle.jiles_atherton_1986 import JilesAtherton1986
-from anhyst.laws.oracle.operator import DEMAGNETISED, LawState
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
+from tests.oracles.effective_field import EffectiveField, StepKind
+from tests.oracles.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve
+from tests.oracles.jiles_atherton_1986 import JilesAtherton1986
+from tests.oracles.operator import DEMAGNETISED, LawState
 
 LawName = Literal["effective-field", "jiles-atherton-1986"]
 
@@ -95,9 +95,15 @@ class Iron:
     def __post_init__(self) -> None:
         for name, value in (("M_s", self.m_s), ("a", self.a)):
             if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name}: must be positive and finite; correct {name}")
+                raise InputError(
+                    f"{name}: must be positive and finite; correct {name}",
+                    code="not-above-zero",
+                    key=name,
+                )
         if not (np.isfinite(self.alpha) and self.alpha < 1.0):
-            raise InputError("alpha: must be finite and below 1; correct alpha")
+            raise InputError(
+                "alpha: must be finite and below 1; correct alpha", code="out-of-range", key="alpha"
+            )
         _ = self.operator
 
     @cached_property
@@ -108,7 +114,9 @@ class Iron:
             return EffectiveField(kappa, self.c, play, self.step)
         if self.law == "jiles-atherton-1986":
             return JilesAtherton1986(kappa, self.c, self.alpha * self.c * self.m_s / self.a, play)
-        raise InputError(f"law: {self.law!r} is unknown; use effective-field")
+        raise InputError(
+            f"law: {self.law!r} is unknown; use effective-field", code="unknown-choice", key="law"
+        )
 
     def magnetisation(self, state: LawState) -> float:
         """Return the magnetisation ``M`` in a state, A/m (eq. 8)."""

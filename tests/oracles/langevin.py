@@ -145,7 +145,11 @@ def inverse_langevin(y: ArrayLike) -> FloatArray:
     """
     value = np.asarray(y, dtype=np.float64)
     if not bool(np.all(np.abs(value) <= 1.0)):
-        raise InputError("inverse_langevin: a value lies outside -1..1; check M_irr against M_s")
+        raise InputError(
+            "inverse_langevin: a value lies outside -1..1; check M_irr against M_s",
+            code="out-of-range",
+            key="inverse_langevin",
+        )
     inside = np.abs(value) < 1.0
     target = np.where(inside, value, 0.0)
     z = target * (3.0 - target * target) / (1.0 - target * target)

@@ -20,14 +20,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from anhyst.laws.oracle.lagging import LaggingLaw
-from anhyst.laws.oracle.langevin import (
+from tests.oracles.lagging import LaggingLaw
+from tests.oracles.langevin import (
     LARGEST_SLOPE,
     inverse_langevin_scalar,
     langevin_scalar,
     langevin_slope_scalar,
 )
-from anhyst.laws.oracle.steady_branch import steady_branch
+from tests.oracles.steady_branch import steady_branch
 
 _SERIES_BELOW = 0.3
 _SERIES_TERMS = 16
@@ -80,7 +80,7 @@ class EffectiveField(LaggingLaw):
 
     Examples
     --------
-    >>> from anhyst.laws.oracle.operator import LawState
+    >>> from tests.oracles.operator import LawState
     >>> law = EffectiveField(kappa=0.8, c=0.2)
     >>> step = law.step(LawState(0.0, 0.0, 0.0), 2.0)
     >>> round(step.m, 6)

@@ -1,0 +1,126 @@
+"""Models that were identified once and are kept: tests that start from a model read it here.
+
+``make truths`` identifies them all again, for when identification gives better ones;
+`test_truths.py` holds each of them against what identification gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from anhyst.data.loops import Loops
+from anhyst.data.reading import read_loops
+from anhyst.identification import identify
+from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.force.modelling import find_model, loops_at
+from anhyst.study.bearing.variations import changed, with_iron
+from tests.plant.irons import generator
+
+FOLDER = Path(__file__).parent
+EXAMPLES = FOLDER.parents[1] / "examples"
+
+
+def measured(example: str, *gaps: float) -> Loops:
+    """Return the bundled loops of an example, at some gaps or at all."""
+    loops = read_loops(EXAMPLES / example / "loops.csv")
+    return loops.at(gaps) if gaps else loops
+
+
+def bearing(fraction: float = 0.15) -> Loops:
+    """Measure the magnet of the bundled bearing with another reversible fraction."""
+    return measure_loops(with_iron(read_bearing(EXAMPLES / "bearing" / "rig.toml"), fraction))
+
+
+def family(iron: str) -> Loops:
+    """Measure that magnet with an iron of another family, in coarser steps."""
+    changes: dict[str, Any] = {"measurement.sample_s": 0.025}
+    if iron != "cells":
+        changes["magnet.iron"] = generator().tables()[iron]
+    return measure_loops(changed(read_bearing(EXAMPLES / "bearing" / "rig.toml"), changes))
+
+
+@dataclass(frozen=True)
+class Truth:
+    """How a kept model is identified."""
+
+    loops: Callable[[], Loops]
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def identify(self) -> Model:
+        return identify(self.loops(), **self.options).model
+
+
+class ForceControlled(Truth):
+    """The model of the bundled solenoid at the end of its stroke, ready for force control."""
+
+    def identify(self) -> Model:
+        rig = read_rig(EXAMPLES / "solenoid" / "rig.toml")
+        return find_model(rig, loops_at(self.loops(), rig.settings.force_control.end_m))
+
+
+def _law(name: str, gap_map: str = "circuit", **more: Any) -> dict[str, Any]:
+    return {"law": name, "gap_map": gap_map, **more}
+
+
+TRUTHS: dict[str, Truth] = {
+    "bearing": Truth(bearing, {"gap_map": "circuit"}),
+    "bearing-reversible": Truth(lambda: bearing(0.3), {"gap_map": "circuit"}),
+    "bearing-jiles-atherton": Truth(bearing, _law("effective-field")),
+    "electromagnet": Truth(lambda: measured("electromagnet")),
+    "solenoid-end": ForceControlled(lambda: measured("solenoid")),
+    "solenoid-three-gaps": Truth(
+        lambda: measured("solenoid", 1.0e-3, 1.6e-3, 2.8e-3), _law("play-cells", "reluctance")
+    ),
+    **{
+        f"{iron}-{law}": Truth(lambda iron=iron: family(iron), _law(law))
+        for iron, law in (
+            ("cells", "play-cells"),
+            ("preisach-usual", "play-cells"),
+            ("duhem-soft", "play-cells"),
+            ("duhem-soft", "auto"),
+        )
+    },
+    **{
+        f"electromagnet-{law}-{gap_map}": Truth(
+            lambda: measured("electromagnet"), _law(law, gap_map)
+        )
+        for law, gap_map in (
+            ("play-cells", "scaling"),
+            ("effective-field", "scaling"),
+            ("effective-field", "reluctance"),
+        )
+    },
+    **{
+        f"{example}-no-dead-band": Truth(
+            lambda example=example: measured(example),
+            _law("effective-field", "reluctance", dead_band=False),
+        )
+        for example in ("electromagnet", "bearing")
+    },
+    **{
+        f"{example}-effective-field-reluctance": Truth(
+            lambda example=example: measured(example), _law("effective-field", "reluctance")
+        )
+        for example in ("bearing", "solenoid")
+    },
+}
+"""By name, which is that of the file too."""
+
+
+def path_of(name: str) -> Path:
+    """Where the model file of a truth lies."""
+    return FOLDER / f"{name}.toml"
+
+
+@cache
+def truth(name: str) -> Model:
+    """Return the kept model of this name."""
+    return read_model(path_of(name))
