@@ -13,6 +13,7 @@ from pathlib import Path
 
 from anhyst.cli.app import main
 from tests.docs.blocks import ROOT
+from tests.truths import path_of
 
 
 def shell(code: str, place: Path) -> None:
@@ -49,5 +50,5 @@ def fill(place: Path) -> None:
         shutil.copy(place / "examples" / "electromagnet" / name, place / name)
     (place / "drive.csv").write_text("I_A,gap_mm\n0,0.4\n1.5,0.4\n3,0.4\n1.5,0.4\n")
     (place / "demand.csv").write_text("F_N,gap_mm\n10,0.4\n80,0.4\n10,0.4\n")
-    shell("anhyst identify loops.csv --law effective-field --out model.toml", place)
+    shutil.copy(path_of("electromagnet-effective-field-reluctance"), place / "model.toml")
     shell("anhyst compile model.toml --rate 10000 --out controller", place)

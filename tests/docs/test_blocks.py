@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -79,6 +80,18 @@ def test_every_block_says_what_it_is(name: str) -> None:
     assert indented(text) == [], "fence code, and say its language"
     for block in blocks(text):
         assert block.language in RUN | SHOWN, f"{name}:{block.line}: '{block.language}'"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_commands_stand_in_blocks_of_a_shell(name: str) -> None:
+    shown = [block for block in blocks(text_of(name)) if block.language in SHOWN]
+    assert [one.line for one in shown if commands(f"```\n{one.code}```")] == []
+
+
+def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
+    steps = re.findall(r"^## (\d+\..+)$", text_of("docs/tutorial.md"), re.M)
+    assert len(steps) > 7
+    assert [step for step in steps if not re.search(r"\((\d+ s|a minute)\b[^)]*\)$", step)] == []
 
 
 @pytest.mark.parametrize("name", NAMES)
