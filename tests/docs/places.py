@@ -8,7 +8,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-from contextlib import chdir
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 from anhyst.cli.app import main
@@ -16,16 +17,19 @@ from tests.docs.blocks import ROOT
 from tests.truths import path_of
 
 
-def shell(code: str, place: Path) -> None:
+def shell(lines: str, place: Path) -> None:
     """Run lines of a shell as a reader would.
 
     Lines of anhyst run in this process: that a new one does the same is what tests/cli shows.
     """
     with chdir(place):
-        for line in re.sub(r"\\\n", " ", code).splitlines():
+        for line in re.sub(r"\\\n", " ", lines).splitlines():
             words = shlex.split(line, comments=True)
             if words[:1] == ["anhyst"]:
-                assert main(words[1:]) == 0, line
+                said = StringIO()
+                with redirect_stdout(said), redirect_stderr(said):
+                    code = main(words[1:])
+                assert code == 0, f"{line}\n{said.getvalue()[-2000:]}"
             elif words:
                 _bash(line)
 

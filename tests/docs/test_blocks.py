@@ -15,8 +15,8 @@ from tests.once import made_once
 EMPTY = {"tutorial.md"}
 """Pages that begin in an empty folder, with nothing but the installed package."""
 
-FOLLOWED = {"README.md", "contributing.md"}
-"""Pages whose code test_readme.py and tests/house/test_openness.py run."""
+FOLLOWED = {"README.md", "boards.md", "contributing.md"}
+"""Pages whose code test_readme.py, tests/link/test_docs.py and tests/house/test_openness.py run."""
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 SLOW = [
