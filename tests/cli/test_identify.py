@@ -53,7 +53,7 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
 def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(
     tmp_path: Path,
 ) -> None:
-    arguments = ["--gap-map", "free", "--out", "model.toml"]
+    arguments = ["--gap-map", "free", "--law", "effective-field", "--out", "model.toml"]
     result = anhyst("identify", EXAMPLE / "loops.csv", *arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     (said,) = (line for line in result.stderr.splitlines() if "cannot be compiled" in line)

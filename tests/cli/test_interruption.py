@@ -101,6 +101,7 @@ sys.exit(cli.main([]))
     assert result.stderr == "anhyst: interrupted\n"
 
 
+@pytest.mark.slow
 def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops: str) -> None:
     (tmp_path / "loops.csv").write_text(loops)
     process = start(*SLOW, cwd=tmp_path)
@@ -117,6 +118,7 @@ def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops:
     assert sorted(contents(tmp_path)) == ["loops.csv", "model.toml", "model.toml.checkpoint"]
 
 
+@pytest.mark.slow
 def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -> None:
     folders = [tmp_path / "whole", tmp_path / "killed"]
     for folder in folders:
@@ -136,6 +138,7 @@ def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -
     assert contents(killed) == contents(whole)
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_other_loops_is_not_used(tmp_path: Path, loops: str) -> None:
     (tmp_path / "loops.csv").write_text(loops)
     process = start(*SLOW, cwd=tmp_path)

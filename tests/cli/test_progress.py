@@ -23,6 +23,7 @@ def here(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_off_a_terminal_lines_come_on_standard_error_and_json_stays_clean(here: Path) -> None:
     result = speaking(0.1, "identify", "loops.csv", "--out", "m.toml", "--json", cwd=here)
     assert result.returncode == 0, result.stderr
@@ -41,6 +42,7 @@ def test_a_command_that_is_over_within_the_minute_says_nothing(here: Path) -> No
     assert "so far" not in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 def test_on_a_terminal_a_bar_shows_per_cent_and_time_left(here: Path) -> None:
     ours, theirs = os.openpty()

@@ -39,6 +39,7 @@ def test_three():
 INI = "[pytest]\nmarkers = needs(name, ...): programs\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "no_skip", "workers", "said"),
     [

@@ -23,6 +23,7 @@ from anhyst.support.errors import InputError
 from tests.once import made_once
 from tests.study import bearings
 from tests.study.bearings import GAP
+from tests.truths import path_of
 
 SOFT, FALL = 5e-3, 0.12
 """Touch-down speeds, m/s: of a landing, and that of a free fall from where it hovers."""
@@ -219,7 +220,8 @@ def test_what_cannot_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is written as \.json"):
         run_board(rig, tmp_path / "running.csv", BOARDS[0])
     own = bearings.controller().settings
-    chosen = own.compensation.model_copy(update={"variant": "single-valued"})
+    update = {"variant": "single-valued", "model": str(path_of("bearing"))}
+    chosen = own.compensation.model_copy(update=update)
     other = tmp_path / "controller.toml"
     write_controller(other, own.model_copy(update={"compensation": chosen}), "other")
     with pytest.raises(InputError, match="variant"):

@@ -39,6 +39,9 @@ high = 0.95
 period_s = 0.8
 cycles = 1
 
+[identify]
+law = "play-cells"
+
 [force_control.moving]
 low_m = 1.0e-3
 high_m = 2.8e-3

@@ -16,7 +16,6 @@ import pytest
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.irons import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setup
@@ -42,7 +41,7 @@ from anhyst.study.bearing.plant_row import fault_of
 from anhyst.study.bearing.ready import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.errors import InputError, Interrupted
-from tests.truths import truth
+from tests.truths import path_of, truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
@@ -54,8 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("bearing")
     for path in EXAMPLE.glob("*.*"):
         shutil.copy(path, place)
-    rig, controller = read_bearing(place / "rig.toml"), read_controller(place / "controller.toml")
-    write_model(make_ready(rig, controller).knowledge().model, place / "model.toml")
+    shutil.copy(path_of("bearing"), place / "model.toml")
     text = (place / "controller.toml").read_text()
     text = text.replace('format = "fixed"', 'format = "f64"\nmodel = "model.toml"')
     (place / "controller.toml").write_text(text)

@@ -57,6 +57,7 @@ def tune(here: Path, *arguments: object) -> Result:
     return quick("tune", "rig.toml", "--out", "tuned", "--budget", 10, *arguments, cwd=here)
 
 
+@pytest.mark.slow
 def test_off_a_terminal_it_says_in_per_cent_how_far_it_is(here: Path) -> None:
     given = ("rig.toml", "--out", "tuned", "--budget", 10, "--json")
     result = speaking(0.2, "tune", *given, cwd=here)

@@ -12,6 +12,7 @@ Path = tuple[str | int, ...]
 
 _KEY_PART = re.compile(r"""[ \t]*("(?:\\.|[^"\\])*"|'[^']*'|[A-Za-z0-9_-]+)[ \t]*""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_PLAIN = re.compile(r"[^\"'#\[\]{}\n]+")
 _QUOTES = ('"""', "'''", '"', "'")
 
 
@@ -154,6 +155,9 @@ class _Scanner:
     def _skip_value(self) -> None:
         depth = 0
         while self.place < len(self.text):
+            if plain := _PLAIN.match(self.text, self.place):
+                self.place = plain.end()
+                continue
             quote = next((q for q in _QUOTES if self.text.startswith(q, self.place)), None)
             if quote:
                 self._skip_string(quote)
