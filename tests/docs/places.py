@@ -3,27 +3,47 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
+from anhyst.cli.app import main
 from tests.docs.blocks import ROOT
+from tests.truths import path_of
 
 
-def shell(code: str, place: Path) -> None:
-    """Run lines of a shell as a reader would, with the anhyst of this environment."""
+def shell(lines: str, place: Path) -> None:
+    """Run lines of a shell as a reader would.
+
+    Lines of anhyst run in this process: that a new one does the same is what tests/cli shows.
+    """
+    with chdir(place):
+        for line in re.sub(r"\\\n", " ", lines).splitlines():
+            words = shlex.split(line, comments=True)
+            if words[:1] == ["anhyst"]:
+                said = StringIO()
+                with redirect_stdout(said), redirect_stderr(said):
+                    code = main(words[1:])
+                assert code == 0, f"{line}\n{said.getvalue()[-2000:]}"
+            elif words:
+                _bash(line)
+
+
+def _bash(line: str) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    command = ["bash", "-e", "-o", "pipefail", "-c", code]
     done = subprocess.run(
-        command,
-        cwd=place,
+        ["bash", "-e", "-o", "pipefail", "-c", line],
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PATH": path, "PYTHON": sys.executable},
+        env=os.environ | {"PATH": path},
     )
-    assert done.returncode == 0, f"{code}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    assert done.returncode == 0, f"{line}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
 
 
 def fill(place: Path) -> None:
@@ -34,5 +54,5 @@ def fill(place: Path) -> None:
         shutil.copy(place / "examples" / "electromagnet" / name, place / name)
     (place / "drive.csv").write_text("I_A,gap_mm\n0,0.4\n1.5,0.4\n3,0.4\n1.5,0.4\n")
     (place / "demand.csv").write_text("F_N,gap_mm\n10,0.4\n80,0.4\n10,0.4\n")
-    shell("anhyst identify loops.csv --law effective-field --out model.toml", place)
+    shutil.copy(path_of("electromagnet-effective-field-reluctance"), place / "model.toml")
     shell("anhyst compile model.toml --rate 10000 --out controller", place)

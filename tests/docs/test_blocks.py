@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -14,8 +15,8 @@ from tests.once import made_once
 EMPTY = {"tutorial.md"}
 """Pages that begin in an empty folder, with nothing but the installed package."""
 
-FOLLOWED = {"README.md", "contributing.md"}
-"""Pages whose code test_readme.py and tests/house/test_openness.py run."""
+FOLLOWED = {"README.md", "boards.md", "contributing.md"}
+"""Pages whose code test_readme.py, tests/link/test_docs.py and tests/house/test_openness.py run."""
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 SLOW = [
@@ -79,6 +80,18 @@ def test_every_block_says_what_it_is(name: str) -> None:
     assert indented(text) == [], "fence code, and say its language"
     for block in blocks(text):
         assert block.language in RUN | SHOWN, f"{name}:{block.line}: '{block.language}'"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_commands_stand_in_blocks_of_a_shell(name: str) -> None:
+    shown = [block for block in blocks(text_of(name)) if block.language in SHOWN]
+    assert [one.line for one in shown if commands(f"```\n{one.code}```")] == []
+
+
+def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
+    steps = re.findall(r"^## (\d+\..+)$", text_of("docs/tutorial.md"), re.M)
+    assert len(steps) > 7
+    assert [step for step in steps if not re.search(r"\((\d+ s|a minute)\b[^)]*\)$", step)] == []
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,12 @@ from anhyst.cli.app import app
 from tests.docs.blocks import ROOT, blocks, commands
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+STRAIGHT = ["inspect", "identify", "report", "compile", "verify", "simulate", "live"]
+ROWS = [
+    [cell.strip() for cell in line.strip("| ").split(" | ")]
+    for line in TEXT.split("## How good is it")[1].split("\n## ")[0].splitlines()
+    if line.startswith("| [")
+]
 
 
 def test_python_of_the_readme_gives_forces_and_currents(
@@ -27,6 +34,26 @@ def test_python_of_the_readme_gives_forces_and_currents(
     assert (tmp_path / "model.toml").is_file()
 
 
-def test_the_readme_shows_every_verb() -> None:
+def test_the_readme_shows_the_straight_way_and_the_page_of_commands_every_verb() -> None:
+    assert [words[0] for words in commands(TEXT) if len(words) > 1][: len(STRAIGHT)] == STRAIGHT
     group: Any = typer.main.get_command(app)
-    assert {words[0] for words in commands(TEXT)} == set(group.commands)
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert {words[0] for words in commands(page)} >= set(group.commands)
+
+
+def section(link: str) -> str:
+    """Return the part of a page that a link names."""
+    page, _, anchor = link.partition("#")
+    parts = (ROOT / page).read_text(encoding="utf-8").split("\n## ")
+    named = {part.partition("\n")[0].lower().replace(" ", "-"): part for part in parts}
+    return named[anchor]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0][1:20])
+def test_a_figure_of_the_readme_stands_on_the_page_that_it_links_to(row: list[str]) -> None:
+    about, *figures = row
+    measured = re.findall(r"\d+(?:\.\d+)?", section(re.findall(r"\((docs/[^)]+)\)", about)[0]))
+    for figure in filter(None, figures):
+        shown = figure.split()[0]
+        digits = len(shown.partition(".")[2])
+        assert shown in {f"{float(one):.{digits}f}" for one in measured}, figure

@@ -6,6 +6,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "install",
         "tutorial",
+        "commands",
         "coming-from",
         "howto-levitate",
         "init",
