@@ -42,9 +42,9 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from anhyst.reports import write_report
-from anhyst.reports.bearing.look import line_of
+from anhyst.reports.bearing.look import interval_text, line_of
 from anhyst.reports.bearing.subject import grouped
-from anhyst.reports.bearing.verdict import judge, strongest
+from anhyst.reports.bearing.verdict import TITLES, judge, strongest
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
@@ -59,6 +59,7 @@ from anhyst.study.tracking.search import find_gains
 from anhyst.study.tracking.simulate import make_variants
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
+from anhyst.support.pays import FEEDBACK
 from anhyst.support.result import dress
 from anhyst.verification import verify
 
@@ -71,6 +72,13 @@ BETWEEN = 0.45e-3
 BEARING: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "play", "full")
 STAGE: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 CURVE = "best curve without memory"
+BASELINE: Mapping[MethodName, str] = {
+    "ratio": "constant ratio",
+    "linearised": "two constants",
+    "single-valued": CURVE,
+    "play": "map with one play",
+    "flux": "measured flux (Hall probe)",
+}
 
 
 @dataclass(frozen=True)
@@ -218,9 +226,8 @@ def electromagnet(out: Path) -> Piece:
         inverse, plain_inverse, most = demand_deviation(model)
     lines = []
     for what, mine, other, of in (
-        ("force at unseen gaps, mean error", own.mean, plain.mean, largest),
-        ("force at unseen gaps, worst error", own.worst, plain.worst, largest),
-        ("force on demand between gaps, worst", inverse.worst, plain_inverse.worst, most),
+        ("force at gaps never seen, mean", own.mean, plain.mean, largest),
+        ("force on demand, worst", inverse.worst, plain_inverse.worst, most),
     ):
         lines.append(Line.of(what, 100 * mine / of, 100 * other / of, CURVE, "%"))
     return Piece(lines, lambda ax: draw_loop(ax, model, truth))
@@ -246,15 +253,13 @@ def compiled(model: Path, folder: Path) -> Piece:
     cost = found.results[0].cost("solve")
     assert cost is not None
     worst = made.manifest["accuracy"]["worst_percent"]
-    bits = "0 bits differ" if found.passed else "BITS DIFFER"
-    line = Line(
-        "C of 16 bits against the model, worst",
-        f"{worst:.2f} %",
-        bits,
-        f"PC and Cortex-M4; {cost.most} instructions",
-        "",
+    bits = "0 bits unlike the PC's" if found.passed else "BITS UNLIKE THE PC'S"
+    return Piece(
+        [
+            Line("16-bit C on a Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
+            Line("its instructions for a current", str(cost.most), "", "at most", ""),
+        ]
     )
-    return Piece([line])
 
 
 def bearing(out: Path) -> Piece:
@@ -274,12 +279,15 @@ def bearing(out: Path) -> Piece:
     assert rival is not None
     write_table(
         out / "table.txt",
-        f"overshoot, % of the step; {len(seeds)} noise seeds, 95 % interval",
+        f"overshoot, % of the step; {len(seeds)} noise seeds",
         [f"{1e6 * one.height:g} um" for one in steps],
-        {name: [one.of("overshoot_percent")[name] for one in steps] for name in setups},
+        {
+            name: [interval_text(one.of("overshoot_percent")[name]) for one in steps]
+            for name in setups
+        },
     )
     line = Line.of(
-        f"bearing, step of {1e6 * last.height:g} um, overshoot",
+        f"bearing, overshoot of {1e6 * last.height:g} um",
         overshoot["full"].mean,
         overshoot[rival].mean,
         BASELINE[rival],
@@ -298,7 +306,9 @@ def bearing(out: Path) -> Piece:
         title = "bearing: feedback hides the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
-    return Piece([line], draw, f"bearing: {judge(steps, 'full').sentence()}")
+    judged = judge(steps, "full")
+    remark = "" if judged.level == "yes" else f"bearing: {TITLES[judged.level].lower()}; {FEEDBACK}"
+    return Piece([line], draw, remark)
 
 
 @dataclass(frozen=True)
@@ -333,11 +343,10 @@ def stage(out: Path) -> Piece:
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
         out / "table.txt",
-        f"error on the test set-point; {rig.settings.tracking.noise_seeds} noise seeds, "
-        "95 % interval",
+        f"error on the test set-point; {rig.settings.tracking.noise_seeds} noise seeds",
         list(columns),
         {
-            name: [scaled(one.of(key), by) for key, by in columns.values()]
+            name: [interval_text(one.of(key), factor=by) for key, by in columns.values()]
             for name, one in found.items()
         },
     )
@@ -352,43 +361,30 @@ def stage(out: Path) -> Piece:
         for name in ("single-valued", "play", "full"):
             run = found[name].shown
             label = "anhyst" if name == "full" else BASELINE[name]
-            ax.plot(1e3 * run["t_s"], 1e-3 * 1e9 * run.error, label=label, **line_of(name))
+            ax.plot(1e3 * run["t_s"], 1e6 * run.error, label=label, **line_of(name))
         title = "stage: feedforward exposes it"
         ax.set(title=title, xlabel="time [ms]", ylabel="position error [um]")
 
     return Piece(lines, draw)
 
 
-BASELINE: Mapping[MethodName, str] = {
-    "ratio": "constant ratio",
-    "linearised": "two constants",
-    "single-valued": CURVE,
-    "play": "map with one play",
-    "flux": "measured flux (Hall probe)",
-}
-
-
-def scaled(one: Interval, by: float) -> Interval:
-    """Return an interval in another unit."""
-    return Interval(one.mean * by, one.half_width * by, one.count, one.lost)
-
-
 def write_table(
-    path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[Interval]]
+    path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]
 ) -> None:
     """Write what is too long for the one table."""
+    title += ", 95 % interval; 'full' is anhyst"
     table = Table("", *columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for name, values in rows.items():
-        table.add_row(name, *(f"{one.mean:.3g} ± {one.half_width:.2g}" for one in values))
+        table.add_row(name, *values)
     with path.open("w", encoding="utf-8") as file:
         Console(file=file, width=110).print(table)
 
 
 def table_of(pieces: list[Piece]) -> Table:
     """Put the lines of all examples below each other."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, show_edge=False)
-    for name in ("simulated examples", "anhyst", "baseline", "which", "left"):
-        right = name in {"anhyst", "baseline", "left"}
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    for name in ("error, simulated magnets", "anhyst", "baseline", "", "of it"):
+        right = name in {"anhyst", "baseline", "of it"}
         table.add_column(name, justify="right" if right else "left", no_wrap=True)
     for line in (line for piece in pieces for line in piece.lines):
         table.add_row(line.what, line.own, line.baseline, line.against, line.gain)
@@ -403,6 +399,7 @@ def draw_picture(pieces: list[Piece], path: Path) -> None:
         draw(ax)
         dress(ax)
         ax.legend(frameon=False, fontsize="small")
+    figure.get_layout_engine().set(wspace=0.06)  # type: ignore[call-arg, union-attr]
     figure.savefig(path, dpi=130)
 
 
@@ -420,17 +417,13 @@ def main() -> None:
     draw_picture(pieces, out / "demo.png")
     table = table_of(pieces)
     with (out / "table.txt").open("w", encoding="utf-8") as file:
-        Console(file=file, width=110).print(table)
-    console = Console(width=110)
-    console.print(table)
-    for piece in pieces:
-        if piece.remark:
-            console.print(piece.remark, highlight=False, soft_wrap=True)
-    print(f"picture: {out}/demo.png; report of the electromagnet: {magnet}/report.html; its C: ")
-    print("your own magnet, from a file of loops: docs/tutorial.md")
-    print(
-        "that bearing in a browser, to operate it: .venv/bin/anhyst live examples/bearing/rig.toml"
-    )
+        Console(file=file, width=80).print(table)
+    Console(width=80).print(table, highlight=False)
+    for remark in (piece.remark for piece in pieces if piece.remark):
+        print(remark)
+    print(f"picture: {out / 'demo.png'}; page about the electromagnet: {magnet / 'report.html'}")
+    print("next: your own magnet, docs/tutorial.md; or operate that bearing in a browser:")
+    print("  .venv/bin/anhyst live examples/bearing/rig.toml")
 
 
 if __name__ == "__main__":

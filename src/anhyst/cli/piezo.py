@@ -17,6 +17,7 @@ def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
     from anhyst.rig.piezo.file import read_piezo_rig
     from anhyst.study.piezo.track import TITLES, track, write_tracking
     from anhyst.support.atomic import check_writable
+    from anhyst.support.pays import PIEZO
 
     picture = out.with_suffix(".svg")
     if out.suffix != ".csv":
@@ -38,7 +39,10 @@ def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
     show(
         rows,
         f"rms with compensation over without: {found.ratio:.2f}; "
-        + ("worth it" if found.ratio < WORTH_IT else "hardly worth it")
-        + " behind this feedback",
+        + (
+            "worth it behind this feedback"
+            if found.ratio < WORTH_IT
+            else f"hardly worth it behind this feedback; {PIEZO}"
+        ),
         f"{out} and {picture} written",
     )
