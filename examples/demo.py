@@ -77,7 +77,7 @@ BASELINE: Mapping[MethodName, str] = {
     "linearised": "two constants",
     "single-valued": CURVE,
     "play": "map with one play",
-    "flux": "measured flux (Hall probe)",
+    "flux": "measured flux (Hall)",
 }
 
 
@@ -226,7 +226,7 @@ def electromagnet(out: Path) -> Piece:
         inverse, plain_inverse, most = demand_deviation(model)
     lines = []
     for what, mine, other, of in (
-        ("force at gaps never seen, mean", own.mean, plain.mean, largest),
+        ("force, unseen gaps, mean", own.mean, plain.mean, largest),
         ("force on demand, worst", inverse.worst, plain_inverse.worst, most),
     ):
         lines.append(Line.of(what, 100 * mine / of, 100 * other / of, CURVE, "%"))
@@ -256,8 +256,8 @@ def compiled(model: Path, folder: Path) -> Piece:
     bits = "0 bits unlike the PC's" if found.passed else "BITS UNLIKE THE PC'S"
     return Piece(
         [
-            Line("16-bit C on a Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
-            Line("its instructions for a current", str(cost.most), "", "at most", ""),
+            Line("16-bit C, Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
+            Line("its instructions, solve", str(cost.most), "", "at most", ""),
         ]
     )
 
@@ -287,7 +287,7 @@ def bearing(out: Path) -> Piece:
         },
     )
     line = Line.of(
-        f"bearing, overshoot of {1e6 * last.height:g} um",
+        f"bearing, {1e6 * last.height:g} um, overshoot",
         overshoot["full"].mean,
         overshoot[rival].mean,
         BASELINE[rival],
@@ -418,9 +418,10 @@ def main() -> None:
     table = table_of(pieces)
     with (out / "table.txt").open("w", encoding="utf-8") as file:
         Console(file=file, width=80).print(table)
-    Console(width=80).print(table, highlight=False)
+    console = Console(width=80, highlight=False)
+    console.print(table)
     for remark in (piece.remark for piece in pieces if piece.remark):
-        print(remark)
+        console.print(remark)
     print(f"picture: {out / 'demo.png'}; page about the electromagnet: {magnet / 'report.html'}")
     print("next: your own magnet, docs/tutorial.md; or operate that bearing in a browser:")
     print("  .venv/bin/anhyst live examples/bearing/rig.toml")

@@ -6,9 +6,17 @@ from pathlib import Path
 
 from anhyst.cli.console import print_json, show, table
 from anhyst.support.errors import InputError
+from anhyst.support.pays import PIEZO
 
 WORTH_IT = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
+
+
+def verdict(ratio: float) -> str:
+    """Say whether compensation is worth it that leaves this part of the deviation."""
+    if ratio < WORTH_IT:
+        return "worth it behind this feedback"
+    return f"hardly worth it behind this feedback; {PIEZO}"
 
 
 def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
@@ -17,7 +25,6 @@ def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
     from anhyst.rig.piezo.file import read_piezo_rig
     from anhyst.study.piezo.track import TITLES, track, write_tracking
     from anhyst.support.atomic import check_writable
-    from anhyst.support.pays import PIEZO
 
     picture = out.with_suffix(".svg")
     if out.suffix != ".csv":
@@ -38,11 +45,6 @@ def simulate_piezo(rig: Path, out: Path, as_json: bool) -> None:
         )
     show(
         rows,
-        f"rms with compensation over without: {found.ratio:.2f}; "
-        + (
-            "worth it behind this feedback"
-            if found.ratio < WORTH_IT
-            else f"hardly worth it behind this feedback; {PIEZO}"
-        ),
+        f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio)}",
         f"{out} and {picture} written",
     )
