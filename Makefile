@@ -1,5 +1,6 @@
 # Each target prepares .venv first where that is needed; nothing is installed outside this folder.
-#   make demo    run the bundled examples, results in demo/
+#   make demo    the bundled examples in one table and one picture, results in demo/; two minutes on a
+#                fresh machine: it installs only what it runs, the other targets add the rest
 #   make test    tests, without the slow ones   make check   format, lint, types, C analysis
 #   make test-all  every test, the slow ones too
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
@@ -7,13 +8,13 @@
 #   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
 #   make house   count rooms, imports, circles, lines
-#   make build   compile the core again          make clean   remove what make made, .venv too
+#   make build   compile the core again, install what tests and checks need
+#   make clean   remove what make made, .venv too
 #   make wheel   wheels for Linux in dist/, tried in an empty environment; PYTHONS="p q" for others
 #   make truths  identify the models again that tests start from
 #   make fuzz    ten million inputs to the firmware; RUNS=n for another number
 PYTHON ?= python3
 BIN := .venv/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # A worker for each core, but each reads all tests first; one that is through takes over half of what
 # another has left.
@@ -28,13 +29,8 @@ BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake 
 	clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
-demo: build
-	@echo "make: the electromagnet: loops to models, reports, verified C, in half a minute"
-	@$(BIN)/python examples/electromagnet/demo.py
-	@echo "make: the bearing: in the air with each compensation, in a minute"
-	@mkdir -p demo/bearing
-	@$(BIN)/anhyst simulate examples/bearing/rig.toml --out demo/bearing/run.csv
-	@echo "make: to operate that bearing in a browser: .venv/bin/anhyst live examples/bearing/rig.toml"
+demo: .venv/.stamp-package
+	@$(BIN)/python examples/demo.py
 
 test: build
 	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
@@ -63,7 +59,7 @@ bench: build .venv/.stamp-bench
 check: check-python check-imports check-c-format check-c-tidy check-cppcheck
 	@echo "check: all clean"
 
-build: .venv/.stamp-package
+build: .venv/.stamp-package .venv/.stamp-dev
 
 wheel: build
 	@$(BIN)/python -m tools.wheel $(PYTHONS)
@@ -120,21 +116,18 @@ build/analysis/compile_commands.json: CMakeLists.txt core/core.cmake tests/core/
 		-DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DCMAKE_EXPORT_COMPILE_COMMANDS=ON > /dev/null
 	@touch $@
 
-# Tools first, so that the package can be built without a second download into a throw-away folder.
-.venv/.stamp-tools: tools/environment.py
+.venv/.stamp-packages: tools/environment.py pyproject.toml
 	@$(PYTHON) tools/environment.py
 	@touch $@
 
-.venv/.stamp-packages: .venv/.stamp-tools pyproject.toml
-	@$(PYTHON) tools/environment.py --packages
-	@touch $@
-
 .venv/.stamp-package: .venv/.stamp-packages $(BUILD_INPUTS)
-	@echo "make: compiling the core and installing anhyst into .venv"
-	@if [ -x $(BIN)/c++ ]; then export CXX="$(CURDIR)/$(BIN)/c++"; fi; \
-		PATH="$(CURDIR)/$(BIN):$$PATH" $(PIP) install --no-build-isolation --editable '.[dev]'
+	@$(PYTHON) tools/environment.py --package
 	@touch $@
 
-.venv/.stamp-bench: .venv/.stamp-package
+.venv/.stamp-dev: .venv/.stamp-packages
+	@$(PYTHON) tools/environment.py --extra dev
+	@touch $@
+
+.venv/.stamp-bench: .venv/.stamp-packages
 	@$(PYTHON) tools/environment.py --extra bench
 	@touch $@

@@ -38,7 +38,7 @@ COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
 
 def _demo() -> ModuleType:
-    path = ROOT / "examples" / "electromagnet" / "demo.py"
+    path = ROOT / "examples" / "demo.py"
     spec = importlib.util.spec_from_file_location("anhyst_demo", path)
     assert spec is not None
     assert spec.loader is not None
@@ -51,7 +51,7 @@ def _demo() -> ModuleType:
 def bundled_example() -> list[Row]:
     """Unseen gaps of the bundled example against the noise-free truth; time of identify."""
     demo = _demo()
-    here = Path(demo.HERE)
+    here = Path(demo.ELECTROMAGNET)
     loops, truth = (read_loops(here / name) for name in ("loops.csv", "unseen_truth.csv"))
     largest = max(float(np.max(loop.output)) for loop in truth.loops)
     plain = demo.unseen_single_valued(truth)

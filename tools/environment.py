@@ -1,25 +1,32 @@
 """Prepare .venv; run by make, with any Python that is there.
 
-Without arguments: check the machine, create .venv and install what builds the package.
-With ``--packages``: install what the package runs on, and what its tests and checks need.
-With ``--extra NAME``: install that extra of pyproject.toml.
+Without arguments: check the machine, create .venv, install what builds, runs and verifies anhyst.
+With ``--package``: compile the core and install anhyst itself, so that its sources stay in use.
+With ``--extra NAME``: install that extra of pyproject.toml, and the extras in it.
 
-A line before each group of packages says what is coming and how far the work is.
+A line for each step says what is coming and, once it is there, how long it took.
 """
 
+import os
 import re
 import shutil
 import subprocess
 import sys
 import sysconfig
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-VENV = ROOT / ".venv"
+BIN = ROOT / ".venv" / "bin"
+PIP = [str(BIN / "python"), "-m", "pip", "--disable-pip-version-check"]
 
 # Taken from PyPI, so that every machine builds with the same ones.
 BUILD_TOOLS = ["cmake", "ninja"]
+
+# What `make demo` runs, and the page it points to; further extras come with `make test`.
+DEMO_EXTRAS = ("verify", "link", "live")
 
 ZIG_AS_CPP = """#!/bin/sh
 exec "{python}" -m ziglang c++ "$@"
@@ -51,39 +58,74 @@ def project() -> dict[str, Any]:
 
 
 def extra(name: str) -> list[str]:
-    """Return the requirements of one extra, without those that are extras themselves."""
+    """Return the requirements of one extra; those that are extras themselves are followed."""
     listed = project()["project"]["optional-dependencies"][name]
-    return [one for one in listed if not one.startswith("anhyst[")]
+    found = []
+    for one in listed:
+        inner = re.fullmatch(r"anhyst\[(.*)\]", one)
+        found += [r for part in inner[1].split(",") for r in extra(part)] if inner else [one]
+    return found
 
 
-def install(what: str, packages: list[str], place: str = "", *options: str) -> None:
-    """Install packages into .venv; say so before, since it takes a while."""
-    names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
-    print(f"make: installing {what}{place}: {names}", flush=True)
-    python = VENV / "bin" / "python"
-    pip = [str(python), "-m", "pip", "--disable-pip-version-check", "--quiet", "install"]
-    subprocess.run([*pip, *options, *packages], check=True)
+def step(what: str, work: Callable[[], None]) -> None:
+    """Say what is coming, do it, and say how long it took."""
+    print(f"make: {what} ...", end="", flush=True)
+    began = time.monotonic()
+    try:
+        work()
+    except BaseException:
+        print(flush=True)
+        raise
+    print(f" {time.monotonic() - began:.0f} s", flush=True)
+
+
+def own_index() -> bool:
+    """Whether pip is set to another package index than PyPI, which uv would not know of."""
+    listed = subprocess.run([*PIP, "config", "list"], capture_output=True, text=True, check=False)
+    return bool(re.search(r"index[-_]url|no[-_]index", listed.stdout))
+
+
+def create() -> None:
+    """Create .venv, with uv where it can be had: it installs in a tenth of pip's time."""
+    subprocess.run([sys.executable, "-m", "venv", str(BIN.parent)], check=True)
+    if not own_index():
+        # Without a wheel for this machine uv would be compiled, for minutes.
+        wanted = ["--quiet", "--only-binary", ":all:", "uv"]
+        subprocess.run([*PIP, "install", *wanted], capture_output=True, check=False)
+
+
+def install(packages: list[str]) -> None:
+    """Install packages into .venv; what uv cannot do, for whatever reason, pip does."""
+    uv = [str(BIN / "uv"), "pip", "install", "--quiet", "--python", str(BIN / "python")]
+    if (BIN / "uv").exists():
+        if subprocess.run([*uv, *packages], capture_output=True, check=False).returncode == 0:
+            return
+        print(" (with pip)", end="", flush=True)
+    # Python compiles what is imported; all of it at once takes longer than the downloads.
+    subprocess.run([*PIP, "install", "--quiet", "--no-compile", *packages], check=True)
 
 
 def prepare() -> None:
-    """Create .venv and fill it; the binding is C++, so without a C++ compiler one is added."""
-    print("make: preparing .venv, a minute or two; nothing is installed elsewhere", flush=True)
-    subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=True)
-    needs_compiler = not any(map(shutil.which, ("c++", "g++", "clang++")))
-    tools = ["pip", *project()["build-system"]["requires"], *BUILD_TOOLS]
-    install("what builds the core", tools + ["ziglang"] * needs_compiler, " (1 of 4)", "--upgrade")
-    if needs_compiler:
-        compiler = VENV / "bin" / "c++"
-        compiler.write_text(ZIG_AS_CPP.format(python=VENV / "bin" / "python"), encoding="utf-8")
+    """Create .venv and fill it; the binding is C++, so without a C++ compiler zig is one."""
+    step("1 of 3: .venv; nothing is installed outside this folder", create)
+    parts = project()
+    packages = [*parts["build-system"]["requires"], *BUILD_TOOLS, *parts["project"]["dependencies"]]
+    packages += [one for name in DEMO_EXTRAS for one in extra(name)]
+    names = ", ".join(re.split(r"[=<>]", package)[0] for package in packages)
+    step(f"2 of 3: what builds and runs anhyst: {names}", lambda: install(packages))
+    if not any(map(shutil.which, ("c++", "g++", "clang++"))):
+        compiler = BIN / "c++"
+        compiler.write_text(ZIG_AS_CPP.format(python=BIN / "python"), encoding="utf-8")
         compiler.chmod(0o755)
 
 
-def fill() -> None:
-    """Install everything but the package itself."""
-    install("what anhyst computes with", project()["project"]["dependencies"], " (2 of 4)")
-    targets = [*extra("verify"), *extra("link"), *extra("control"), *extra("live"), *extra("io")]
-    install("what it verifies, controls and shows with", targets, " (3 of 4)")
-    install("what its tests and checks need", extra("dev"), " (4 of 4)")
+def install_package() -> None:
+    """Compile the core and install anhyst; all it needs is there."""
+    env = dict(os.environ, PATH=f"{BIN}:{os.environ['PATH']}")
+    if (BIN / "c++").exists():
+        env["CXX"] = str(BIN / "c++")
+    wanted = ["--quiet", "--no-deps", "--no-build-isolation", "--editable", str(ROOT)]
+    subprocess.run([*PIP, "install", *wanted], check=True, env=env)
 
 
 def main() -> int:
@@ -92,12 +134,16 @@ def main() -> int:
     if problem:
         print(f"make: {problem}", file=sys.stderr)
         return 2
-    if sys.argv[1:2] == ["--extra"]:
-        install("the extra", extra(sys.argv[2]))
-    elif sys.argv[1:2] == ["--packages"]:
-        fill()
-    else:
-        prepare()
+    try:
+        if sys.argv[1:2] == ["--extra"]:
+            name = sys.argv[2]
+            step(f"what the extra '{name}' needs", lambda: install(extra(name)))
+        elif sys.argv[1:2] == ["--package"]:
+            step("3 of 3: compile the core, install anhyst into .venv", install_package)
+        else:
+            prepare()
+    except subprocess.CalledProcessError as error:
+        return error.returncode or 1
     return 0
 
 

@@ -13,6 +13,7 @@ from anhyst.data.inspection import inspect
 from anhyst.data.plot import plot_inspection
 from anhyst.data.verdict import judge, monotone_fit
 from anhyst.support.arrays import FloatArray
+from anhyst.support.pays import LOOPS
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 
@@ -82,7 +83,8 @@ def test_loops_lost_in_noise_are_not_worth_a_model() -> None:
     assert verdict.level == "no"
     assert not verdict.worthwhile
     assert verdict.gain < 0.3
-    assert "is not worth it" in verdict.sentences[-1]
+    assert "is not worth it" in verdict.sentences[-2]
+    assert verdict.sentences[-1].lower() == f"{LOOPS}.".lower()
 
 
 def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:

@@ -21,6 +21,7 @@ from anhyst.reports.bearing.tables import difference
 from anhyst.reports.bearing.verdict import judge
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.bearing.metrics import Interval
+from anhyst.support.pays import FEEDBACK
 from tests.page import NAMESPACES, Page
 from tests.reports.bearing_reports import (
     GAP,
@@ -153,7 +154,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
     assert (
         "Not worth it here. With the same gains full certainly overshoots less at 0 and more at 1 "
         "of 2 steps than the strongest baseline without hysteresis model (single-valued), 2.1 percentage "
-        "points of the height more." in text
+        "points of the height more; " in text
     )
     assert "60 % less +2.1 points" in text  # against ratio, in the table below
 
@@ -192,6 +193,7 @@ def test_the_verdict_follows_the_strongest_baseline(
     ]
     found = judge(grouped(changed), "full")
     assert found.level == level
+    assert (FEEDBACK in found.text) == (level != "yes")
     assert "strongest baseline without hysteresis model (single-valued)" in found.text
     assert judge(grouped(changed), "single-valued").variant == "full"
 

@@ -28,6 +28,7 @@ from anhyst.reports.model.page import subject_of
 from anhyst.reports.model.sections_model import section_gap_map
 from anhyst.reports.model.subject import ModelSubject
 from anhyst.support.page.style import svg_text, write_png
+from anhyst.support.pays import LOOPS
 from anhyst.support.units import QUANTITIES, Quantity
 from tests.page import NAMESPACES, Page
 from tests.refusals import refused
@@ -350,6 +351,7 @@ def test_the_verdict_is_that_of_the_measurement(
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
     assert "% of that error away" in reported.text.replace("\xa0", " ")
+    assert (LOOPS in reported.text) == (level != "yes")
 
 
 def test_a_model_that_cannot_be_run_over_its_loops_is_still_reported(

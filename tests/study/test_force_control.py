@@ -28,6 +28,7 @@ from anhyst.rig.force.session import run_firmware
 from anhyst.study.force.force_control import ForceControl, force_control
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.study.force.verdict import verdict
+from anhyst.support.pays import FORCE
 from tests.refusals import says
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
@@ -161,6 +162,7 @@ def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -
     }
     found = verdict(summary)
     assert found["level"] == level
+    assert (FORCE in found["text"]) == (level != "yes")
     assert found["strongest"] == {"end": "single", "moving": "ratio"}
 
 

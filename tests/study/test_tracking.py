@@ -19,6 +19,7 @@ from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
 from anhyst.rig.stage.file import CalibrationTable
 from anhyst.rig.stage.loop import Feedforward, pid, track
 from anhyst.study.tracking.measures import Measures, cruises, measure, moving, settling
+from anhyst.support.pays import STAGE
 from tests.study import stages
 
 SLIT = 0.01
@@ -168,6 +169,7 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     beaten = replace(study, tried=tried)
     worth, text = verdict(beaten)
     assert not worth
+    assert text.endswith(STAGE)
     said = "strongest baseline: settling to 50 nm more than nothing of 'play'; below it: peak 0."
     assert said in text
     assert not {one.baseline: one for one in verdicts(beaten)}["play"].better

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from anhyst.study.tuning.worth import worth
+from anhyst.support.pays import FEEDBACK
 
 
 def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: bool = True) -> Any:
@@ -47,6 +48,7 @@ def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
     assert said.startswith("not worth it here: ")
     assert words in said
     assert "('single-valued')" in said
+    assert FEEDBACK in said
 
 
 def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:

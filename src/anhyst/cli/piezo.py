@@ -6,12 +6,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anhyst.cli.console import show, table
+from anhyst.support.pays import PIEZO
 
 if TYPE_CHECKING:
     from anhyst import PiezoTracking
 
 WORTH_IT = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
+
+
+def verdict(ratio: float) -> str:
+    """Say whether compensation is worth it that leaves this part of the deviation."""
+    if ratio < WORTH_IT:
+        return "worth it behind this feedback"
+    return f"hardly worth it behind this feedback; {PIEZO}"
 
 
 def show_piezo(found: PiezoTracking, out: Path) -> None:
@@ -23,11 +31,7 @@ def show_piezo(found: PiezoTracking, out: Path) -> None:
         rows.add_row(
             TITLES[name], f"{1e9 * run.errors.worst_m:.0f}", f"{1e9 * run.errors.rms_m:.0f}"
         )
-    verdict = (
-        f"rms with compensation over without: {found.ratio:.2f}; "
-        + ("worth it" if found.ratio < WORTH_IT else "hardly worth it")
-        + " behind this feedback"
-    )
     lost = [f"lost: {one}" for one in found.lost_in]
+    ratio = f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio)}"
     written = f"{out} and {out.with_suffix('.svg')} written"
-    show(*lost, rows, *([] if lost else [verdict]), written)
+    show(*lost, rows, *([] if lost else [ratio]), written)

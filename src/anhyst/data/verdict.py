@@ -13,6 +13,7 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import output_map
 from anhyst.support.arrays import FloatArray
+from anhyst.support.pays import LOOPS
 from anhyst.support.units import in_small_unit
 
 Level = Literal["yes", "little", "no"]
@@ -225,6 +226,7 @@ def _worded(loopset: Loops, figures: Verdict) -> Verdict:
         f"The noise alone makes {figures.noise_relative:.3%}, which no model gets below.",
         f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the best "
         "single-valued curve.",
+        *(() if figures.worthwhile else (f"{LOOPS[0].upper()}{LOOPS[1:]}.",)),
     )
     values = {name: getattr(figures, name) for name in Verdict.__slots__}
     return Verdict(**{**values, "sentences": sentences})

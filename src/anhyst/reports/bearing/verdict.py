@@ -13,6 +13,7 @@ from anhyst.reports.bearing.subject import Steps
 from anhyst.reports.bearing.tables import OVERSHOOT, OvershootDifference, step_difference
 from anhyst.support.page.blocks import Note, Tone
 from anhyst.support.page.numbers import NBSP, number
+from anhyst.support.pays import FEEDBACK
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,9 @@ def judge(steps: Sequence[Steps], variant: MethodName) -> OvershootVerdict:
         f"{_counted(mine, pairs)} than the strongest baseline without hysteresis model ({against})"
         f"{_sizes(pairs)}"
     )
-    return OvershootVerdict(mine, _level(pairs), f"{text}{_measured(steps, mine)}")
+    level = _level(pairs)
+    instead = "" if level == "yes" else f"; {FEEDBACK}"
+    return OvershootVerdict(mine, level, f"{text}{_measured(steps, mine)}{instead}")
 
 
 def _level(pairs: Sequence[OvershootDifference]) -> str:

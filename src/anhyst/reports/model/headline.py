@@ -9,6 +9,7 @@ from anhyst.reports.model.subject import ModelSubject
 from anhyst.support.page.blocks import Cell, Note, PageTable, table
 from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
 from anhyst.support.page.page import Headline, Tile
+from anhyst.support.pays import LOOPS
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
@@ -80,7 +81,7 @@ def verdict(subject: ModelSubject) -> tuple[Note, ...]:
     text = (
         f"The loops are so narrow that the best single-valued curve misses by {scale.show(baseline)} "
         f"only ({percent(baseline / fit.largest_output)} of the largest). This model misses by "
-        f"{scale.show(mine)}: {taken}."
+        f"{scale.show(mine)}: {taken}; {LOOPS}."
     )
     return (Note("warn", title, text),)
 

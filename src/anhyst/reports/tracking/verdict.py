@@ -11,6 +11,7 @@ from anhyst.rig.stage.loop import AT_BIAS
 from anhyst.study.bearing.metrics import Interval
 from anhyst.study.tracking.measures import BANDS_M
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
+from anhyst.support.pays import STAGE
 
 _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}
 
@@ -90,6 +91,7 @@ def verdict(study: TrackingStudy) -> tuple[bool, str]:
         return False, (
             f"Not worth it here: not certainly below the strongest baseline: {', '.join(missed)}"
             + (f"; below it: {', '.join(gained)}" if gained else "")
+            + f"; {STAGE}"
         )
     return True, f"Worth it here, against the strongest baseline in each: {', '.join(gained)}"
 

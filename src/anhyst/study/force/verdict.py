@@ -7,6 +7,7 @@ from typing import Any
 
 from anhyst.compensate.methods import MODELS
 from anhyst.study.force.results import TITLES
+from anhyst.support.pays import FORCE
 
 WORST = "worst_percent"
 
@@ -27,8 +28,8 @@ def verdict(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[st
     Returns
     -------
     dict
-        ``level``, ``"yes"``, ``"no"`` or ``"mixed"``; ``text``, one sentence; ``strongest``, the
-        baseline by stage.
+        ``level``, ``"yes"``, ``"no"`` or ``"mixed"``; ``text``, one sentence, which ends on where
+        it would pay if not here; ``strongest``, the baseline by stage.
     """
     against = {stage: strongest(found) for stage, found in summary.items()}
     parts = [
@@ -47,6 +48,8 @@ def verdict(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[st
         text += f": {_span(gains, 0)} % less"
     if level == "mixed":
         text += f" at {better} of {len(parts)} stages, more at the others"
+    if level != "yes":
+        text += f"; {FORCE}"
     return {"level": level, "text": text, "strongest": against}
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.study.tuning.result import Tuned, Tuning
+from anhyst.support.pays import FEEDBACK
 
 _SETTLING = "settling_time_s"
 
@@ -43,7 +44,7 @@ def _judged(mine: Tuned, other: Tuned) -> str:
     both = f"'{mine.variant}' settles in {_time(mine)}, {named} in {_time(other)}"
     if mine.misses:
         met = "misses them too" if other.misses else f"meets them, settling in {_time(other)}"
-        return f"not worth it here: '{mine.variant}' misses the aims, {named} {met}"
+        return f"not worth it here: '{mine.variant}' misses the aims, {named} {met}; {FEEDBACK}"
     if other.misses:
         return f"worth it: '{mine.variant}' meets the aims, {named} misses them"
     unsure = math.hypot(_half_width(mine), _half_width(other))
@@ -52,7 +53,7 @@ def _judged(mine: Tuned, other: Tuned) -> str:
         part = 100.0 * gain / other.figures.settling_time_s
         return f"worth it: {both}, {part:.2g} % less"
     rest = "certainly less" if -gain > unsure else "the same within the noise"
-    return f"not worth it here: {both}, {rest}"
+    return f"not worth it here: {both}, {rest}; {FEEDBACK}"
 
 
 def _flux(tuning: Tuning) -> str:

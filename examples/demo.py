@@ -1,0 +1,431 @@
+"""The main job on the bundled examples, each against its strongest baseline: ``make demo``.
+
+- electromagnet: loops at four gaps to a model with report; judged at two gaps it never saw, and by a
+  demand of force between the gaps, whose current the simulated magnet then runs
+- its model as 16-bit fixed-point C, bit for bit on an emulated Cortex-M4
+- bearing: four steps behind position feedback, where compensation gains nothing
+- stage: set-points with feedforward, where it gains most
+
+All go into one table and one picture in ``demo/``; longer tables stand there as text. The baseline of
+the electromagnet is the best single-valued curve there can be: fitted to true loops of the very gap it
+is judged at, where the model has to get along with what other gaps show. Bearing and stage run with
+all noise seeds of their rig files, but not with all variants and experiments: ``anhyst simulate``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.output import compile_model
+from anhyst.data import Loops
+from anhyst.data.reading import read_loops
+from anhyst.data.verdict import monotone_fit, single_valued
+from anhyst.identification import identify
+from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
+from anhyst.model.writer import write_model
+from anhyst.reports import write_report
+from anhyst.reports.bearing.look import interval_text, line_of
+from anhyst.reports.bearing.subject import grouped
+from anhyst.reports.bearing.verdict import TITLES, judge, strongest
+from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.make_setup import identify_magnet, make_setups
+from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import StageSetup, TrackedRun, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.bearing.metrics import Interval, mean_interval
+from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.responses import compare, default_seeds
+from anhyst.study.tracking.measures import Measures, measure
+from anhyst.study.tracking.search import find_gains
+from anhyst.study.tracking.simulate import make_variants
+from anhyst.support.arrays import FloatArray
+from anhyst.support.jobs import all_of
+from anhyst.support.pays import FEEDBACK
+from anhyst.support.result import dress
+from anhyst.verification import verify
+
+Array = FloatArray
+
+EXAMPLES = Path(__file__).parent
+ELECTROMAGNET = EXAMPLES / "electromagnet"
+BETWEEN = 0.45e-3
+"""Gap of the demand, m: not measured, the one of the paper's Figs. 2 and 5."""
+BEARING: tuple[MethodName, ...] = ("ratio", "linearised", "single-valued", "play", "full")
+STAGE: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
+CURVE = "best curve without memory"
+BASELINE: Mapping[MethodName, str] = {
+    "ratio": "constant ratio",
+    "linearised": "two constants",
+    "single-valued": CURVE,
+    "play": "map with one play",
+    "flux": "measured flux (Hall)",
+}
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Mean and largest absolute deviation, N."""
+
+    mean: float
+    worst: float
+
+    @classmethod
+    def of(cls, parts: list[Array]) -> Deviation:
+        """Over all samples of several records."""
+        size = np.abs(np.concatenate(parts))
+        return cls(float(size.mean()), float(size.max()))
+
+
+def load_magnet() -> ModuleType:
+    """Load the script that simulates the magnet."""
+    name = "anhyst_example_magnet"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, ELECTROMAGNET / "make_loops.py")
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+def unseen_deviation(model: Model, truth: Loops) -> Deviation:
+    """Model against noise-free loops at gaps it has not seen."""
+    return Deviation.of(
+        [
+            model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
+            for loop in truth.loops
+        ]
+    )
+
+
+def unseen_single_valued(truth: Loops) -> Deviation:
+    """Judge the best single-valued curves at the same gaps, fitted to these very loops."""
+    return Deviation.of([residual for _, residual in single_valued(truth)])
+
+
+def triangle(low: float, high: float, samples: int = 400) -> Array:
+    """One cycle of a triangular demand, from low to high and back."""
+    up = np.linspace(low, high, samples // 2, endpoint=False)
+    return np.concatenate([up, up[::-1] + (high - low) / (samples // 2)])
+
+
+def run_magnet(current: Array, gap: float) -> Array:
+    """Give the true force in the fourth cycle of a current, which the sensor's offset shifts."""
+    magnet, settings = load_magnet().load()
+    flowing = np.maximum(current - settings["sensors"]["current_offset_A"], 0.0)
+    cycles = settings["drive"]["conditioning_cycles"] + 1
+    force = np.array([magnet.step(i, gap) for i in np.tile(flowing, cycles)])
+    return force[-current.size :]
+
+
+def single_valued_inverse(gap: float) -> tuple[Array, Array]:
+    """Best single-valued current over force at a gap, fitted to true loops there."""
+    module = load_magnet()
+    _, settings = module.load()
+    largest = settings["drive"]["current_max_A"]
+    offset = settings["sensors"]["current_offset_A"]
+    parts = []
+    for loop in settings["identification"]["loops"]:
+        magnet, _ = module.load()
+        current, force, _ = module.settled_loop(
+            magnet, gap, loop["low"] * largest, loop["high"] * largest, settings
+        )
+        parts.append((force, current + offset))
+    force, current = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(force, kind="stable")
+    return force[order], monotone_fit(current[order], np.ones(order.size))
+
+
+def demand_deviation(model: Model) -> tuple[Deviation, Deviation, float]:
+    """Open loop at a gap between those measured: demand against true force.
+
+    Returns
+    -------
+    tuple
+        Deviation with the model inverted, with the single-valued inverse, and the largest force at
+        that gap, N.
+    """
+    force, current = single_valued_inverse(BETWEEN)
+    largest = float(force[-1])
+    demand = triangle(0.05 * largest, 0.95 * largest)
+    inverse = model.invert(demand, BETWEEN, history="settled")
+    compensated = run_magnet(inverse.drive, BETWEEN) - demand
+    plain = run_magnet(np.interp(demand, force, current), BETWEEN) - demand
+    return Deviation.of([compensated]), Deviation.of([plain]), largest
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the table: what is off with anhyst, what with a baseline, and its name."""
+
+    what: str
+    own: str
+    baseline: str
+    against: str
+    gain: str
+
+    @classmethod
+    def of(
+        cls, what: str, own: float, baseline: float, against: str, unit: str, places: int = 2
+    ) -> Line:
+        """Compare two errors."""
+        own_text, other = (f"{value:.{places}f} {unit}" for value in (own, baseline))
+        gain = f"1/{baseline / own:.0f}" if baseline > 1.5 * own else "no gain"
+        return cls(what, own_text, other, against, gain)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What one example gives: its lines of the table, its panel of the picture, its remarks."""
+
+    lines: list[Line]
+    draw: Callable[[Axes], None] | None = None
+    remark: str = ""
+
+
+@contextmanager
+def step(what: str) -> Iterator[None]:
+    """Say what is coming and, once it is there, how long it took."""
+    print(f"demo: {what} ...", end="", flush=True)
+    began = time.perf_counter()
+    yield
+    print(f" {time.perf_counter() - began:.1f} s", flush=True)
+
+
+def electromagnet(out: Path) -> Piece:
+    """From loops to a model and its report, judged at gaps that it has not seen."""
+    with step("electromagnet: 16 loops at four gaps to a model, laws and gap maps compared"):
+        found = identify(read_loops(ELECTROMAGNET / "loops.csv"))
+        write_model(found.model, out / "model.toml")
+    with step("its report, and the model at gaps it never saw"):
+        write_report(out / "model.toml", out / "report.html")
+        # What is judged is what the file holds, not what is still in memory.
+        model = read_model(out / "model.toml")
+        truth = read_loops(ELECTROMAGNET / "unseen_truth.csv")
+        largest = max(float(np.max(loop.output)) for loop in truth.loops)
+        own, plain = unseen_deviation(model, truth), unseen_single_valued(truth)
+        inverse, plain_inverse, most = demand_deviation(model)
+    lines = []
+    for what, mine, other, of in (
+        ("force, unseen gaps, mean", own.mean, plain.mean, largest),
+        ("force on demand, worst", inverse.worst, plain_inverse.worst, most),
+    ):
+        lines.append(Line.of(what, 100 * mine / of, 100 * other / of, CURVE, "%"))
+    return Piece(lines, lambda ax: draw_loop(ax, model, truth))
+
+
+def draw_loop(ax: Axes, model: Model, truth: Loops) -> None:
+    """Draw what model and best single-valued curve miss by on the widest loops of an unseen gap."""
+    loop, residual = max(single_valued(truth), key=lambda pair: float(np.ptp(pair[0].output)))
+    predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history).output
+    ax.plot(loop.input, residual, label=CURVE, **line_of("single-valued"))
+    ax.plot(loop.input, loop.output - predicted, label="anhyst", **line_of("full"))
+    gap = loop.schedule_value
+    where = "" if gap is None else f" at {1e3 * gap:g} mm, never seen"
+    ax.set(title=f"electromagnet{where}", xlabel="current [A]", ylabel="force error [N]")
+
+
+def compiled(model: Path, folder: Path) -> Piece:
+    """Turn a model into C and run that on an emulated Cortex-M4."""
+    with step("the model to fixed-point C, run on an emulated Cortex-M4"):
+        request = CompileRequest("full", "q15", rate=20e3, accuracy=0.2, name="electromagnet")
+        made = compile_model(model, folder, request)
+        found = verify(folder, "cortex-m4")
+    cost = found.results[0].cost("solve")
+    assert cost is not None
+    worst = made.manifest["accuracy"]["worst_percent"]
+    bits = "0 bits unlike the PC's" if found.passed else "BITS UNLIKE THE PC'S"
+    return Piece(
+        [
+            Line("16-bit C, Cortex-M4, worst", f"{worst:.2f} %", "", bits, ""),
+            Line("its instructions, solve", str(cost.most), "", "at most", ""),
+        ]
+    )
+
+
+def bearing(out: Path) -> Piece:
+    """Let a bearing step behind its position feedback, with every kind of compensation."""
+    with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
+        rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
+        ready = make_ready(rig, controller)
+        rig, tried = ready.rig, ready.rig.settings.simulate
+        setups = make_setups(rig, controller, ready.knowledge(), BEARING)
+        load = rig.settings.load.force_N
+        seeds = default_seeds(rig)
+        cells = compare(list(setups.values()), [tried.gap_m], tried.steps_m, [load], seeds)
+    steps = grouped(cells)
+    last = steps[-1]
+    overshoot = last.of("overshoot_percent")
+    rival = strongest(last)
+    assert rival is not None
+    write_table(
+        out / "table.txt",
+        f"overshoot, % of the step; {len(seeds)} noise seeds",
+        [f"{1e6 * one.height:g} um" for one in steps],
+        {
+            name: [interval_text(one.of("overshoot_percent")[name]) for one in steps]
+            for name in setups
+        },
+    )
+    line = Line.of(
+        f"bearing, {1e6 * last.height:g} um, overshoot",
+        overshoot["full"].mean,
+        overshoot[rival].mean,
+        BASELINE[rival],
+        "%",
+    )
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, tried.steps_m[-1:])
+    runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (rival, "full")}
+
+    def draw(ax: Axes) -> None:
+        begin, end = scenario.steps[0].begin, scenario.steps[0].end
+        part = slice(begin - 40, min(begin + 400, end))
+        for name, run in runs.items():
+            time = 1e3 * (run["t_s"][part] - run["t_s"][begin])
+            label = "anhyst" if name == "full" else BASELINE[name]
+            ax.plot(time, 1e3 * run["gap_m"][part], label=label, **line_of(name))
+        title = "bearing: feedback hides the hysteresis"
+        ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
+
+    judged = judge(steps, "full")
+    remark = "" if judged.level == "yes" else f"bearing: {TITLES[judged.level].lower()}; {FEEDBACK}"
+    return Piece([line], draw, remark)
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """A variant on the test set-point: measures of every noise seed, and the run of the first."""
+
+    measures: list[Measures]
+    shown: TrackedRun
+
+    def of(self, name: str) -> Interval:
+        """Return a measure over the seeds."""
+        return mean_interval([getattr(one, name) for one in self.measures])
+
+
+def follow(setup: StageSetup) -> Tracked:
+    """Find the gains of the feedforward on one set-point and follow another with them."""
+    table = setup.rig.settings.tracking
+    gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
+    motion = motion_of(table, table.test_m_per_s2)
+    runs = [track(setup, motion, gains, seed) for seed in range(1, table.noise_seeds + 1)]
+    return Tracked([measure(run, table.slit_s) for run in runs], runs[0])
+
+
+def stage(out: Path) -> Piece:
+    """Let a stage follow set-points with feedforward, with every kind of compensation."""
+    with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
+        rig = read_stage(EXAMPLES / "stage" / "rig.toml")
+        magnet = identify_magnet(rig.measured.read(), rig.settings.identify)
+        setups, _ = make_variants(rig, magnet, STAGE)
+        found = dict(zip(setups, all_of(follow, list(setups.values())), strict=True))
+    columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}
+    columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
+    write_table(
+        out / "table.txt",
+        f"error on the test set-point; {rig.settings.tracking.noise_seeds} noise seeds",
+        list(columns),
+        {
+            name: [interval_text(one.of(key), factor=by) for key, by in columns.values()]
+            for name, one in found.items()
+        },
+    )
+    own = 1e9 * found["full"].of("peak_m").mean
+    lines = [
+        Line.of("stage, peak error", own, 1e9 * one.of("peak_m").mean, BASELINE[name], "nm", 0)
+        for name, one in found.items()
+        if name != "full"
+    ]
+
+    def draw(ax: Axes) -> None:
+        for name in ("single-valued", "play", "full"):
+            run = found[name].shown
+            label = "anhyst" if name == "full" else BASELINE[name]
+            ax.plot(1e3 * run["t_s"], 1e6 * run.error, label=label, **line_of(name))
+        title = "stage: feedforward exposes it"
+        ax.set(title=title, xlabel="time [ms]", ylabel="position error [um]")
+
+    return Piece(lines, draw)
+
+
+def write_table(
+    path: Path, title: str, columns: list[str], rows: Mapping[MethodName, list[str]]
+) -> None:
+    """Write what is too long for the one table."""
+    title += ", 95 % interval; 'full' is anhyst"
+    table = Table("", *columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    for name, values in rows.items():
+        table.add_row(name, *values)
+    with path.open("w", encoding="utf-8") as file:
+        Console(file=file, width=110).print(table)
+
+
+def table_of(pieces: list[Piece]) -> Table:
+    """Put the lines of all examples below each other."""
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    for name in ("error, simulated magnets", "anhyst", "baseline", "", "of it"):
+        right = name in {"anhyst", "baseline", "of it"}
+        table.add_column(name, justify="right" if right else "left", no_wrap=True)
+    for line in (line for piece in pieces for line in piece.lines):
+        table.add_row(line.what, line.own, line.baseline, line.against, line.gain)
+    return table
+
+
+def draw_picture(pieces: list[Piece], path: Path) -> None:
+    """Draw the panels of all examples beside each other."""
+    panels = [piece.draw for piece in pieces if piece.draw is not None]
+    figure = Figure(figsize=(4.6 * len(panels), 4.0), layout="constrained")
+    for ax, draw in zip(figure.subplots(1, len(panels)), panels, strict=True):
+        draw(ax)
+        dress(ax)
+        ax.legend(frameon=False, fontsize="small")
+    figure.get_layout_engine().set(wspace=0.06)  # type: ignore[call-arg, union-attr]
+    figure.savefig(path, dpi=130)
+
+
+def main() -> None:
+    """Run the demo."""
+    parser = argparse.ArgumentParser(description="Run the bundled examples against baselines.")
+    parser.add_argument("--out", type=Path, default=Path("demo"), help="folder to write to")
+    out = parser.parse_args().out
+    folders = [out / name for name in ("electromagnet", "bearing", "stage")]
+    for folder in folders:
+        folder.mkdir(parents=True, exist_ok=True)
+    magnet, air, tracked = folders
+    pieces = [electromagnet(magnet), compiled(magnet / "model.toml", magnet / "controller")]
+    pieces += [bearing(air), stage(tracked)]
+    draw_picture(pieces, out / "demo.png")
+    table = table_of(pieces)
+    with (out / "table.txt").open("w", encoding="utf-8") as file:
+        Console(file=file, width=80).print(table)
+    console = Console(width=80, highlight=False)
+    console.print(table)
+    for remark in (piece.remark for piece in pieces if piece.remark):
+        console.print(remark)
+    print(f"picture: {out / 'demo.png'}; page about the electromagnet: {magnet / 'report.html'}")
+    print("next: your own magnet, docs/tutorial.md; or operate that bearing in a browser:")
+    print("  .venv/bin/anhyst live examples/bearing/rig.toml")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,15 @@
+"""What the verb ``simulate`` says of a piezo stage."""
+
+from __future__ import annotations
+
+import pytest
+
+from anhyst.cli.piezo import WORTH_IT, verdict
+from anhyst.support.pays import PIEZO
+
+
+@pytest.mark.parametrize(("share", "worth"), [(0.24, True), (1.2, False)])
+def test_a_piezo_stage_that_gains_little_names_where_it_would_pay(
+    share: float, worth: bool
+) -> None:
+    assert (PIEZO in verdict(share * WORTH_IT)) != worth
