@@ -8,8 +8,6 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_electromagnet, output_map
@@ -22,10 +20,8 @@ from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
-from anhyst.identification.default import FoundModel
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
-from anhyst.identification.objective import Objective
 from anhyst.identification.paper.search import check_splines
 from anhyst.identification.paper.sequence import search_paper
 from anhyst.identification.rest import rest_of
@@ -139,7 +135,7 @@ def identify(
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = _search(run, loopset, gap_map, search)
-    outcome = _resolved(outcome, loopset)
+    outcome = replace(outcome, model=resolved(outcome.model, loopset))
     warnings = [*odd, *_warnings(loopset, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
@@ -160,19 +156,16 @@ def identify(
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    fitted = outcome.fitted
-    model = replace(
-        model,
-        fit=fit_figures(
-            loopset,
-            fitted,
-            outcome.left_out,
-            acceptance.passed,
-            outcome.promised,
-            outcome.candidates,
-        ),
-        uncertainty=outcome.uncertainty,
+    fitted = _predicted(model, loopset)
+    figures = fit_figures(
+        loopset,
+        fitted,
+        outcome.left_out,
+        acceptance.passed,
+        outcome.promised,
+        outcome.candidates,
     )
+    model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model)) is not None else []
     return IdentifyResult(
         model=model,
@@ -241,7 +234,6 @@ class _Outcome:
     uncertainty: Uncertainty
     quantities: int
     evaluations: int
-    fitted: tuple[FloatArray, ...]
     why: str
     interrupted: bool
     dead_band: str = "none"
@@ -267,7 +259,6 @@ def _creeping(loopset: Loops) -> _Outcome:
         Uncertainty(statements=tuple(filter(None, [end.statement]))),
         end.numbers,
         end.tried,
-        _predicted(end.model, loopset),
         "nothing is scheduled",
         False,
         dead_band="none: play cells need none",
@@ -283,27 +274,18 @@ def _any_law(
     records = records_of(loopset, weights)
     require_gaps(records, gap_map)
     end = fit_any(loopset, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
-    fitted = _predicted(end.model, loopset)
     return _Outcome(
         end.model,
         end.uncertainty,
         len(end.uncertainty.names),
         end.evaluations,
-        fitted,
         end.why,
         False,
     )
 
 
-def _resolved(outcome: _Outcome, loopset: Loops) -> _Outcome:
-    """Count as free what no sample shows to be pinned."""
-    model = resolved(outcome.model, loopset)
-    if model is outcome.model:
-        return outcome
-    return replace(outcome, model=model, fitted=_predicted(model, loopset))
-
-
 def _predicted(model: Model, loopset: Loops) -> tuple[FloatArray, ...]:
+    """Run the model, as it is written, along every loop: what is reported of it is what it gives."""
     return tuple(
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
         for loop in loopset.loops
@@ -320,7 +302,6 @@ def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outco
             assess(end.found, loopset),
             end.found.theta.size,
             end.found.evaluations,
-            _predicted(end.model, loopset),
             end.why,
             end.interrupted,
             steps=end.steps,
@@ -341,7 +322,6 @@ def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outco
         assess(found, loopset),
         found.theta.size,
         found.evaluations,
-        _fitted(found, loopset),
         choice.why,
         interrupted,
         choice.dead_band,
@@ -350,16 +330,6 @@ def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outco
         choice.candidates,
         choice.why_law,
     )
-
-
-def _fitted(found: FoundModel, loopset: Loops) -> tuple[FloatArray, ...]:
-    """Modelled outputs in the order of the loops of the set."""
-    ends = np.cumsum([record.input.size for record in found.space.records.loops])[:-1]
-    offset = found.space.records.rest.output.offset
-    outputs = np.split(Objective(found.space).outputs(found.sets) + offset, ends)
-    ordered = [id(loop) for group in loopset.by_schedule().values() for loop in group]
-    by_loop = dict(zip(ordered, outputs, strict=True))
-    return tuple(by_loop[id(loop)] for loop in loopset.loops)
 
 
 def _warnings(loopset: Loops, outcome: _Outcome) -> list[str]:
