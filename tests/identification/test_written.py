@@ -80,17 +80,23 @@ def test_every_figure_is_that_of_the_written_model(
     assert fit_of(model).rms > 1e-4 * fit_of(model).largest_output
 
 
-def accelerator() -> Loops:
-    """One unipolar loop of a magnet that was cycled before: 63 samples, coarse against its iron."""
+def accelerator_magnet() -> Model:
     parameters = {"M_0": 1e5, "a_0": 300.0, "M_1": 1.3e6, "a_1": 120.0, "k_1": 60.0, "s_1": 1.0}
     around = {"c_H": 120.0, "rho": 0.006, "c_out": 0.9}
     quantities = QUANTITIES["current"], QUANTITIES["flux_density"]
-    truth = Model("dipole", *quantities, parameters | around, law="play-cells")
+    return Model("dipole", *quantities, parameters | around, law="play-cells")
+
+
+def accelerator() -> Loops:
+    """One unipolar loop of a magnet that was cycled before: 63 samples, coarse against its iron."""
+    truth = accelerator_magnet()
     before = "conditioned:0,165,0,165,0,165,8"
     drive = path([8.0, 165.0, 8.0], 63)
     output = truth.predict(drive, history=before).output
     output = output + 5e-5 * output.max() * np.random.default_rng(0).standard_normal(drive.size)
-    return Loops((Loop("1", drive, output, history=History.parse(before)),), *quantities)
+    return Loops(
+        (Loop("1", drive, output, history=History.parse(before)),), truth.input, truth.output
+    )
 
 
 def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
@@ -111,6 +117,41 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
     chosen = [one.rms for one in fit_of(model).candidates if one.note == CHOSEN]
     assert chosen == [pytest.approx(run.deviation.rms / run.deviation.largest, rel=1e-9)]
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+def test_play_cells_are_reported_as_predicted(
+    history: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    loops = loops_of(magnet(gaps=GAPS[:2]), history, samples=40)
+    written(identify(loops, law="play-cells", gap_map="reluctance"), tmp_path)
+
+
+def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small cycle goes on from the remanence of the large one: for the fit and for predict."""
+    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    truth = replace(accelerator_magnet(), history=History.parse("demagnetised"))
+    cycles = [path([8.0, top, 8.0], 60)[:-1] for top in (165.0, 90.0, 40.0)]
+    drive = np.concatenate([np.tile(cycle, 4) for cycle in cycles])
+    output = truth.predict(drive).output
+    last = [slice(236 * k + 177, 236 * k + 236) for k in range(len(cycles))]
+    columns = {
+        "loop": np.repeat([1.0, 2.0, 3.0], 59),
+        "t_s": np.concatenate([np.arange(236.0 * 3)[part] for part in last]),
+        "I_A": np.concatenate([drive[part] for part in last]),
+        "B_T": np.concatenate([output[part] for part in last]),
+    }
+    write_csv(tmp_path / "loops.csv", columns)
+    loops = read_loops(tmp_path / "loops.csv", history="settled")
+    assert any(loop.history.turning_points for loop in loops.loops)
+    model = written(identify(loops, law="play-cells"), tmp_path)
+    run = run_file(model, "predict", tmp_path / "loops.csv", tmp_path / "found.csv")
+    assert run.deviation is not None
+    assert run.runs == len(cycles)
+    assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
 
 
 def test_what_could_not_be_left_out_is_absent() -> None:
