@@ -245,11 +245,11 @@ def test_a_counter_of_rows_is_no_label_of_loops(tmp_path: Path) -> None:
     assert fitted(quick("inspect", "loops.csv", *reported, cwd=tmp_path)) == []
 
 
-def test_two_files_at_one_gap_must_be_reported_apart(tmp_path: Path) -> None:
+def test_two_files_at_one_gap_are_two_loops(tmp_path: Path) -> None:
     write(tmp_path, table(), "one.csv")
     write(tmp_path, changed(9, 2, "0.5"), "two.csv")
-    said = refused("identify", "one.csv", "two.csv", "-o", "model.toml", cwd=tmp_path)
-    assert says(said, "loop-twice 1: two.csv; 0.0003; one.csv")
+    found = json.loads(quick("inspect", "one.csv", "two.csv", "--json", cwd=tmp_path).stdout)
+    assert {"one", "two"} <= {loop["label"] for loop in found["loops"]}
 
 
 def test_the_same_record_at_two_gaps_is_refused(tmp_path: Path) -> None:

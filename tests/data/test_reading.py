@@ -75,11 +75,48 @@ def test_without_a_gap_files_are_reported_apart_by_name(tmp_path: Path) -> None:
     assert [loop.label for loop in read_loops([one, two]).loops] == ["small", "large"]
 
 
-def test_same_loop_with_other_data_is_refused_naming_both_files(tmp_path: Path) -> None:
-    one = file_of(tmp_path, "a.csv", "I_A,F_N,gap_mm", rows_of(10, 0.4))
-    two = file_of(tmp_path, "b.csv", "I_A,F_N,gap_mm", rows_of(11, 0.4))
-    with refused("loop-twice 1: b.csv; 0.0004; a.csv"):
-        read_loops([one, two])
+def test_files_with_records_of_one_gap_are_loops_named_after_them(tmp_path: Path) -> None:
+    header = "I_A,F_N,gap_mm"
+    files = [
+        file_of(tmp_path, "slow.csv", header, rows_of(10, 0.4)),
+        file_of(tmp_path, "fast.csv", header, rows_of(11, 0.4)),
+        file_of(tmp_path, "wide.csv", header, rows_of(12, 0.5)),
+    ]
+    loops = read_loops(files)
+    assert [loop.label for loop in loops.loops] == ["slow", "fast", "1"]
+    assert loops.schedule_values == (0.0004, 0.0005)
+
+
+def test_labels_that_come_again_in_another_file_are_named_after_it(tmp_path: Path) -> None:
+    def labelled(slope: float) -> list[str]:
+        return [f"{label},{row}" for label in "ab" for row in rows_of(slope + ord(label), 0.4)]
+
+    files = [
+        file_of(tmp_path, name, "loop,I_A,F_N,gap_mm", labelled(slope))
+        for name, slope in (("slow.csv", 10.0), ("fast.csv", 20.0))
+    ]
+    assert [loop.label for loop in read_loops(files).loops] == [
+        "slow a", "slow b", "fast a", "fast b"
+    ]  # fmt: skip
+
+
+def test_files_of_the_same_name_are_distinguished_by_their_folders(tmp_path: Path) -> None:
+    files = []
+    for slope, folder in enumerate(("monday", "tuesday"), 10):
+        (tmp_path / folder).mkdir()
+        place = tmp_path / folder
+        files.append(file_of(place, "loops.csv", "I_A,F_N,gap_mm", rows_of(slope, 0.4)))
+    labels = [loop.label for loop in read_loops(files).loops]
+    assert [Path(label).parent.name for label in labels] == ["monday", "tuesday"]
+
+
+def test_one_label_with_other_data_and_no_gap_is_refused(tmp_path: Path) -> None:
+    """It may be another temperature that no column names."""
+    for name, slope in (("cold.csv", 10), ("warm.csv", 11)):
+        rows = [f"major,{row}" for row in rows_of(slope)]
+        file_of(tmp_path, name, "loop,H_A_per_m,B_T", rows)
+    with refused("loop-twice major: warm.csv; cold.csv"):
+        read_loops(tmp_path)
 
 
 def test_same_data_twice_is_taken_once(tmp_path: Path) -> None:

@@ -100,11 +100,11 @@ def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
 ) -> None:
     u = MAGNETS["u"]
     magnet = replace(u, name="tared", sensors=replace(u.sensors, force_offset=offset))
-    model, reported = identified(place, magnet, "--gap-map", "reluctance")
+    fast = ("--gap-map", "reluctance", "--law", "effective-field")
+    model, reported = identified(place, magnet, *fast)
     assert model.parameters["out_0"] == pytest.approx(offset, abs=0.4)
     assert not np.any(model.parameters["in_0"])
     assert "output offset (N)" in reported["uncertainty"]["names"]
-    fast = ("--gap-map", "reluctance", "--law", "effective-field")
     none, _ = identified(place, magnet, *fast, "--no-offsets")
     assert none.parameters["out_0"] == 0.0
 
@@ -128,7 +128,8 @@ def test_a_record_from_the_demagnetised_state_is_used_from_its_first_sample(
     """The virgin rise is predicted as well as the rest, and the fit is no worse for it."""
     model, _ = found("u")
     assert str(model.history) == "demagnetised"
-    settled, _ = identified(place, replace(MAGNETS["u"], name="s"), "--history", "settled")
+    same = ("--law", model.law, "--gap-map", model.gap_map)
+    settled, _ = identified(place, replace(MAGNETS["u"], name="s"), "--history", "settled", *same)
     assert model.fit is not None
     assert settled.fit is not None
     assert model.fit.rms < 1.01 * settled.fit.rms
@@ -173,7 +174,7 @@ def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
 def test_a_load_cell_that_nobody_tared_is_found_out(place: Path) -> None:
     soft = MAGNETS["soft"]
     untared = replace(soft, name="untared", sensors=replace(soft.sensors, force_offset=4.0))
-    model, _ = identified(place, untared)
+    model, _ = identified(place, untared, "--law", "effective-field")
     assert model.parameters["out_0"] == pytest.approx(4.0, abs=0.02)
 
 

@@ -100,7 +100,7 @@ def test_two_gaps_prove_nothing_and_that_is_said() -> None:
     assert any("none can be left out" in text for text in result.warnings)
     assert any("proves nothing" in text for text in result.warnings)
     assert fit_of(result).left_out == {}
-    wanted = identify(loops, gap_map="scaling")
+    wanted = identify(loops, law="effective-field", gap_map="scaling")
     assert wanted.model.gap_map == "scaling"
     assert any("none can be left out" in text for text in wanted.warnings)
 
@@ -204,11 +204,12 @@ def smooth_truth() -> Model:
 
 def test_the_free_map_predicts_a_smooth_truth_between_gaps() -> None:
     loops = loops_of(smooth_truth(), samples=60)
-    assert identify(loops).model.gap_map != "free"  # with it no gap may move
-    clean = identify(loops, gap_map="free")
+    law = "effective-field"
+    assert identify(loops, law=law).model.gap_map != "free"  # with it no gap may move
+    clean = identify(loops, law=law, gap_map="free")
     assert worst(loops, clean.fitted) < 2e-4  # the ties take a little
     assert fit_of(clean).left_out["free"] < 1e-3
-    rough = identify(noisy(loops, NOISE, 1), gap_map="free")
+    rough = identify(noisy(loops, NOISE, 1), law=law, gap_map="free")
     assert fit_of(rough).left_out["free"] < 2.0 * NOISE
 
 
@@ -243,7 +244,14 @@ def test_provenance_reports_the_settings(tmp_path: Path) -> None:
     made = loops_of(magnet(gaps=GAPS[:2]), samples=60)
     made.save(tmp_path / "two_gaps.csv")
     loops = read_loops(tmp_path / "two_gaps.csv", history="settled")
-    result = identify(loops, gap_map="scaling", seed=7, weights="relative", offsets=False)
+    result = identify(
+        loops,
+        law="effective-field",
+        gap_map="scaling",
+        seed=7,
+        weights="relative",
+        offsets=False,
+    )
     reported = result.model.provenance
     assert reported.seed == 7
     assert reported.sources == loops.sources

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +88,7 @@ TRUTHS: dict[str, Truth] = {
         lambda: measured("solenoid", 1.0e-3, 1.6e-3, 2.8e-3), _law("play-cells", "reluctance")
     ),
     **{
-        f"{iron}-{law}": Truth(lambda iron=iron: family(iron), _law(law))
+        f"{iron}-{law}": Truth(partial(family, iron), _law(law))
         for iron, law in (
             ("cells", "play-cells"),
             ("preisach-usual", "play-cells"),
@@ -98,7 +98,7 @@ TRUTHS: dict[str, Truth] = {
     },
     **{
         f"electromagnet-{law}-{gap_map}": Truth(
-            lambda: measured("electromagnet"), _law(law, gap_map)
+            partial(measured, "electromagnet"), _law(law, gap_map)
         )
         for law, gap_map in (
             ("play-cells", "scaling"),
@@ -108,14 +108,14 @@ TRUTHS: dict[str, Truth] = {
     },
     **{
         f"{example}-no-dead-band": Truth(
-            lambda example=example: measured(example),
+            partial(measured, example),
             _law("effective-field", "reluctance", dead_band=False),
         )
         for example in ("electromagnet", "bearing")
     },
     **{
         f"{example}-effective-field-reluctance": Truth(
-            lambda example=example: measured(example), _law("effective-field", "reluctance")
+            partial(measured, example), _law("effective-field", "reluctance")
         )
         for example in ("bearing", "solenoid")
     },

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 
 import numpy as np
 
@@ -15,7 +16,10 @@ from anhyst.support.units import Quantity
 
 @dataclass(frozen=True, slots=True)
 class LoopPart:
-    """The loops of one source; those whose history nobody stated are ``open``, by their place."""
+    """The loops of one source; those whose history nobody stated are ``open``, by their place.
+
+    ``labelled`` says whether the source itself distinguishes them.
+    """
 
     place: str
     loops: tuple[Loop, ...]
@@ -25,13 +29,14 @@ class LoopPart:
     source: Source | None
     notes: tuple[str, ...]
     open: frozenset[int] = frozenset()
+    labelled: bool = True
 
 
 def join(parts: Sequence[LoopPart]) -> Loops:
     """Join the loops of several sources into one set.
 
-    A loop that comes twice with the same data is taken once. Scheduling values that differ by
-    rounding become one.
+    A loop that comes twice with the same data is taken once. Loops of several files that are called
+    alike are named after their files. Scheduling values that differ by rounding become one.
 
     Raises
     ------
@@ -45,13 +50,11 @@ def join(parts: Sequence[LoopPart]) -> Loops:
     kept = _Kept()
     for part in parts:
         for loop in part.loops:
-            twin = kept.add(loop, part.place)
+            twin = kept.add(loop, part)
             if twin is not None:
                 notes.append(f"{part.place}: loop '{loop.label}' is the one in {twin}: left out")
     sources = tuple(part.source for part in parts if part.source is not None)
-    return Loops(
-        tuple(kept.loops), first.input, first.output, first.schedule, sources, tuple(notes)
-    )
+    return Loops(kept.named(), first.input, first.output, first.schedule, sources, tuple(notes))
 
 
 def _must_agree(first: LoopPart, part: LoopPart) -> None:
@@ -68,37 +71,55 @@ def _must_agree(first: LoopPart, part: LoopPart) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """A loop that was kept, its scheduling value, and the file it is in."""
+    """A loop that was kept, its scheduling value, and the source it is in."""
 
     loop: Loop
     value: float | None
-    place: str
+    part: LoopPart
+
+    @property
+    def known(self) -> bool:
+        """Whether label and data say which loop it is: not where the scheduling variable moves."""
+        return self.loop.schedule is None or self.value is not None
 
 
 class _Kept:
-    """Loops kept so far, found again by label and value or by a glance at their data."""
+    """Loops kept so far, found again by a glance at their data."""
 
     def __init__(self) -> None:
-        self.loops: list[Loop] = []
+        self.entries: list[_Entry] = []
         self.values: dict[float, None] = {}
-        self.by_name: dict[tuple[str, float | None], _Entry] = {}
         self.by_glance: defaultdict[tuple[float, ...], list[_Entry]] = defaultdict(list)
 
-    def add(self, loop: Loop, place: str) -> str | None:
+    def add(self, loop: Loop, part: LoopPart) -> str | None:
         """Keep a loop, or name the file that holds it already; refuse contradictions."""
         loop = self._snap(loop)
-        entry = _Entry(loop, loop.schedule_value, place)
-        # Where the scheduling variable moves, equal labels and data say nothing.
-        known = loop.schedule is None or entry.value is not None
-        if known:
+        entry = _Entry(loop, loop.schedule_value, part)
+        if entry.known:
             for other in self.by_glance[_glance(loop)]:
                 if _same_data(loop, other.loop) and (twin := _judge_same(entry, other)):
                     return twin
-            self._refuse_same_name(entry)
             self.by_glance[_glance(loop)].append(entry)
-            self.by_name[loop.label, entry.value] = entry
-        self.loops.append(loop)
+        self.entries.append(entry)
         return None
+
+    def named(self) -> tuple[Loop, ...]:
+        """Return the loops, each with a name of its own among those at its scheduling value."""
+        alike: defaultdict[tuple[str, float | None], list[_Entry]] = defaultdict(list)
+        for entry in self.entries:
+            if entry.known:
+                alike[entry.loop.label, entry.value].append(entry)
+        names = _names([entry.part.place for entry in self.entries])
+        labels = {
+            id(entry): _own_label(entry, group[0], names[entry.part.place])
+            for group in alike.values()
+            if len(group) > 1
+            for entry in group
+        }
+        return tuple(
+            replace(entry.loop, label=labels.get(id(entry), entry.loop.label))
+            for entry in self.entries
+        )
 
     def _snap(self, loop: Loop) -> Loop:
         """Give a scheduling value that differs from an earlier one by rounding only that value."""
@@ -111,28 +132,41 @@ class _Kept:
         self.values[value] = None
         return loop
 
-    def _refuse_same_name(self, entry: _Entry) -> None:
-        other = self.by_name.get((entry.loop.label, entry.value))
-        if other is None:
-            return
-        at = "" if entry.value is None else f" at {entry.value:g}"
+
+def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
+    """Name a loop after its file; two that a column calls the same, at no gap, contradict each other."""
+    if not entry.part.labelled:
+        return name
+    if entry.value is None and entry is not first:
         raise InputError(
-            f"{entry.place}: loop '{entry.loop.label}'{at} is also in {other.place}, with other "
-            "data; leave one out, or tell them apart by a column 'loop'",
+            f"{entry.part.place}: loop '{entry.loop.label}' is also in {first.part.place}, with "
+            "other data; leave one out, give each its label, or say what differs: a gap, a "
+            "temperature",
             code="loop-twice",
             key=entry.loop.label,
         )
+    return f"{name} {entry.loop.label}"
+
+
+def _names(places: Sequence[str]) -> dict[str, str]:
+    """Name files by their stems, or, where these are the same, by the whole path."""
+    paths = {place: PurePath(place) for place in places}
+    stems = Counter(path.stem for path in paths.values())
+    return {
+        place: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
+        for place, path in paths.items()
+    }
 
 
 def _judge_same(entry: _Entry, other: _Entry) -> str | None:
     """Name the file of a loop with the same data, if it may be left out for that."""
     if entry.value != other.value:
         raise InputError(
-            f"{entry.place}: holds the same data at {entry.value:g} as {other.place} at "
+            f"{entry.part.place}: holds the same data at {entry.value:g} as {other.part.place} at "
             f"{other.value:g}; one of the two is mislabelled",
             code="same-data-twice",
         )
-    return other.place if entry.place != other.place else None
+    return other.part.place if entry.part is not other.part else None
 
 
 def _glance(loop: Loop) -> tuple[float, ...]:

@@ -89,8 +89,7 @@ def read_loops(
     Raises
     ------
     InputError
-        If a file cannot be read or understood, the files do not fit together, or the same loop at
-        the same gap comes twice with different data.
+        If a file cannot be read or understood, or the files do not fit together.
     """
     given = FileDescription.from_arguments(
         columns=columns,
@@ -288,7 +287,15 @@ def _cut(
         unstated += [place] if stated is None else []
     texts = tuple(f"{columns.place}: {text}" for text in found)
     return LoopPart(
-        columns.place, tuple(loops), drive, answer, quantity, source, texts, frozenset(unstated)
+        columns.place,
+        tuple(loops),
+        drive,
+        answer,
+        quantity,
+        source,
+        texts,
+        frozenset(unstated),
+        labelled=roles.label is not None or roles.fixed_label is not None,
     )
 
 

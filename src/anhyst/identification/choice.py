@@ -51,7 +51,7 @@ from anhyst.identification.response import Local
 from anhyst.identification.run import SEARCHED, SearchRun
 from anhyst.identification.screening import starts
 from anhyst.model.compilable import obstacle
-from anhyst.model.fit_record import CandidateFit, CrossValidation
+from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
 
 _NOTHING_MORE = 1.05
 """Deviation over the noise of the sensors below which there is nothing to gain."""
@@ -257,8 +257,8 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
             gap_map=one.gap_map,
             numbers=fits.found.theta.size,
             rms=float(np.sqrt(fits.found.cost)),
-            left_out=contest.error(one) if one in contest.entrants else None,
-            note="chosen" if one == best else "" if one in contest.entrants else "passed over",
+            left_out=contest.finite_error(one) if one in contest.entrants else None,
+            note=CHOSEN if one == best else "" if one in contest.entrants else "passed over",
         )
         for one, fits in sorted(contest.fits.items(), key=lambda item: item[0].rank)
     )
@@ -268,9 +268,10 @@ def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
     name = best.title(run.form.law)
     if not contest.places:
         return f"law {name}: too few loops to leave one out, so the simplest"
-    errors = {one: contest.error(one) for one in contest.entrants if one != best}
-    own = contest.error(best)
-    assert own is not None
+    errors = {one: contest.finite_error(one) for one in contest.entrants if one != best}
+    own = contest.finite_error(best)
+    if own is None:
+        return f"law {name}: none has an answer to all that was left out, so the simplest"
     text = f"law {name} misses {100.0 * own:.2g} % of the largest output on what was left out"
     others = {one: error for one, error in errors.items() if error is not None}
     if not others:

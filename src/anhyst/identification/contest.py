@@ -73,6 +73,11 @@ class Contest:
         """Cross-validation error of one; None where nothing was left out."""
         return mean_of(self.misses(one)) if self.places else None
 
+    def finite_error(self, one: ModelCandidate) -> float | None:
+        """Cross-validation error of one; None, too, where it has no answer to what was left out."""
+        error = self.error(one)
+        return error if error is not None and np.isfinite(error) else None
+
     def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
         """Cross-validation error of each map under the law of one, of its best variant."""
         found: dict[str, float] = {}

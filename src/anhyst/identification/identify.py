@@ -8,8 +8,6 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import numpy as np
-
 from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_electromagnet, output_map
@@ -22,10 +20,8 @@ from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
-from anhyst.identification.default import FoundModel
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
-from anhyst.identification.objective import Objective
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rest import rest_of
@@ -139,7 +135,7 @@ def identify(
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = _search(run, loops, gap_map, search)
-    outcome = _resolved(outcome, loops)
+    outcome = replace(outcome, model=resolved(outcome.model, loops))
     warnings = [*odd, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
@@ -160,19 +156,16 @@ def identify(
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    fitted = outcome.fitted
-    model = replace(
-        model,
-        fit=fit_figures(
-            loops,
-            fitted,
-            outcome.left_out,
-            acceptance.passed,
-            outcome.promised,
-            outcome.candidates,
-        ),
-        uncertainty=outcome.uncertainty,
+    fitted = _predicted(model, loops)
+    figures = fit_figures(
+        loops,
+        fitted,
+        outcome.left_out,
+        acceptance.passed,
+        outcome.promised,
+        outcome.candidates,
     )
+    model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model)) is not None else []
     return IdentifyResult(
         model=model,
@@ -233,7 +226,7 @@ def check_wanted(law: str, gap_map: str, search: str) -> None:
         )
 
 
-def _compared(loopset: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
+def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ...]]:
     """Name the law of the search, and the play cells that are fitted from it."""
     shapes = {name: shape for shape, name in LAW_OF.items()}
     if law in shapes:
@@ -241,7 +234,7 @@ def _compared(loopset: Loops, law: str, search: str) -> tuple[str, tuple[Shape, 
     if law != AUTO:
         return law, ()
     # What pulls is to be compensated, so a law that cannot be compiled is not even tried.
-    able = (name for name in shapes if not is_electromagnet(loopset) or LAWS[name].least_slope)
+    able = (name for name in shapes if not is_electromagnet(loops) or LAWS[name].least_slope)
     return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
 
 
@@ -253,7 +246,6 @@ class _Outcome:
     uncertainty: Uncertainty
     quantities: int
     evaluations: int
-    fitted: tuple[FloatArray, ...]
     why: str
     interrupted: bool
     dead_band: str = "none"
@@ -266,20 +258,19 @@ class _Outcome:
     resumed: int = 0
 
 
-def _creeps(loopset: Loops, law: str, search: str) -> bool:
+def _creeps(loops: Loops, law: str, search: str) -> bool:
     """Whether cells are fitted with lag and creep, in one step."""
-    able = output_map(loopset.output).creeps and loopset.schedule is None
+    able = output_map(loops.output).creeps and loops.schedule is None
     return able and law in {AUTO, CREEPING_LAW} and search == "default"
 
 
-def _creeping(loopset: Loops) -> _Outcome:
-    end = fit_creeping(loopset)
+def _creeping(loops: Loops) -> _Outcome:
+    end = fit_creeping(loops)
     return _Outcome(
         end.model,
         Uncertainty(statements=tuple(filter(None, [end.statement]))),
         end.numbers,
         end.tried,
-        _predicted(end.model, loopset),
         "nothing is scheduled",
         False,
         dead_band="none: play cells need none",
@@ -289,50 +280,40 @@ def _creeping(loopset: Loops) -> _Outcome:
 
 
 def _any_law(
-    loopset: Loops, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
+    loops: Loops, law: str, gap_map: str, seed: int, weights: str, *, offsets: bool
 ) -> _Outcome:
     """Fit a law that the core does not have."""
-    records = records_of(loopset, weights)
+    records = records_of(loops, weights)
     require_gaps(records, gap_map)
-    end = fit_any(loopset, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
-    fitted = _predicted(end.model, loopset)
+    end = fit_any(loops, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
     return _Outcome(
         end.model,
         end.uncertainty,
         len(end.uncertainty.names),
         end.evaluations,
-        fitted,
         end.why,
         False,
     )
 
 
-def _resolved(outcome: _Outcome, loopset: Loops) -> _Outcome:
-    """Count as free what no sample shows to be pinned."""
-    model = resolved(outcome.model, loopset)
-    if model is outcome.model:
-        return outcome
-    return replace(outcome, model=model, fitted=_predicted(model, loopset))
-
-
-def _predicted(model: Model, loopset: Loops) -> tuple[FloatArray, ...]:
+def _predicted(model: Model, loops: Loops) -> tuple[FloatArray, ...]:
+    """Run the model, as it is written, along every loop: what is reported of it is what it gives."""
     return tuple(
         model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-        for loop in loopset.loops
+        for loop in loops.loops
     )
 
 
-def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outcome:
+def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome:
     if search == "paper":
-        end = search_paper(run, loopset, gap_map)
+        end = search_paper(run, loops, gap_map)
         if not end.interrupted:
             run.finish()
         return _Outcome(
             end.model,
-            assess(end.found, loopset),
+            assess(end.found, loops),
             end.found.theta.size,
             end.found.evaluations,
-            _predicted(end.model, loopset),
             end.why,
             end.interrupted,
             steps=end.steps,
@@ -341,7 +322,7 @@ def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outco
         )
     interrupted = False
     try:
-        choice = search_models(run, loopset, gap_map)
+        choice = search_models(run, loops, gap_map)
     except KeyboardInterrupt:
         if run.best is None:
             raise
@@ -349,11 +330,10 @@ def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outco
         choice = ModelChoice(best, "the search was interrupted: this is the best so far")
     found = choice.found
     return _Outcome(
-        model_of(found, loopset),
-        assess(found, loopset),
+        model_of(found, loops),
+        assess(found, loops),
         found.theta.size,
         found.evaluations,
-        _fitted(found, loopset),
         choice.why,
         interrupted,
         choice.dead_band,
@@ -364,31 +344,21 @@ def _search(run: SearchRun, loopset: Loops, gap_map: str, search: str) -> _Outco
     )
 
 
-def _fitted(found: FoundModel, loopset: Loops) -> tuple[FloatArray, ...]:
-    """Modelled outputs in the order of the loops of the set."""
-    ends = np.cumsum([record.input.size for record in found.space.records.loops])[:-1]
-    offset = found.space.records.rest.output.offset
-    outputs = np.split(Objective(found.space).outputs(found.sets) + offset, ends)
-    ordered = [id(loop) for group in loopset.by_schedule().values() for loop in group]
-    by_loop = dict(zip(ordered, outputs, strict=True))
-    return tuple(by_loop[id(loop)] for loop in loopset.loops)
-
-
-def _warnings(loopset: Loops, outcome: _Outcome) -> list[str]:
-    gaps, quantities = len(loopset.schedule_values), outcome.quantities
-    warnings = [note for note in loopset.notes if "columns not used" in note]
+def _warnings(loops: Loops, outcome: _Outcome) -> list[str]:
+    gaps, quantities = len(loops.schedule_values), outcome.quantities
+    warnings = [note for note in loops.notes if "columns not used" in note]
     warnings += [outcome.why] if gaps == 2 else []
     if outcome.resumed:
         warnings.append(f"went on from a checkpoint: {outcome.resumed} stages were done already")
-    if loopset.schedule is not None and gaps == 1:
+    if loops.schedule is not None and gaps == 1:
         warnings.append(
-            f"loops at one {loopset.schedule.name} only: the model holds there and nowhere else"
+            f"loops at one {loops.schedule.name} only: the model holds there and nowhere else"
         )
-    if len(loopset) == 1:
+    if len(loops) == 1:
         warnings.append(
             "one loop only: how inner loops run is a guess of the law; measure smaller loops too"
         )
-    samples = sum(loop.n for loop in loopset.loops)
+    samples = sum(loop.n for loop in loops.loops)
     if samples < FEWEST * quantities:
         warnings.append(
             f"{samples} samples for {quantities} quantities to find: that the model fits proves "
@@ -397,16 +367,16 @@ def _warnings(loopset: Loops, outcome: _Outcome) -> list[str]:
     return warnings
 
 
-def _name(loopset: Loops) -> str:
+def _name(loops: Loops) -> str:
     """Name a model after its file, or after the folder that its files share."""
-    paths = [Path(source.path) for source in loopset.sources]
+    paths = [Path(source.path) for source in loops.sources]
     if len(paths) == 1:
         return paths[0].stem
     folders = {path.parent.name for path in paths}
     return folders.pop() or "actuator" if len(folders) == 1 else "actuator"
 
 
-def _history(loopset: Loops) -> History:
+def _history(loops: Loops) -> History:
     """Name what most loops had before them; what a settled one goes on from is its own."""
-    seen = (SETTLED if one.history.kind == "settled" else one.history for one in loopset.loops)
+    seen = (SETTLED if one.history.kind == "settled" else one.history for one in loops.loops)
     return Counter(seen).most_common(1)[0][0]

@@ -6,7 +6,7 @@ Plain records. Identification fills them, the model file keeps them, the report 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -16,6 +16,9 @@ from anhyst.data.verdict import largest_output
 from anhyst.support.arrays import FloatArray
 
 Range = tuple[float, float]
+
+CHOSEN = "chosen"
+"""Note of the candidate that became the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +97,11 @@ class CandidateFit:
     numbers : int
         How many were fitted.
     rms : float
-        Root mean square deviation from all loops, in parts of the largest output.
+        Root mean square deviation from all loops, in parts of the largest output: of the one chosen
+        that of the model, of the others that of the fits that were compared.
     left_out : float or None
         Mean absolute deviation on what was left out of the fit, gaps or loops, in the same parts;
-        None where nothing was, or it was passed over.
+        None where nothing was, where the law has no answer there, or where it was passed over.
     note : str
         ``chosen``, ``passed over``, or nothing.
     """
@@ -184,16 +188,19 @@ def fit_figures(
             )
         )
     pooled = np.concatenate(deviations)
+    largest, rms = largest_output(loopset), float(np.sqrt(np.mean(pooled**2)))
     return FitFigures(
-        largest_output=largest_output(loopset),
+        largest_output=largest,
         mean_abs=float(pooled.mean()),
-        rms=float(np.sqrt(np.mean(pooled**2))),
+        rms=rms,
         worst=float(pooled.max()),
         loops=tuple(rows),
         left_out=dict(left_out),
         monotone=monotone,
         cross_validation=cross_validation,
-        candidates=candidates,
+        candidates=tuple(
+            replace(one, rms=rms / largest) if one.note == CHOSEN else one for one in candidates
+        ),
     )
 
 

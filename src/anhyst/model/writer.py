@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
 from anhyst.model.keys import FORMAT, VERSION, column
+from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.errors import InputError
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
 
@@ -61,7 +64,7 @@ UNCERTAINTY = """
 
 
 def write_model(model: ActuatorRecord, path: PathLike) -> None:
-    """Write a model to a file, whole or not at all.
+    """Write a model to a file, whole or not at all; it is read back before it takes its name.
 
     Parameters
     ----------
@@ -73,10 +76,22 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
     Raises
     ------
     InputError
-        The place cannot be written, or the disk is full.
+        The place cannot be written, the disk is full, or the model holds what no file may.
     """
     text = model_text(model)
-    with atomic_writer(path) as stream:
+
+    def check(draft: Path) -> None:
+        try:
+            read_as(draft, ActuatorRecord)
+        except InputError as error:
+            said = str(error).replace(str(draft), str(path))
+            raise InputError(
+                f"{said}; no file could be read with that, so none is written",
+                code=error.code,
+                key=error.key,
+            ) from error
+
+    with atomic_writer(path, check) as stream:
         stream.write(text)
 
 

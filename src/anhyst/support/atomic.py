@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -35,7 +35,9 @@ def write_error(path: PathLike, error: OSError) -> InputError:
 
 
 @contextmanager
-def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
+def atomic_writer(
+    path: PathLike, check: Callable[[Path], object] | None = None
+) -> Iterator[IO[str]]:
     """Open a file that appears under its name only when it is complete.
 
     It is written beside its place under a temporary name, flushed to the disk and renamed. After
@@ -46,6 +48,8 @@ def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
     ----------
     path : path-like
         Where the file is to appear.
+    check : callable, optional
+        Reads the complete file under its temporary name; where it raises, nothing appears.
 
     Yields
     ------
@@ -57,9 +61,12 @@ def atomic_writer(path: PathLike) -> Iterator[IO[str]]:
     InputError
         The place cannot be written, or the disk is full.
     """
-    with _draft(path) as place, place.open("w", encoding="utf-8", newline="") as stream:
-        yield stream
-        _to_disk(stream)
+    with _draft(path) as place:
+        with place.open("w", encoding="utf-8", newline="") as stream:
+            yield stream
+            _to_disk(stream)
+        if check is not None and place.is_file():
+            check(place)
 
 
 def write_bytes(path: PathLike, content: bytes) -> None:

@@ -1,0 +1,368 @@
+"""Reading the model file: every key is checked, and what is wrong is reported all at once."""
+
+from __future__ import annotations
+
+import difflib
+from copy import deepcopy
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from anhyst.data.history import History
+from anhyst.data.loops import Source
+from anhyst.laws.cells import CellWeights
+from anhyst.laws.law import Law
+from anhyst.laws.registry import LAWS, law_of
+from anhyst.model.dynamics import Dynamics
+from anhyst.model.fit_record import (
+    CandidateFit,
+    CrossValidation,
+    FitFigures,
+    LoopFit,
+    Provenance,
+    ReductionStep,
+    Uncertainty,
+    ValidRange,
+)
+from anhyst.model.keys import VERSION, Names, meant, section_names
+from anhyst.model.parameters import Parameter, find_problems
+from anhyst.model.record import ActuatorRecord
+from anhyst.model.schema import (
+    CellsTable,
+    FitTable,
+    ModelTable,
+    QuantityTable,
+    UncertaintyTable,
+    model_table,
+)
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind
+from anhyst.support.toml_file import Advice, TomlFile, check_kind, explain
+from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.units import QUANTITIES, Quantity, find_unit
+
+Record = TypeVar("Record", bound=ActuatorRecord)
+
+
+def read_as(path: PathLike, kind: type[Record]) -> Record:
+    """Read and check a model file; see :func:`anhyst.model.file.read_model`."""
+    return _Reader(TomlFile(path)).read(kind)
+
+
+class _Reader:
+    """Takes the content of a file to a model, collecting problems on the way."""
+
+    def __init__(self, file: TomlFile) -> None:
+        self.file = file
+        self.names: dict[tuple[str, ...], Names] = {}
+
+    def read(self, kind: type[Record]) -> Record:
+        content = self.file.content
+        self._check_version(content)
+        given, answer, schedule = (
+            self._quantity(content, key) for key in ("input", "output", "schedule")
+        )
+        self._stop_if_wrong()
+        assert given is not None
+        assert answer is not None
+        name = content.get("law")
+        law = LAWS.get(name) if isinstance(name, str) else None
+        self.names = section_names(None, given, answer, schedule)
+        cells = self._cells(content)
+        if law is not None and cells is not None:
+            law = self._with_cells(law, cells)
+        self.names = section_names(law, given, answer, schedule)
+        self._strip_units(content, ())
+        try:
+            table = model_table(law).model_validate(content)
+        except ValidationError as error:
+            self._collect(error)
+            table = None
+        self._check_ranges(content, law)
+        self._stop_if_wrong()
+        assert table is not None
+        return self._build(kind, table, given, answer, schedule, cells)
+
+    def _check_version(self, content: dict[str, Any]) -> None:
+        check_kind(self.file, [FileKind.MODEL])
+        if content.get("version") != VERSION:
+            version = content.get("version")
+            self.file.add(
+                ("version",),
+                f"is missing; a file of this anhyst says version = {VERSION}"
+                if version is None
+                else f"is {version!r}, but this anhyst reads version {VERSION}; update anhyst",
+                code="wrong-version",
+            )
+        self._stop_if_wrong()
+
+    def _cells(self, content: dict[str, Any]) -> CellWeights | None:
+        """Read the table of cells ahead of the rest: it says which parameters are left."""
+        written = deepcopy(content.get("cells"))
+        if written is None:
+            return None
+        self._strip_units(written, ("cells",))
+        self._stop_if_wrong()
+        try:
+            table = CellsTable.model_validate(written)
+        except ValidationError as error:
+            self._collect(error, ("cells",))
+            self._stop_if_wrong()
+            raise
+        rows = {len(row) for row in table.weights}
+        if rows != {len(table.widths)} or len(table.weights) != len(table.thresholds):
+            text = (
+                f"must be {len(table.thresholds)} rows of {len(table.widths)}, one row for each "
+                "threshold and one column for each width"
+            )
+            self.file.add(self._file_path(("cells", "weights")), text, code="wrong-shape")
+            self._stop_if_wrong()
+        try:
+            return CellWeights(
+                np.array(table.thresholds),
+                np.array(table.widths),
+                np.array(table.weights),
+                table.shape,
+            )
+        except ValueError as error:
+            self.file.add(("cells",), str(error), code="cells-out-of-range")
+            self._stop_if_wrong()
+            raise
+
+    def _with_cells(self, law: Law, cells: CellWeights) -> Law:
+        try:
+            return law_of(law.name, cells)
+        except ValueError as error:
+            self.file.add(("cells",), str(error), code="cells-out-of-range")
+            self._stop_if_wrong()
+            raise
+
+    def _quantity(self, content: dict[str, Any], key: str) -> Quantity | None:
+        written = content.get(key)
+        if written is None and key == "schedule":
+            return None
+        fields = set(QuantityTable.model_fields)
+        known = {k: v for k, v in written.items() if k in fields} if isinstance(
+            written, dict
+        ) else written  # fmt: skip
+        try:
+            if written is None:
+                self.file.add((key,), "is missing; add this table", code="missing")
+                return None
+            table = QuantityTable.model_validate(known)
+        except ValidationError as error:
+            self._collect(error, (key,))
+            return None
+        return self._check_unit(key, Quantity(table.quantity, table.symbol, table.unit))
+
+    def _check_unit(self, key: str, quantity: Quantity) -> Quantity:
+        usual = QUANTITIES.get(quantity.name)
+        unit = find_unit(quantity.unit)
+        wanted = usual.unit if usual else unit.si if unit else None
+        if wanted is None:
+            self.file.add(
+                (key, "unit"),
+                f"unknown unit {quantity.unit!r}; write an SI unit",
+                code="unknown-unit",
+            )
+        elif quantity.unit != wanted:
+            text = f"is {quantity.unit!r}; model files are in SI, write {wanted!r}"
+            self.file.add((key, "unit"), text, code="unit-not-si")
+        return quantity
+
+    def _strip_units(self, table: Any, at: KeyPath) -> None:
+        """Rename keys that carry units to fields, in place; complain about those that do not."""
+        if isinstance(table, list):
+            for place, item in enumerate(table):
+                self._strip_units(item, (*at, place))
+        if not isinstance(table, dict):
+            return
+        names = self._names_in(at)
+        fields = {key: field for field, (_, key) in names.items()}
+        for key in list(table):
+            if key in fields:
+                table[fields[key]] = table.pop(key)
+            elif field := meant(key, names):
+                text = f"its unit must stand in the key; write {names[field][1]}"
+                self.file.add((*at, key), text, code="unit-missing")
+                table[field] = table.pop(key)
+        for key, value in table.items():
+            self._strip_units(value, (*at, key))
+
+    def _collect(self, error: ValidationError, at: tuple[str, ...] = ()) -> None:
+        self.file.collect(error, self._advice, lambda place: self._file_path((*at, *place)))
+
+    def _advice(self, path: KeyPath, finding: Any) -> Advice:
+        plain = explain(finding)
+        if plain.code != "extra-forbidden":
+            return plain
+        known = [key for _, key in self._names_in(path[:-1]).values()]
+        near = difflib.get_close_matches(str(path[-1]), known, n=1)
+        if not near:
+            return plain
+        return Advice(f"is unknown; did you mean {near[0]}?", code="extra-forbidden")
+
+    def _names_in(self, table: KeyPath) -> Names:
+        """Keys that carry units in a table; elements of an array of tables are alike."""
+        return self.names.get(tuple(part for part in table if isinstance(part, str)), {})
+
+    def _file_path(self, location: KeyPath) -> KeyPath:
+        """Path in the file of a place in the validated tables."""
+        *table, last = location
+        names = self._names_in(tuple(table))
+        return (*table, names[last][1] if last in names else last)
+
+    def _check_ranges(self, content: dict[str, Any], law: Law | None) -> None:
+        """Check what types cannot say; only where the types were right."""
+        parameters = content.get("parameters")
+        if self.file.problems or law is None or not isinstance(parameters, dict):
+            return
+        values: dict[str, Parameter] = {
+            name: tuple(float(v) for v in value) if isinstance(value, list) else float(value)
+            for name, value in parameters.items()
+        }
+        nodes = content.get("schedule", {}).get("nodes", [])
+        for problem in find_problems(law, values, nodes, content["gap_map"]):
+            self.file.add(self._file_path(_place_of(problem.key)), problem.text, code=problem.code)
+        for key, pair in content.get("valid", {}).items():
+            if pair[0] > pair[1]:
+                self.file.add(
+                    self._file_path(("valid", key)),
+                    "the first must not exceed the second",
+                    code="range-reversed",
+                )
+        if "schedule" in content.get("valid", {}) and "schedule" not in content:
+            self.file.add(
+                ("valid",),
+                "has a range of a scheduling variable that there is not",
+                code="no-schedule",
+            )
+        unsure = content.get("uncertainty")
+        if unsure is not None:
+            self._check_lengths(unsure)
+
+    def _check_lengths(self, unsure: dict[str, Any]) -> None:
+        count = len(unsure["names"])
+        matrix = unsure.get("correlation", [])
+        for key, sizes in (
+            ("values", [len(unsure["values"])]),
+            ("std", [len(unsure["std"])]),
+            ("correlation", [len(matrix), *map(len, matrix)] if matrix else [count]),
+        ):
+            if set(sizes) != {count}:
+                self.file.add(
+                    ("uncertainty", key),
+                    f"must hold one entry for each of {count} names",
+                    code="length-differs",
+                )
+
+    def _build(
+        self,
+        kind: type[Record],
+        table: ModelTable,
+        given: Quantity,
+        answer: Quantity,
+        schedule: Quantity | None,
+        cells: CellWeights | None,
+    ) -> Record:
+        try:
+            history = History.parse(table.history)
+        except InputError as error:
+            self.file.add(("history",), str(error), code=error.code)
+        late = self._dynamics(table)
+        self._stop_if_wrong()
+        model = kind(
+            name=table.name,
+            input=given,
+            output=answer,
+            parameters={
+                name: tuple(value) if isinstance(value, list) else value
+                for name, value in dict(table.parameters).items()
+            },
+            law=table.law,
+            gap_map=table.gap_map,
+            schedule=schedule,
+            nodes=tuple(table.schedule.nodes) if table.schedule else (),
+            history=history,
+            valid=_valid(table),
+            fit=_fit(table.fit) if table.fit else None,
+            uncertainty=_uncertainty(table.uncertainty) if table.uncertainty else None,
+            reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
+            provenance=_provenance(table),
+            cells=cells,
+            dynamics=late,
+        )
+        try:
+            for node in model.nodes if model.fixed_gap_only else (None,):
+                model.iron_at(node)
+        except InputError as error:
+            self.file.add(
+                ("parameters",), str(error).removeprefix("model parameters: "), code=error.code
+            )
+            self._stop_if_wrong()
+        return model
+
+    def _dynamics(self, table: ModelTable) -> Dynamics | None:
+        given = table.dynamics
+        if given is None:
+            return None
+        try:
+            return Dynamics(
+                given.lag, tuple(given.creep_times), tuple(given.creep_shares), given.fastest
+            )
+        except InputError as error:
+            self.file.add(
+                ("dynamics",), str(error).removeprefix("model dynamics: "), code=error.code
+            )
+            return None
+
+    def _stop_if_wrong(self) -> None:
+        if self.file.problems:
+            raise self.file.error()
+
+
+def _place_of(key: str) -> tuple[str, ...]:
+    if key == "gap_map":
+        return ("gap_map",)
+    return ("schedule", "nodes") if key == "nodes" else ("parameters", key)
+
+
+def _valid(table: ModelTable) -> ValidRange | None:
+    if table.valid is None:
+        return None
+    low_high = [
+        None if pair is None else (pair[0], pair[1])
+        for pair in (table.valid.input, table.valid.output, table.valid.schedule)
+    ]
+    assert low_high[0] is not None
+    assert low_high[1] is not None
+    return ValidRange(low_high[0], low_high[1], low_high[2])
+
+
+def _fit(table: FitTable) -> FitFigures:
+    plain = dict(table)
+    loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
+    candidates = tuple(CandidateFit(**dict(one)) for one in plain.pop("candidate"))
+    found = table.cross_validation
+    if found is not None:
+        low, high = found.interval
+        plain["cross_validation"] = CrossValidation(found.error, low, high, tuple(found.folds))
+    return FitFigures(loops=loops, candidates=candidates, **plain)
+
+
+def _uncertainty(table: UncertaintyTable) -> Uncertainty:
+    return Uncertainty(
+        names=tuple(table.names),
+        values=tuple(table.values),
+        std=tuple(table.std),
+        correlation=tuple(tuple(row) for row in table.correlation),
+        statements=tuple(table.statements),
+    )
+
+
+def _provenance(table: ModelTable) -> Provenance:
+    origin = table.provenance
+    sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
+    return Provenance(origin.version, origin.seed, sources, origin.settings)

@@ -1,0 +1,226 @@
+"""What is reported of a fit is what the written model gives, and what is written can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.data import History, Loop, Loops
+from anhyst.data.clean import clean
+from anhyst.data.formats.text import write_csv
+from anhyst.data.reading import read_loops
+from anhyst.data.verdict import largest_output
+from anhyst.identification import IdentifyResult, candidates, identify
+from anhyst.identification.candidates import ModelCandidate
+from anhyst.identification.contest import Contest
+from anhyst.identification.cross_validation import Miss, Refit
+from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
+from anhyst.model.fit_record import CHOSEN, CandidateFit, FitFigures
+from anhyst.model.parameters import GapMap
+from anhyst.model.predict_file import run_file
+from anhyst.support.errors import InputError
+from anhyst.support.units import QUANTITIES
+from tests.identification.truths import (
+    GAPS,
+    HISTORIES,
+    core,
+    loops_of,
+    magnet,
+    path,
+    predicted,
+)
+
+exactly = partial(pytest.approx, rel=1e-9, abs=1e-12)
+
+
+def fit_of(model: Model) -> FitFigures:
+    assert model.fit is not None
+    return model.fit
+
+
+def written(result: IdentifyResult, place: Path) -> Model:
+    """Save a result and read it: every figure reported of it is that of the file on its loops."""
+    model = read_model(result.save(place / "model.toml"))
+    outputs = predicted(model, result.loops)
+    off = [one - loop.output for one, loop in zip(outputs, result.loops.loops, strict=True)]
+    fit = fit_of(model)
+    for deviation, row in zip(off, fit.loops, strict=True):
+        assert row.rms == exactly(np.sqrt(np.mean(deviation**2)))
+        assert row.worst == exactly(np.abs(deviation).max())
+    rms = float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
+    assert fit.rms == exactly(rms)
+    for one in fit.candidates:
+        if one.note == CHOSEN:
+            assert one.rms * largest_output(result.loops) == exactly(rms)
+    assert fit == fit_of(result.model)
+    return model
+
+
+MAPS = ("none", "scaling", "reluctance", "circuit", "free")
+CASES = [("effective-field", gap_map, history) for gap_map in MAPS for history in HISTORIES]
+CASES += [("jiles-atherton-1986", "none", history) for history in HISTORIES]
+
+
+@pytest.mark.parametrize(("law", "gap_map", "history"), CASES)
+def test_every_figure_is_that_of_the_written_model(
+    law: str, gap_map: str, history: str, tmp_path: Path
+) -> None:
+    """Of loops that no model fits exactly: their iron is another one and the force sensor noisy."""
+    kind: GapMap = "none" if gap_map == "none" else "reluctance"
+    truth = magnet(kind, gaps=GAPS[:2], c=0.6)
+    loops = loops_of(truth, history, samples=40, noise=2e-3)
+    result = identify(loops, law=law, gap_map="auto" if gap_map == "none" else gap_map)
+    model = written(result, tmp_path)
+    assert model.gap_map == gap_map
+    assert fit_of(model).rms > 1e-4 * fit_of(model).largest_output
+
+
+def accelerator_magnet() -> Model:
+    parameters = {"M_0": 1e5, "a_0": 300.0, "M_1": 1.3e6, "a_1": 120.0, "k_1": 60.0, "s_1": 1.0}
+    around = {"c_H": 120.0, "rho": 0.006, "c_out": 0.9}
+    quantities = QUANTITIES["current"], QUANTITIES["flux_density"]
+    return Model("dipole", *quantities, parameters | around, law="play-cells")
+
+
+def accelerator() -> Loops:
+    """One unipolar loop of a magnet that was cycled before: 63 samples, coarse against its iron."""
+    truth = accelerator_magnet()
+    before = "conditioned:0,165,0,165,0,165,8"
+    drive = path([8.0, 165.0, 8.0], 63)
+    output = truth.predict(drive, history=before).output
+    output = output + 5e-5 * output.max() * np.random.default_rng(0).standard_normal(drive.size)
+    return Loops(
+        (Loop("1", drive, output, history=History.parse(before)),), truth.input, truth.output
+    )
+
+
+def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cells that its samples cannot resolve count as free, after the fit: that is reported too."""
+    # One loop alone is given the simplest cells; further ones would be fitted for nothing.
+    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    loops = accelerator()
+    result = identify(loops, law="play-cells")
+    model = written(result, tmp_path)
+    assert model.cells is not None  # some were counted as free
+    loop = loops.loops[0]
+    write_csv(tmp_path / "drive.csv", {"I_A": loop.input, "B_T": loop.output})
+    run = run_file(model, "predict", tmp_path / "drive.csv", tmp_path / "found.csv")
+    assert run.deviation is not None
+    assert run.history == str(loop.history)
+    assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
+    chosen = [one.rms for one in fit_of(model).candidates if one.note == CHOSEN]
+    assert chosen == [pytest.approx(run.deviation.rms / run.deviation.largest, rel=1e-9)]
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+def test_play_cells_are_reported_as_predicted(
+    history: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    loops = loops_of(magnet(gaps=GAPS[:2]), history, samples=40)
+    written(identify(loops, law="play-cells", gap_map="reluctance"), tmp_path)
+
+
+def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small cycle goes on from the remanence of the large one: for the fit and for predict."""
+    monkeypatch.setattr(candidates, "POPULATIONS", 1)
+    truth = replace(accelerator_magnet(), history=History.parse("demagnetised"))
+    cycles = [path([8.0, top, 8.0], 60)[:-1] for top in (165.0, 90.0, 40.0)]
+    drive = np.concatenate([np.tile(cycle, 4) for cycle in cycles])
+    output = truth.predict(drive).output
+    last = [slice(236 * k + 177, 236 * k + 236) for k in range(len(cycles))]
+    columns = {
+        "loop": np.repeat([1.0, 2.0, 3.0], 59),
+        "t_s": np.concatenate([np.arange(236.0 * 3)[part] for part in last]),
+        "I_A": np.concatenate([drive[part] for part in last]),
+        "B_T": np.concatenate([output[part] for part in last]),
+    }
+    write_csv(tmp_path / "loops.csv", columns)
+    loops = read_loops(tmp_path / "loops.csv", history="settled")
+    assert any(loop.history.turning_points for loop in loops.loops)
+    model = written(identify(loops, law="play-cells"), tmp_path)
+    run = run_file(model, "predict", tmp_path / "loops.csv", tmp_path / "found.csv")
+    assert run.deviation is not None
+    assert run.runs == len(cycles)
+    assert run.deviation.rms == pytest.approx(fit_of(model).rms, rel=1e-9)
+
+
+def test_what_could_not_be_left_out_is_absent() -> None:
+    one, fold = ModelCandidate("free", frozenset()), frozenset({1})
+    nothing = Refit(np.inf, {1: Miss(np.inf, (np.inf,))})
+    contest = Contest([one], {}, {fold: {one: nothing}}, [1])
+    assert contest.finite_error(one) is None
+
+
+def test_a_model_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    place = tmp_path / "model.toml"
+    good = core()
+    good.save(place)
+    before = place.read_bytes()
+    candidate = CandidateFit("effective-field", "free", 30, 0.01, left_out=np.inf)
+    with pytest.raises(InputError, match=r"model\.toml:\d+: fit\.candidate\[1\]\.left_out"):
+        replace(good, fit=FitFigures(1.0, 0.0, 0.0, 0.0, candidates=(candidate,))).save(place)
+    assert place.read_bytes() == before
+    assert [one.name for one in tmp_path.iterdir()] == ["model.toml"]
+
+
+SETS: Mapping[str, Mapping[str, object]] = {
+    "ferrite_core_gaps/loops_by_gap.csv": {"columns": {"I_A_scaled": "I_A", "U_M_V": "psi_Wb"}},
+    "ferrite_mnzn/mnzn_ferrite_3loops.csv": {},
+    "ferrite_mnzn/mnzn_ferrite_4loops.csv": {},
+    "ferrite_mnzn/mnzn_hp_ferrite_4loops.csv": {},
+    "gadolinium_temperature/gd_T*.csv": {"file_name": "gd_T{T_C}C"},
+    "piezo_flexure/model_run.csv": {"columns": {"V_in": "u_V", "y_um": "x_um"}},
+    "steel_core1_dc/loops.csv": {"loop": "nominal_Hmax_A_per_m"},
+    "steel_m130_27s/m130_27s_steel_raw_3loops.csv": {},
+    "steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv": {},
+    "steel_team32/loops.csv": {"columns": {"bmax_T": "loop"}},
+}
+
+
+def ways(loops: Loops) -> Iterator[dict[str, str]]:
+    """Name every law, and every gap map, that may be asked for of some loops."""
+    yield {}
+    scheduled = len(loops.schedule_values) > 1
+    for law in LAWS:
+        # Fitted by differences it takes minutes over many temperatures, or of a piezo actuator.
+        if law != "jiles-atherton-1986" or (loops.input.name == "field" and not scheduled):
+            yield {"law": law}
+    for gap_map in MAPS[1:] if scheduled else ():
+        yield {"law": "effective-field", "gap_map": gap_map}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETS)
+def test_every_model_of_real_measurements_can_be_read(
+    name: str, measurements: Path, tmp_path: Path
+) -> None:
+    """All laws, and all maps, of every set of loops; a law or map that does not go is refused."""
+    loops = clean(read_loops(sorted(measurements.glob(name)), **SETS[name]))  # type: ignore[arg-type]
+    few = loops.with_loops(
+        replace(loop, input=loop.input[::step], output=loop.output[::step],
+                schedule=None if loop.schedule is None else loop.schedule[::step],
+                time=None if loop.time is None else loop.time[::step])
+        for loop in loops.loops
+        for step in [max(1, loop.n // 60)]
+    )  # fmt: skip
+    read = 0
+    for way in ways(few):
+        try:
+            result = identify(few, **way)  # type: ignore[arg-type]
+        except InputError:
+            continue
+        written(result, tmp_path)
+        read += 1
+    assert read > 3
