@@ -106,7 +106,8 @@ def export(
 
     Example: anhyst export model.toml --as lut --out magnet.csv
     """
-    from anhyst.exchange.fmu_file import PLATFORMS_ALL, export_fmu
+    from anhyst.exchange.binaries import PLATFORMS_ALL
+    from anhyst.exchange.fmu_file import export_fmu
     from anhyst.exchange.sfunction import export_sfunction
     from anhyst.exchange.tables import export_tables
     from anhyst.model.file import read_model
