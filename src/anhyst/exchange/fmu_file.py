@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import subprocess
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from anhyst.exchange.actuator_part import actuator_part
 from anhyst.exchange.bearing_part import bearing_part
+from anhyst.exchange.binaries import PLATFORMS, PLATFORMS_ALL, compile_all
 from anhyst.exchange.compensator_part import Kind, compensator_part
 from anhyst.exchange.description import MODEL, FmiVersion, build_description, model_description
 from anhyst.exchange.part import WRAPPER, Part
@@ -26,29 +25,6 @@ from anhyst.verification.toolchain import zig_cc
 
 Of = Literal["compensator", "actuator"]
 _BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file
-
-
-@dataclass(frozen=True)
-class Platform:
-    """Where a binary runs: zig's target, the folder in FMI 2.0, the ending."""
-
-    target: str
-    second: str
-    ending: str
-
-
-PLATFORMS = {
-    "x86_64-linux": Platform("x86_64-linux-gnu.2.17", "linux64", ".so"),
-    "aarch64-linux": Platform("aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
-    "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll"),
-    "x86_64-darwin": Platform("x86_64-macos", "darwin64", ".dylib"),
-    "aarch64-darwin": Platform("aarch64-macos", "aarch64-darwin", ".dylib"),
-}
-"""By the names of FMI 3.0."""
-PLATFORMS_ALL = tuple(PLATFORMS)
-
-SAME_BITS = ("-ffp-contract=off",)
-"""No product fused into a sum, as the core is compiled for Python."""
 
 
 def export_fmu(
@@ -85,7 +61,7 @@ def export_fmu(
     fmi : str
         Version of the standard, ``"2.0"`` or ``"3.0"``.
     platforms : sequence of str
-        Of :data:`PLATFORMS`; each costs a second, or a minute when it is built for the first time.
+        Of :data:`~anhyst.exchange.binaries.PLATFORMS`; all of them take seconds, the first time too.
     progress : callable, optional
         Called with what is done and what there is in all.
 
@@ -111,7 +87,7 @@ def export_fmu(
                 key="platforms",
             )
     check_writable(path)
-    compiler = zig_cc("fmu")
+    zig_cc("fmu")  # before anything is computed
     part = part_of(model, of, rate, kind)
     number = fmi[0]
     wrapper = [place.name for place in WRAPPER.glob(f"fmi{number}*.c")]
@@ -122,8 +98,7 @@ def export_fmu(
     if fmi == "3.0":
         files["sources/buildDescription.xml"] = build_description(c_files)
     files |= {f"sources/{name}": text for name, text in sources.items()}
-    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
-        files |= _binaries(compiler, Path(scratch), sources, fmi, platforms, progress)
+    files |= _binaries(sources, fmi, platforms, progress)
     _write(path, files)
     return path
 
@@ -165,34 +140,23 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
 
 
 def _binaries(
-    compiler: Sequence[str],
-    scratch: Path,
     sources: Mapping[str, bytes],
     fmi: FmiVersion,
     platforms: Sequence[str],
     progress: Progress | None,
 ) -> dict[str, bytes]:
-    """Compile for every platform."""
-    place = scratch / "sources"
-    for name, text in sources.items():
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        (place / name).write_bytes(text)
-    c_files = sorted(name for name in sources if name.endswith(".c"))
+    """Compile for every platform; return each binary by its place in the file."""
+    with tempfile.TemporaryDirectory(prefix="anhyst-fmu-") as scratch:
+        place = Path(scratch) / "sources"
+        for name, text in sources.items():
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
+            (place / name).write_bytes(text)
+        compiled = compile_all(place, MODEL, platforms, progress)
     found = {}
-    for done_already, third in enumerate(platforms, start=1):
-        if progress is not None:
-            progress(done_already, len(platforms) + 1)
+    for third, content in compiled.items():
         one = PLATFORMS[third]
-        binary = scratch / f"{MODEL}{one.ending}"
-        options = ["-std=c99", "-O2", *SAME_BITS, "-shared", "-fPIC", "-I.", "-Iinclude", "-s"]
-        if one.ending == ".so":  # elsewhere nothing is left open anyway
-            options.append("-Wl,-z,defs")
-        command = [*compiler, "-target", one.target, *options, "-o", str(binary), *c_files, "-lm"]
-        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise RuntimeError(f"{one.target}: {done.stderr.strip()[-500:]}")
         folder = one.second if fmi == "2.0" else third
-        found[f"binaries/{folder}/{MODEL}{one.ending}"] = binary.read_bytes()
+        found[f"binaries/{folder}/{MODEL}{one.ending}"] = content
     return found
 
 

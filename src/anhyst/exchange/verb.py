@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from anhyst.exchange.binaries import PLATFORMS_ALL
 from anhyst.exchange.compensator_part import Kind
 from anhyst.exchange.description import FmiVersion
-from anhyst.exchange.fmu_file import PLATFORMS_ALL, Of, export_fmu
+from anhyst.exchange.fmu_file import Of, export_fmu
 from anhyst.exchange.sfunction import export_sfunction
 from anhyst.exchange.tables import export_tables
 from anhyst.model.actuator import Model
