@@ -45,6 +45,7 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
         text = text.replace(f",{old},", f",{new},")
     (tmp_path / "swapped.csv").write_text(text)
     arguments = ["swapped.csv", "--history", "settled", "--gap-map", "scaling", "-o", "model.toml"]
+    arguments += ["--law", "effective-field"]
     result = anhyst("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]

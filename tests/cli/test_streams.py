@@ -93,6 +93,7 @@ def test_a_model_that_fails_its_acceptance_test_is_a_negative_result(tmp_path: P
     lines = [[*row[:3], exchange[row[3]]] for row in rows()]
     (tmp_path / "loops.csv").write_text(table(lines))
     arguments = ["loops.csv", "--out", "model.toml", "--gap-map", "scaling", "--json"]
+    arguments += ["--law", "effective-field"]
     result = anhyst("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     *warnings, last = result.stderr.splitlines()

@@ -14,6 +14,8 @@ from anhyst.identification import IdentifyResult, identify
 from anhyst.model.fit_record import FitFigures
 from tests.identification.truths import predicted
 
+pytestmark = pytest.mark.slow  # the measurements are not in the package
+
 OPTIMUM = 0.021936834
 """Least sum of squares of the law without dead band over mnzn_hp_ferrite_4loops, T^2."""
 
