@@ -16,6 +16,9 @@ from anhyst.support.arrays import FloatArray
 fmpy = pytest.importorskip("fmpy")
 fmi2, fmi3 = pytest.importorskip("fmpy.fmi2"), pytest.importorskip("fmpy.fmi3")
 
+RATE = 2e4
+"""Ticks a second of a compensator."""
+
 HERE = f"{platform.machine().replace('AMD64', 'x86_64')}-linux"
 needs_binary = pytest.mark.skipif(HERE not in PLATFORMS, reason=f"no FMU is built for {HERE}")
 

@@ -16,7 +16,8 @@ from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
-from tests.cli.command import anhyst as run
+from tests.cli.command import quick as run
+from tests.exchange.conftest import Fmu
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.refusals import refused, says
 
@@ -56,15 +57,9 @@ def model() -> anhyst.Model:
     return magnet("effective-field", "reluctance")
 
 
-def write(model: anhyst.Model, folder: Path, fmi: FmiVersion = "2.0") -> Path:
-    folder.mkdir(exist_ok=True)
-    path = folder / f"a{fmi[0]}.fmu"
-    return export_fmu(model, path, of="actuator", fmi=fmi, platforms=[HERE])
-
-
 @pytest.fixture(scope="module")
-def file(model: anhyst.Model, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write(model, tmp_path_factory.mktemp("fmu"))
+def file(model: anhyst.Model, fmu: Fmu) -> Path:
+    return fmu(model, "actuator", "2.0")
 
 
 def drives(model: anhyst.Model, size: int = 600) -> FloatArray:
@@ -83,13 +78,13 @@ def gaps(model: anhyst.Model, size: int) -> FloatArray:
     return np.asarray(0.5 * (low + high) + 0.55 * (high - low) * np.sin(np.arange(size) / 37.0))
 
 
-def compare(model: anhyst.Model, folder: Path, fmi: FmiVersion = "2.0") -> FloatArray:
-    """Run a model and its FMU through the same record; return the output of the FMU."""
+def compare(model: anhyst.Model, path: Path, folder: Path) -> FloatArray:
+    """Run a model and its FMU, unpacked in a folder, through the same record; return the output of the FMU."""
     drive = drives(model)
     inputs = {model.input.name: drive}
     if model.schedule is not None:
         inputs[model.schedule.name] = gaps(model, drive.size)
-    with slave(write(model, folder, fmi), folder / "unpacked") as made:
+    with slave(path, folder) as made:
         found = np.array(made.run(inputs, (model.output.name, *OUTPUTS), STEP))
     stepper = model.stepper(None if model.schedule is None else 0.0, history="demagnetised")
     at = inputs.get(model.schedule.name) if model.schedule is not None else None
@@ -108,9 +103,9 @@ def compare(model: anhyst.Model, folder: Path, fmi: FmiVersion = "2.0") -> Float
 
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_it_gives_the_force_of_the_model_bit_for_bit(
-    model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
+    fmu: Fmu, model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
 ) -> None:
-    force = compare(model, tmp_path, fmi)
+    force = compare(model, fmu(model, "actuator", fmi), tmp_path)
     assert force.max() > 100.0
 
 
@@ -124,51 +119,55 @@ def test_it_gives_the_force_of_the_model_bit_for_bit(
     ],
 )
 def test_every_law_and_gap_map_gives_the_force_of_the_model(
-    law: str, gap_map: GapMap, tmp_path: Path
+    fmu: Fmu, law: str, gap_map: GapMap, tmp_path: Path
 ) -> None:
-    assert compare(magnet(law, gap_map), tmp_path).max() > 100.0
+    model = magnet(law, gap_map)
+    assert compare(model, fmu(model, "actuator", "2.0"), tmp_path).max() > 100.0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("example", ["solenoid", "piezo", "electromagnet"])
-def test_identified_actuators_give_the_output_of_their_model(example: str, tmp_path: Path) -> None:
+def test_identified_actuators_give_the_output_of_their_model(
+    fmu: Fmu, example: str, tmp_path: Path
+) -> None:
     loops = anhyst.read_loops(anhyst.example_files(example)["loops.csv"])
-    assert np.ptp(compare(anhyst.identify(loops).model, tmp_path)) > 0.0
+    model = anhyst.identify(loops).model
+    assert np.ptp(compare(model, fmu(model, "actuator", "2.0"), tmp_path)) > 0.0
 
 
-def test_an_actuator_without_a_gap_gives_its_output(tmp_path: Path) -> None:
+def test_an_actuator_without_a_gap_gives_its_output(fmu: Fmu, tmp_path: Path) -> None:
     iron = LANGEVIN | {"c_H": 1.0, "c_out": 3e-4}
     rod = anhyst.Model("rod", QUANTITIES["field"], QUANTITIES["magnetostriction"], iron,
                        valid=ValidRange((-400.0, 400.0), (0.0, 1e-3)))  # fmt: skip
-    assert compare(rod, tmp_path).max() > 1e-5
+    assert compare(rod, fmu(rod, "actuator", "2.0"), tmp_path).max() > 1e-5
 
 
 def test_eddy_currents_and_creep_follow_the_time_of_a_step(
-    model: anhyst.Model, tmp_path: Path
+    fmu: Fmu, file: Path, model: anhyst.Model, tmp_path: Path
 ) -> None:
     late = replace(
         model,
         parameters=dict(model.parameters) | {"gamma": 5.0},
         dynamics=Dynamics(times=(0.002, 0.05), shares=(0.03, 0.02)),
     )
-    found = compare(late, tmp_path / "late")
-    assert np.abs(found - compare(model, tmp_path / "at once")).max() > 1.0
+    found = compare(late, fmu(late, "actuator", "2.0"), tmp_path / "late")
+    assert np.abs(found - compare(model, file, tmp_path / "at once")).max() > 1.0
 
 
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_it_is_valid_and_says_its_ranges_and_parameters(
-    model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
+    fmu: Fmu, model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
 ) -> None:
     from fmpy.validation import validate_fmu
 
-    path = write(model, tmp_path, fmi)
+    path = fmu(model, "actuator", fmi)
     assert validate_fmu(str(path)) == []
     about = {one.name: one for one in fmpy.read_model_description(path).modelVariables}
     assert (about["current"].unit, about["gap"].unit, about["force"].unit) == ("A", "m", "N")
     assert (float(about["gap"].min), float(about["gap"].max)) == RANGE.schedule
     assert float(about["M_s_A_per_m"].start) == model.parameters["M_s"]
     assert "rho" not in about  # it runs over the gap: no single number
-    with slave(path, tmp_path / "unpacked") as made:
+    with slave(path, tmp_path) as made:
         assert made.read("M_s_A_per_m", "c") == [model.parameters["M_s"], model.parameters["c"]]
 
 
@@ -218,7 +217,7 @@ def test_what_no_actuator_can_be_made_of_is_refused(model: anhyst.Model, tmp_pat
         model, gap_map="free", parameters=dict(model.parameters) | {"k": (40.0, 45.0, 50.0, 55.0)}
     )
     with refused("iron-varies: gap"):
-        write(free, tmp_path)
+        export_fmu(free, tmp_path / "a.fmu", of="actuator")
     with refused("option-not-for-this: --rate"):
         export_fmu(model, tmp_path / "a.fmu", of="actuator", rate=1e4)
     assert not list(tmp_path.iterdir())

@@ -16,9 +16,11 @@ from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.study.bearing.ready import make_ready, read_files
-from tests.cli.command import anhyst as run
+from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
+from tests.once import made_once
 from tests.refusals import refused, says
+from tests.truths import truth
 
 pytestmark = needs_binary
 
@@ -70,21 +72,27 @@ def copied(folder: Path, **changes: tuple[str, str]) -> Path:
     return folder / "rig.toml"
 
 
+def made(folder: Path) -> None:
+    """Fill a folder with a bearing whose model is known, and its FMU of either version."""
+    known = ('applied = "reference"', 'applied = "reference"\nmodel = "model.toml"')
+    rig = copied(folder, controller=known)
+    truth("bearing").save(folder / "model.toml")
+    for fmi in ("2.0", "3.0"):
+        export_fmu(rig, folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
+
+
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     """Lift off, step up and down, and let the load push."""
-    folder = tmp_path_factory.mktemp("bearing")
-    rig, controller = read_files(copied(folder), None)
+    folder = made_once(tmp_path_factory, "fmu-bearing", made)
+    rig, controller = read_files(folder / "rig.toml", None)
     ready = make_ready(rig, controller)
-    knowledge = ready.knowledge()
-    knowledge.model.save(folder / "model.toml")
-    setup = make_setups(ready.rig, controller, knowledge, ("full",))["full"]
+    setup = make_setups(ready.rig, controller, ready.knowledge(), ("full",))["full"]
     script = Script(ready.rig, 0.45e-3).lift_off(controller.settings)
     script.step(0.46e-3, 0.02).step(0.43e-3, 0.02)
     scenario = script.set_load(170.0).hold(0.03).build()
     recording = SimulatedLoop(setup).run(scenario)
-    path = export_fmu(folder / "rig.toml", folder / "bearing.fmu", platforms=[HERE])
-    return Flight(path, scenario, recording)
+    return Flight(folder / "2.fmu", scenario, recording)
 
 
 def test_it_flies_as_the_simulation_does_bit_for_bit(flight: Flight, tmp_path: Path) -> None:
@@ -121,9 +129,7 @@ def test_it_is_valid_and_says_its_units(flight: Flight, tmp_path: Path) -> None:
     assert validate_fmu(str(flight.path)) == []
     about = {one.name: one for one in fmpy.read_model_description(flight.path).modelVariables}
     assert [about[name].unit for name in ("target_gap", "load", "velocity")] == ["m", "N", "m/s"]
-    third = export_fmu(
-        flight.path.parent / "rig.toml", tmp_path / "b.fmu", fmi="3.0", platforms=[HERE]
-    )
+    third = flight.path.with_name("3.fmu")
     assert validate_fmu(str(third)) == []
     begin = flight.inputs(slice(0, 300))
     with slave(flight.path, tmp_path / "2") as one, slave(third, tmp_path / "3") as other:

@@ -21,13 +21,12 @@ from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import Of, export_fmu
 from anhyst.exchange.tables import export_tables
 from anhyst.support.arrays import FloatArray
-from tests.cli.command import anhyst as run
+from tests.cli.command import quick as run
 from tests.core.test_c_core import tool
-from tests.exchange.slave import HERE, fmpy, needs_binary, slave
+from tests.exchange.conftest import Fmu
+from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave
 from tests.refusals import says
-from tests.truths import truth
 
-RATE = 2e4
 GAP = 4e-4
 pytestmark = needs_binary
 
@@ -35,18 +34,14 @@ Versions = dict[FmiVersion, Path]
 
 
 @pytest.fixture(scope="module")
-def model() -> anhyst.Model:
-    return truth("electromagnet-effective-field-reluctance")
+def model(identified: anhyst.Model) -> anhyst.Model:
+    return identified
 
 
 @pytest.fixture(scope="module")
-def files(model: anhyst.Model, tmp_path_factory: pytest.TempPathFactory) -> Versions:
-    folder = tmp_path_factory.mktemp("fmu")
+def files(model: anhyst.Model, fmu: Fmu) -> Versions:
     versions: tuple[FmiVersion, ...] = ("2.0", "3.0")
-    return {
-        one: export_fmu(model, folder / f"m{one[0]}.fmu", rate=RATE, fmi=one, platforms=[HERE])
-        for one in versions
-    }
+    return {one: fmu(model, "compensator", one) for one in versions}
 
 
 @contextmanager
@@ -151,12 +146,12 @@ def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: P
 
 
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
-def test_its_sources_compile_without_a_warning(of: Of, model: anhyst.Model, tmp_path: Path) -> None:
-    rate = RATE if of == "compensator" else None
+def test_its_sources_compile_without_a_warning(
+    of: Of, fmu: Fmu, model: anhyst.Model, tmp_path: Path
+) -> None:
     for version in ("2.0", "3.0"):
-        path = export_fmu(model, tmp_path / "m.fmu", of=of, rate=rate, fmi=version, platforms=[])
         folder = tmp_path / version
-        with zipfile.ZipFile(path) as archive:
+        with zipfile.ZipFile(fmu(model, of, version)) as archive:
             archive.extractall(folder)
         sources = [str(one) for one in sorted((folder / "sources").rglob("*.c"))]
         strict = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-fsyntax-only"]
@@ -164,16 +159,6 @@ def test_its_sources_compile_without_a_warning(of: Of, model: anhyst.Model, tmp_
         done = subprocess.run([tool("cc"), *strict, *places, *sources], capture_output=True,
                               text=True, check=False)  # fmt: skip
         assert done.returncode == 0, done.stderr
-
-
-def test_the_same_model_gives_the_same_file(
-    files: Versions, model: anhyst.Model, tmp_path: Path
-) -> None:
-    again = export_fmu(model, tmp_path / "m.fmu", rate=RATE, platforms=[HERE])
-    with zipfile.ZipFile(again) as one, zipfile.ZipFile(files["2.0"]) as other:
-        assert one.namelist() == other.namelist()
-        sources = [name for name in one.namelist() if not name.startswith("binaries")]
-        assert all(one.read(name) == other.read(name) for name in sources)
 
 
 @pytest.mark.slow
@@ -194,7 +179,9 @@ def test_binaries_are_of_their_platforms(model: anhyst.Model, tmp_path: Path) ->
             assert content[place : place + 1] == machine
 
 
-def test_the_command_writes_either(model: anhyst.Model, tmp_path: Path) -> None:
+def test_the_command_writes_either_and_the_same_file_for_the_same_model(
+    files: Versions, model: anhyst.Model, tmp_path: Path
+) -> None:
     model.save(tmp_path / "model.toml")
     done = run(
         *("export", "model.toml", "--as", "fmu", "--rate", "20000", "--out", "m.fmu"),
@@ -203,6 +190,10 @@ def test_the_command_writes_either(model: anhyst.Model, tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert fmpy.read_model_description(tmp_path / "m.fmu").modelName == "loops"
+    with zipfile.ZipFile(tmp_path / "m.fmu") as one, zipfile.ZipFile(files["2.0"]) as other:
+        assert one.namelist() == other.namelist()
+        sources = [name for name in one.namelist() if not name.startswith("binaries")]
+        assert all(one.read(name) == other.read(name) for name in sources)
     assert run("export", "model.toml", "--as", "lut", "-o", "m.csv", cwd=tmp_path).returncode == 0
     for arguments, said in (
         (["--as", "fmu", "--out", "m.fmu"], "missing --rate"),

@@ -11,8 +11,9 @@ import pytest
 
 import anhyst
 from anhyst.exchange.description import FmiVersion
-from anhyst.exchange.fmu_file import Of, export_fmu
-from tests.exchange.slave import HERE, Slave, fmi2, needs_binary, slave
+from anhyst.exchange.fmu_file import Of
+from tests.exchange.conftest import Fmu
+from tests.exchange.slave import Slave, fmi2, needs_binary, slave
 from tests.exchange.test_actuator import magnet
 
 pytestmark = needs_binary
@@ -30,11 +31,8 @@ def fmi(request: pytest.FixtureRequest) -> FmiVersion:
 
 
 @pytest.fixture(scope="module")
-def actuator(
-    fmi: FmiVersion, model: anhyst.Model, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
-    path = tmp_path_factory.mktemp("fmu") / "a.fmu"
-    return export_fmu(model, path, of="actuator", fmi=fmi, platforms=[HERE])
+def actuator(fmi: FmiVersion, model: anhyst.Model, fmu: Fmu) -> Path:
+    return fmu(model, "actuator", fmi)
 
 
 def refuses(made: Slave, call: Callable[[], object]) -> None:
@@ -110,10 +108,9 @@ def test_after_a_reset_it_is_as_new(actuator: Path, tmp_path: Path) -> None:
 
 
 def test_bytes_of_another_fmu_are_no_state(
-    actuator: Path, fmi: FmiVersion, model: anhyst.Model, tmp_path: Path
+    actuator: Path, fmi: FmiVersion, fmu: Fmu, identified: anhyst.Model, tmp_path: Path
 ) -> None:
-    path = tmp_path / "other.fmu"
-    other = export_fmu(model, path, rate=2e4, fmi=fmi, platforms=[HERE])
+    other = fmu(identified, "compensator", fmi)
     with slave(actuator, tmp_path / "a") as made, slave(other, tmp_path / "b") as foreign:
         kept = foreign.to_bytes(foreign.save())
         with pytest.raises(Exception, match="status"):
@@ -124,14 +121,13 @@ def test_bytes_of_another_fmu_are_no_state(
 
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
 def test_a_thousand_instances_leave_nothing_behind(
-    of: Of, model: anhyst.Model, tmp_path: Path
+    of: Of, fmu: Fmu, identified: anhyst.Model, model: anhyst.Model, tmp_path: Path
 ) -> None:
     def resident() -> int:
         return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
 
-    rate = 2e4 if of == "compensator" else None
-    path = export_fmu(model, tmp_path / "m.fmu", of=of, rate=rate, platforms=[HERE])
-    with slave(path, tmp_path / "unpacked") as made:
+    path = fmu(identified if of == "compensator" else model, of, "2.0")
+    with slave(path, tmp_path) as made:
         first = made.raw
         assert isinstance(first, fmi2.FMU2Slave)
         for count in range(1100):

@@ -41,8 +41,14 @@ def plausible(result: TargetResult) -> None:
     assert 0 < result.stack_measured < 1024
 
 
-@pytest.mark.parametrize(("kind", "io"), KINDS)
-def test_cortex_m4_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
+@pytest.mark.parametrize(
+    ("kind", "io", "rounded", "worst"),
+    [("full", "q31", 2450, 3700), ("cells", "q31", 3100, 4500), ("simplified", "q15", 1150, 1600)],
+)
+def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
+    compiled: Compile, kind: str, io: str, rounded: int, worst: int
+) -> None:
+    """Instructions of the worst tick of this magnet, a tenth to spare."""
     found = agrees(verify(compiled(kind, io), "cortex-m4"))
     assert [result.build for result in found.results] == ["portable", "port header"]
     for result in found.results:
@@ -53,17 +59,6 @@ def test_cortex_m4_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: 
         assert result.stack_static >= (result.stack_measured or 0)
     portable, port = found.results
     assert port.costs[0].most < portable.costs[0].most
-
-
-@pytest.mark.parametrize(
-    ("kind", "io", "rounded", "worst"),
-    [("full", "q31", 2450, 3700), ("cells", "q31", 3100, 4500), ("simplified", "q15", 1150, 1600)],
-)
-def test_a_converters_grid_costs_no_second_search(
-    compiled: Compile, kind: str, io: str, rounded: int, worst: int
-) -> None:
-    """Instructions of the worst tick of this magnet on a Cortex-M4, a tenth to spare."""
-    port = verify(compiled(kind, io), "cortex-m4").results[1]
     most = {cost.part: cost.most for cost in port.costs}
     assert most["tick, rounded"] < rounded
     assert most["tick"] < worst
@@ -101,7 +96,11 @@ def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
 
 
 @pytest.mark.parametrize(
-    "compiler", [pytest.param(one, marks=pytest.mark.needs(one)) for one in ("gcc", "clang")]
+    "compiler",
+    [
+        pytest.param("gcc", marks=pytest.mark.needs("gcc")),
+        pytest.param("clang", marks=[pytest.mark.needs("clang"), pytest.mark.slow]),
+    ],
 )
 def test_host_builds_agree_under_sanitizers_too(
     compiled: Compile, compiler: str, monkeypatch: pytest.MonkeyPatch

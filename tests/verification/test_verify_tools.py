@@ -57,7 +57,7 @@ def kept(folder: Path) -> dict[str, object]:
     return found
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "cc"])
+@pytest.mark.parametrize("compiler", [pytest.param("gcc", marks=pytest.mark.slow), "cc"])
 def test_the_default_runs_with_one_compiler_and_lists_the_other(
     folder: Path,
     compiler: str,
@@ -131,7 +131,7 @@ def test_json_says_what_is_missing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     only("cc", at=tmp_path, monkeypatch=monkeypatch)
-    assert command(folder, "--json") == 0
+    assert command(folder, "--on", "host", "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["tool"] for one in found["missing"]] == ["gcc", "clang"]
 

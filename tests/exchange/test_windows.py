@@ -1,0 +1,66 @@
+"""The libraries for Windows, loaded and stepped on this machine: they have no start-up code."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import anhyst
+from anhyst.exchange.binaries import compile_all
+from anhyst.exchange.fmu_file import Of
+from tests.core.test_c_core import quietly, tool
+from tests.exchange.conftest import Fmu
+from tests.exchange.slave import RATE, fmpy, needs_binary, slave
+from tests.exchange.test_actuator import drives, gaps, magnet
+from tests.exchange.test_fmu import GAP, demands
+
+pytestmark = [
+    needs_binary,
+    pytest.mark.skipif(platform.machine() != "x86_64", reason="Windows is built for x86-64"),
+]
+
+WINDOWS = "x86_64-windows"
+LOADER = Path(__file__).with_name("windows") / "load.c"
+
+
+@pytest.mark.parametrize("of", ["actuator", "compensator"])
+def test_the_library_for_windows_gives_the_same_bits(
+    of: Of, fmu: Fmu, identified: anhyst.Model, tmp_path: Path
+) -> None:
+    if of == "actuator":
+        model = magnet("play-cells", "reluctance")
+        inputs = {"current": drives(model, 300), "gap": gaps(model, 300)}
+        output, step = "force", 1e-4
+    else:
+        model = identified
+        inputs = {"demand": demands(300), "gap": np.full(300, GAP)}
+        output, step = "current", 1.0 / RATE
+    path = fmu(model, of, "2.0")
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    library = tmp_path / "anhyst.dll"
+    library.write_bytes(compile_all(tmp_path / "sources", "anhyst", [WINDOWS], None)[WINDOWS])
+    loader = tmp_path / "load"
+    quietly(
+        *(tool("cc", "gcc", "clang"), "-std=gnu99", "-Wall", "-Wextra", "-Werror", "-Wno-pedantic"),
+        *(str(LOADER), "-o", str(loader), "-lm"),
+    )
+    token = fmpy.read_model_description(path).guid
+    rows = zip(*(values.tolist() for values in inputs.values()), strict=True)
+    done = subprocess.run(
+        [loader, library, token, repr(step)],
+        input="\n".join(" ".join(map(repr, row)) for row in rows),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    with slave(path, tmp_path) as made:
+        expected = [row[0] for row in made.run(inputs, [output], step)]
+    assert list(map(float, done.stdout.split())) == expected
+    assert np.ptp(expected) > 1.0
