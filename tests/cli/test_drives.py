@@ -116,7 +116,7 @@ def test_a_missing_drive_is_named(folder: Path) -> None:
 def test_model_and_drive_in_the_wrong_order_are_refused(folder: Path) -> None:
     (folder / "drive.csv").write_text(table())
     said = refused("predict", "drive.csv", "model.toml", "-o", "out.csv", cwd=folder)
-    assert says(said, "damaged-toml: drive.csv; :1:")
+    assert says(said, "wrong-kind: drive.csv; this is a measurement; predict")
 
 
 def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:

@@ -59,7 +59,10 @@ def test_a_folder_that_compile_did_not_write(folder: Path) -> None:
     (folder / "other").mkdir()
     assert says(refused("verify", "other", cwd=folder), "no-manifest: other")
     assert says(refused("verify", "none", cwd=folder), "no-such-folder: none")
-    assert says(refused("verify", "model.toml", cwd=folder), "no-such-folder: model.toml")
+    assert says(
+        refused("verify", "model.toml", cwd=folder),
+        "wrong-kind: model.toml; this is a model; verify",
+    )
 
 
 def test_a_manifest_that_was_edited(folder: Path) -> None:

@@ -50,6 +50,7 @@ def worst_percent(folder: Path) -> float:
     return float(budget["compiled"]["worst_percent"])
 
 
+@pytest.mark.slow
 def test_a_core_that_couples_more_than_its_gap_compiles_and_verifies(ring: Path) -> None:
     slope = least_slope(read_model(ring / "ring.toml"), np.zeros(1))[0]
     assert 0.0 < slope < 1.0  # so that the flux arm is negative

@@ -218,6 +218,7 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
     assert set(contents(tmp_path)) == set(before)
 
 
+@pytest.mark.slow
 def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     from anhyst.model.writer import write_model
     from anhyst.rig.bearing.plant_check import check_plant

@@ -25,6 +25,11 @@ TRIES = 60
 """Sets of gains, a quarter of what is usual: the aims must be met even so."""
 
 
+STRAIGHT = [
+    pytest.param(name, marks=[] if name == "u" else pytest.mark.slow) for name in sorted(MAGNETS)
+]
+
+
 def run(folder: Path, *arguments: object) -> Result:
     """Run a command that must succeed."""
     done = anhyst(*arguments, cwd=folder, patience=1800.0)
@@ -33,7 +38,7 @@ def run(folder: Path, *arguments: object) -> Result:
     return done
 
 
-@pytest.fixture(scope="module", params=sorted(MAGNETS))
+@pytest.fixture(scope="module", params=STRAIGHT)
 def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with the loops of one magnet and the model identified from them."""
     folder = tmp_path_factory.mktemp(request.param)

@@ -82,8 +82,10 @@ def test_the_same_seed_gives_the_same_model_to_the_last_digit(
 
 
 def test_ten_seeds_reach_the_same_optimum(loops: Loops) -> None:
-    given = {"law": "effective-field", "gap_map": "reluctance"}
-    ends = [identify(loops, **given, seed=seed) for seed in range(10)]
+    ends = [
+        identify(loops, law="effective-field", gap_map="reluctance", seed=seed)
+        for seed in range(10)
+    ]
     rms = [end.model.fit.rms for end in ends if end.model.fit is not None]
     assert max(rms) < (1.0 + 1e-6) * min(rms)
     rho = np.array([end.model.parameters["rho"] for end in ends])

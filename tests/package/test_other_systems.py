@@ -120,6 +120,7 @@ def test_every_module_is_imported_on_another_system(platform: str, tmp_path: Pat
     assert {*found, "anhyst"} >= modules
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("platform", SYSTEMS)
 def test_loops_become_a_model_and_c_on_another_system(platform: str, tmp_path: Path) -> None:
     (tmp_path / "demand.csv").write_text("F_N,gap_mm\n10,0.4\n80,0.4\n10,0.4\n")

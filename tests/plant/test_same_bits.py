@@ -67,6 +67,7 @@ def test_compilers_and_their_flags_do_not_change_a_bit(
     assert runs_of(built(tool(compiler), flags, tmp_path)) == RUNS
 
 
+@pytest.mark.slow
 def test_another_processor_does_not_change_a_bit(tmp_path: Path) -> None:
     emulator = tool("qemu-aarch64", "qemu-aarch64-static")
     program = built(f"{tool('python-zig')} cc -target aarch64-linux-musl", "-O2", tmp_path)

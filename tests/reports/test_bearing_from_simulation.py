@@ -107,6 +107,7 @@ def test_the_page_says_how_to_make_it_again(small: Path, page: Page) -> None:
     assert "controller.toml" in page.text
 
 
+@pytest.mark.slow
 def test_drifted_plants_go_on_and_are_reported(small: Path) -> None:
     out = small / "plants.jsonl"
     command = ["simulate", str(small / "rig.toml"), "--out", str(out), "--monte-carlo"]

@@ -96,6 +96,7 @@ def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
             assert one.strongest[measure].baseline != "flux"
 
 
+@pytest.mark.slow
 def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: ControllerFile) -> None:
     bare = changed(rig, {"hall_probe": None, "measurement.sample_s": 0.05})
     (one,) = benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells

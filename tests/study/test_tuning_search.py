@@ -60,6 +60,7 @@ def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
     assert result.figures.peak_sensitivity <= 1.6
 
 
+@pytest.mark.slow
 def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
     aims = Aims(settling_time_s=1e-3)
     result = GainSearch(setup(), HERE[:1], aims, 10, jobs=1).run()

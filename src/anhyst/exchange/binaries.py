@@ -9,9 +9,9 @@ from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+from anhyst.compilation.toolchain import zig_cc
 from anhyst.support.jobs import cores
 from anhyst.support.progress import Progress
-from anhyst.verification.toolchain import zig_cc
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+from anhyst.compilation.toolchain import zig_cc
 from anhyst.exchange.actuator_part import actuator_part
 from anhyst.exchange.bearing_part import bearing_part
 from anhyst.exchange.binaries import PLATFORMS, PLATFORMS_ALL, compile_all
@@ -21,7 +22,6 @@ from anhyst.support.errors import InputError
 from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
-from anhyst.verification.toolchain import zig_cc
 
 Of = Literal["compensator", "actuator"]
 _BEGIN_OF_TIME = (1980, 1, 1, 0, 0, 0)  # the same model gives the same file

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst.compilation.toolchain import Build, compile_c, zig_cc
 from anhyst.support.errors import NegativeResult
 from anhyst.verification.elf import FLASH, Image
 from anhyst.verification.protocol import BOX_BYTES, WINDOW_OFFSET, Reply, Request
-from anhyst.verification.toolchain import Build, compile_c, zig_cc
 
 TIME_LIMIT = 600.0
 FLASH_BYTES = 256 * 1024

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 
+from anhyst.compilation.tools import Missing, missing_modules, missing_programs
 from anhyst.control.states import Command, Fault
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
@@ -19,7 +20,6 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verification.bundle import Bundle
 from anhyst.verification.compare import Difference
 from anhyst.verification.result import TargetResult
-from anhyst.verification.tools import Missing, missing_modules, missing_programs
 
 TARGET = "cortex-m3-qemu"
 QEMU = "qemu-system-arm"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from anhyst.compilation.tools import Missing
 from anhyst.support.result import Result, columns_of
 from anhyst.verification.compare import Difference
 from anhyst.verification.elf import ProgramSizes
 from anhyst.verification.estimate import Estimate
-from anhyst.verification.tools import Missing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,6 +8,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from anhyst.compilation.toolchain import (
+    FREESTANDING,
+    Build,
+    compile_c,
+    compile_cortex_m,
+    zig_cc,
+)
+from anhyst.compilation.tools import Missing, missing_modules, missing_programs
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.cortex_m import CortexProgram, build_counter
@@ -16,14 +24,6 @@ from anhyst.verification.firmware import TARGET as FIRMWARE
 from anhyst.verification.msp430 import Msp430Program
 from anhyst.verification.process import ProcessProgram
 from anhyst.verification.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET
-from anhyst.verification.toolchain import (
-    FREESTANDING,
-    Build,
-    compile_c,
-    compile_cortex_m,
-    zig_cc,
-)
-from anhyst.verification.tools import Missing, missing_modules, missing_programs
 from anhyst.verification.workshop import HARNESS, Variant, Workshop
 
 Order = Callable[[], Variant]

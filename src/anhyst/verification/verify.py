@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from anhyst.compilation.tools import Missing
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import cores
@@ -33,7 +34,6 @@ from anhyst.verification.targets import (
     parse_targets,
     reference,
 )
-from anhyst.verification.tools import Missing
 from anhyst.verification.vectors import GoldenVectors, read_levitation, read_vectors
 from anhyst.verification.workshop import CONTROL_SOURCES, Variant, Workshop
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from anhyst.compilation.core import PIDD2, SRC, core_files
+from anhyst.compilation.toolchain import Build
 from anhyst.link.firmware import actuator_defines, firmware_folder
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle
 from anhyst.verification.elf import Image
 from anhyst.verification.protocol import Reply, Request
-from anhyst.verification.toolchain import Build
 
 HARNESS = Path(__file__).resolve().parent / "harness"
 WITHOUT_LIBRARY = "msp430"

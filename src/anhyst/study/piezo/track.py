@@ -92,10 +92,20 @@ class PiezoRun:
 
 @dataclass(frozen=True, repr=False)
 class PiezoTracking(Result):
-    """All that came out of one rig."""
+    """How a piezo stage followed its triangle, with each compensation.
+
+    Attributes
+    ----------
+    reference : ndarray
+        Wanted position, m, one entry a sample.
+    bandwidth : float
+        Of the feedback, Hz.
+    runs : mapping
+        From the name of a compensation to its run.
+    """
 
     reference: FloatArray
-    bandwidth: float  # Hz, of the feedback
+    bandwidth: float
     runs: Mapping[str, PiezoRun] = field(default_factory=dict)
 
     @property

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from anhyst.compilation.tools import missing_modules
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.verification.tools import missing_modules
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
 FREESTANDING = (
