@@ -74,6 +74,7 @@ def test_cortex_m4_gives_the_bits_of_the_host(folder: Path) -> None:
     assert port.costs[-1].most < portable.costs[-1].most
 
 
+@pytest.mark.slow
 def test_a_dsc_is_estimated_for_the_tick_too(folder: Path) -> None:
     found = verify(folder, "cortex-m0plus", target_steps=2_000)
     (result,) = ticks_of(found)

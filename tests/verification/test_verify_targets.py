@@ -83,6 +83,7 @@ def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
         plausible(result)
 
 
+@pytest.mark.slow
 def test_a_dsc_is_estimated_from_two_lists_of_prices(compiled: Compile) -> None:
     found = agrees(verify(compiled("simplified", "q15"), "cortex-m0plus", target_steps=2_000))
     plausible(found.results[0])

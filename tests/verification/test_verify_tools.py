@@ -78,6 +78,7 @@ def test_the_default_runs_with_one_compiler_and_lists_the_other(
     assert "Missing tools" in (folder / "verify.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_host_may_be_named_with_one_compiler_alone(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
