@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
+from pathlib import Path
 
 from anhyst.model.writer import write_model
-from tests.truths import TRUTHS, path_of
+from tests.truths import EXAMPLES, TRUTHS, path_of
 
 for name in sys.argv[1:] or TRUTHS:
     print(f"truths: {name}", flush=True)
-    write_model(TRUTHS[name].identify(), path_of(name))
+    model = TRUTHS[name].identify()
+    origin = model.provenance
+    # The same file wherever the project lies.
+    sources = tuple(
+        replace(one, path=str(Path(one.path).relative_to(EXAMPLES.parent)))
+        for one in origin.sources
+    )
+    write_model(replace(model, provenance=replace(origin, sources=sources)), path_of(name))
