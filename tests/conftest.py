@@ -27,12 +27,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# Workers share out the cores: none starts processes for cores on which another one works.
-WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
-if WORKER and hasattr(os, "sched_setaffinity"):
-    own = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {own[int(WORKER.removeprefix("gw")) % len(own)]})
-
 # A shell that runs the tests in the background lets them ignore ctrl-C, and their children too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
