@@ -97,13 +97,13 @@ TRUTHS: dict[str, Truth] = {
         )
     },
     **{
-        f"electromagnet-{law}-{gap_map}": Truth(
-            partial(measured, "electromagnet"), _law(law, gap_map)
-        )
-        for law, gap_map in (
-            ("play-cells", "scaling"),
-            ("effective-field", "scaling"),
-            ("effective-field", "reluctance"),
+        f"{example}-{law}-{gap_map}": Truth(partial(measured, example), _law(law, gap_map))
+        for example, law, gap_map in (
+            ("electromagnet", "play-cells", "scaling"),
+            ("electromagnet", "effective-field", "scaling"),
+            ("electromagnet", "effective-field", "reluctance"),
+            ("bearing", "effective-field", "reluctance"),
+            ("solenoid", "effective-field", "reluctance"),
         )
     },
     **{
@@ -112,12 +112,6 @@ TRUTHS: dict[str, Truth] = {
             _law("effective-field", "reluctance", dead_band=False),
         )
         for example in ("electromagnet", "bearing")
-    },
-    **{
-        f"{example}-effective-field-reluctance": Truth(
-            partial(measured, example), _law("effective-field", "reluctance")
-        )
-        for example in ("bearing", "solenoid")
     },
 }
 """By name, which is that of the file too."""
