@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from anhyst._core import CellOperator
-from anhyst.laws.cells import Population, Shape, population_tangents, populations, thresholds
+from anhyst.laws.cells import Population, Shape, population_tangents, populations
 from anhyst.support.arrays import FloatArray
 
 NUMBERS = np.array([3e4, 50.0, 3e5, 40.0, 20.0, 1.5, 1e5, 120.0, 80.0, 2.0])
-PLACES = thresholds([20.0, 80.0])
 OMEGA, DRIVE = 0.01, 0.012
 """By these, and by a factor of the drive, is differentiated too."""
 
@@ -29,7 +28,7 @@ def path(numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def follow(numbers: FloatArray, shape: Shape) -> FloatArray:
     """Return x and M over the path, second run."""
-    cells = populations((numbers[0], numbers[1]), pinned(numbers), shape, PLACES)
+    cells = populations((numbers[0], numbers[1]), pinned(numbers), shape)
     core = CellOperator(cells.thresholds, cells.widths, cells.weights, shape)
     omega, r, _ = path(numbers)
     *_, state, status, _ = core.run(omega, r, np.zeros(13))
@@ -42,9 +41,9 @@ def follow(numbers: FloatArray, shape: Shape) -> FloatArray:
 @pytest.mark.parametrize("shape", ["tanh", "langevin"])
 def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> None:
     numbers = np.concatenate([NUMBERS, [OMEGA, DRIVE]])
-    cells = populations((numbers[0], numbers[1]), pinned(numbers), shape, PLACES)
+    cells = populations((numbers[0], numbers[1]), pinned(numbers), shape)
     core = CellOperator(cells.thresholds, cells.widths, cells.weights, shape)
-    by = population_tangents(PLACES, pinned(numbers))
+    by = population_tangents(pinned(numbers))
     pad = [(0, 0)] * 2 + [(0, 2)]
     omega, r, moving = path(numbers)
     omega_t, r_t = np.zeros((160, 12)), np.zeros((160, 12))
@@ -52,8 +51,8 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> Non
     state, state_t = np.zeros(13), np.zeros((12, 13))
     for _ in range(2):
         x, m, x_t, m_t, state, state_t, status, _ = core.sensitivity(
-            omega, r, omega_t, r_t, np.pad(by.weights, pad), np.pad(by.widths, pad[1:]), state,
-            state_t,
+            omega, r, omega_t, r_t, np.pad(by.weights, pad), np.pad(by.widths, pad[1:]),
+            np.pad(by.thresholds, pad[1:]), state, state_t,
         )  # fmt: skip
         assert status == 0
     np.testing.assert_array_equal(np.stack([x, m]), follow(numbers, shape))

@@ -56,13 +56,14 @@ static void sum_rest(const setting *s, const anhyst_cells_state_f64 *state, cons
   }
 }
 
-/* Gives the places of the cells that move the derivative of x. */
+/* Gives the places of the cells that move the derivative of x, less that of their threshold. */
 static void leave_moving(const setting *s, const anhyst_cells_state_f64 *state, double *numbers_t)
 {
   const size_t cells = (size_t)s->cells->cells;
   for (size_t t = 0; t < s->count; t++) {
     for (int i = 1; i < state->active; i++) {
-      numbers_t[t * cells + (size_t)i] = numbers_t[t * cells];
+      numbers_t[t * cells + (size_t)i] =
+          numbers_t[t * cells] - state->direction * s->by->threshold_t[(size_t)i * s->count + t];
     }
   }
 }
@@ -77,6 +78,9 @@ static void differentiate(const setting *s, const anhyst_cells_state_f64 *state,
   for (int i = 0; i < moving(state); i++) {
     const double at = add_held(s, i, state->x - state->direction * s->cells->threshold[i], m_t);
     slope = state->active == 0 ? at : slope;
+    for (size_t t = 0; i > 0 && t < s->count; t++) {
+      m_t[t] -= at * state->direction * s->by->threshold_t[(size_t)i * s->count + t];
+    }
   }
   const double inverse = 1.0 / (1.0 + omega * slope);
   for (size_t t = 0; t < s->count; t++) {

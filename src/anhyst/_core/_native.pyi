@@ -129,13 +129,14 @@ class CellOperator:
         r_t: _Array,
         weights_t: _Array,
         widths_t: _Array,
+        thresholds_t: _Array,
         state: _Array,
         state_t: _Array,
     ) -> tuple[_Array, _Array, _Array, _Array, _Array, _Array, int, int]:
-        """Follow the path and d tangents of it, the thresholds held.
+        """Follow the path and d tangents of it.
 
-        omega_t, r_t: (n, d); weights_t: (cells, widths, d); widths_t: (widths, d); state_t:
-        (d, cells). Return x, M (n), x_t, M_t (n, d), state after, tangents of it (d, cells),
+        omega_t, r_t: (n, d); weights_t: (cells, widths, d); widths_t: (widths, d);
+        thresholds_t: (cells, d); state_t: (d, cells). Return x, M (n), x_t, M_t (n, d), state after, tangents of it (d, cells),
         status, index. A settled cycle is that of the second of two runs, state and tangents
         carried over.
         """

@@ -42,8 +42,8 @@ public:
   }
 
   nb::tuple sensitivity(const In &omega, const In &r, const InTable &omega_t, const InTable &r_t,
-                        const InCube &weights_t, const InTable &widths_t, const In &state,
-                        const InTable &state_t) const
+                        const InCube &weights_t, const InTable &widths_t, const InTable &thresholds_t,
+                        const In &state, const InTable &state_t) const
   {
     const size_t n = r.shape(0);
     const size_t directions = state_t.shape(0);
@@ -56,6 +56,7 @@ public:
     same_length(widths, weights_t.shape(1), "weights_t");
     same_length(directions, weights_t.shape(2), "weights_t");
     same_shape(widths, directions, widths_t, "widths_t");
+    same_shape(cells, directions, thresholds_t, "thresholds_t");
     same_shape(directions, cells, state_t, "state_t");
     Out x = make_array(n);
     Out m = make_array(n);
@@ -71,7 +72,8 @@ public:
       nb::gil_scoped_release release;
       const anhyst_differentiated_drive_f64 drive = {n,        directions,     omega.data(),
                                                      r.data(), omega_t.data(), r_t.data()};
-      const anhyst_cell_directions_f64 by = {weights_t.data(), widths_t.data()};
+      const anhyst_cell_directions_f64 by = {weights_t.data(), widths_t.data(),
+                                             thresholds_t.data()};
       status = anhyst_cells_sensitivity_f64(cells_.get(), cells_.weights(), &by, &drive, &now,
                                             after.data(), rest.data(), x.data(), m.data(),
                                             x_t.data(), m_t.data(), &index);
@@ -113,5 +115,6 @@ void bind_cells(nb::module_ &m)
            "state"_a.noconvert())
       .def("sensitivity", &CellOperator::sensitivity, "omega"_a.noconvert(), "r"_a.noconvert(),
            "omega_t"_a.noconvert(), "r_t"_a.noconvert(), "weights_t"_a.noconvert(),
-           "widths_t"_a.noconvert(), "state"_a.noconvert(), "state_t"_a.noconvert());
+           "widths_t"_a.noconvert(), "thresholds_t"_a.noconvert(), "state"_a.noconvert(),
+           "state_t"_a.noconvert());
 }

@@ -21,11 +21,8 @@ from anhyst.laws.cells import (
     Tangents,
     population_tangents,
     populations,
-    thresholds,
 )
 from anhyst.laws.law import FitNumber
-
-_DIFFERENCE = 1e-5
 
 MOST_WIDTHS = 6
 """With more, what the weights cost grows faster than what they gain."""
@@ -124,22 +121,13 @@ class CellKernel:
 
 @lru_cache(maxsize=8)  # tables of a megabyte or two each
 def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
-    """Cells with derivatives by the numbers, and again with thresholds for a little more pinning."""
-    cells, iron = kernel.weights(law), kernel.iron(1.0, 1.0, law, 0.0)
-    pinned = _pinned(iron, kernel.populations)
+    """Cells with derivatives by the numbers."""
+    pinned = _pinned(kernel.iron(1.0, 1.0, law, 0.0), kernel.populations)
     # By M_0, a_0, then M, a, k, s of each population; those of the first are units.
     moved = [0, 1, *range(4, 2 + 4 * kernel.populations)]
-    by_all = population_tangents(cells.thresholds, pinned)
+    by_all = population_tangents(pinned)
     tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
-    scales = [one.scale for one in pinned]
-    shifted = []
-    for place, scale in enumerate(scales):
-        if scale in {min(scales), max(scales)}:  # the others do not count in the rule
-            step = _DIFFERENCE * scale
-            places = thresholds([*scales[:place], scale + step, *scales[place + 1 :]])
-            other = populations((iron["M_0"], iron["a_0"]), pinned, kernel.shape, places)
-            shifted.append((2 + 4 * place, step, CellPaths(other, tangents)))
-    return CellPaths(cells, tangents, tuple(shifted))
+    return CellPaths(kernel.weights(law), tangents)
 
 
 def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
@@ -187,9 +175,8 @@ class WeightKernel:
         """Return the cells of a set of weights, ready to be driven."""
         count, cells = len(law), self.populations
         by_weights = np.eye(count).reshape(*cells.weights.shape, count)
-        return CellPaths(
-            self.weights(law), Tangents(by_weights, np.zeros((cells.widths.size, count)))
-        )
+        held = (np.zeros((size, count)) for size in (cells.widths.size, cells.thresholds.size))
+        return CellPaths(self.weights(law), Tangents(by_weights, *held))
 
     def iron(
         self, saturation: float, width: float, law: tuple[float, ...], alpha: float

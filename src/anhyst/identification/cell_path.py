@@ -32,15 +32,11 @@ class CellPaths:
     cells
         Thresholds, widths, weights.
     tangents
-        Derivatives of weights and widths by the numbers of the law.
-    shifted
-        Numbers that move the thresholds too: place, step, and the cells with thresholds that much
-        on. The core differentiates at thresholds that are held; what they add is a difference.
+        Derivatives of weights, widths and thresholds by the numbers of the law.
     """
 
     cells: CellWeights
     tangents: Tangents
-    shifted: tuple[tuple[int, float, CellPaths], ...] = ()
 
     @cached_property
     def _operator(self) -> CellOperator:
@@ -85,19 +81,15 @@ class CellPaths:
         omega_t, moved = np.zeros((r.size, directions)), np.zeros((r.size, directions))
         omega_t[:, law] = own
         moved[:, law + 1 :] = r_t
-        weights_t, widths_t = (
+        by_law = (
             np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
             for by in self.tangents
         )
         rest = np.zeros((directions, self._state.size))
         x, m, x_t, m_t, _, _, status, _ = self._operator.sensitivity(
-            omega, r, omega_t, moved, weights_t, widths_t, self._state, rest
+            omega, r, omega_t, moved, *by_law, self._state, rest
         )
         _refuse(status)
-        for place, step, cells in self.shifted:
-            x_on, m_on = cells.follow(omega, r)
-            x_t[:, place] += (x_on - x) / step
-            m_t[:, place] += (m_on - m) / step
         return CellPath(x, m, x_t, m_t)
 
     @property

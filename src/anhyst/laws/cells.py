@@ -197,7 +197,6 @@ def populations(
     reversible: tuple[float, float],
     pinned: Sequence[Population],
     shape: Shape = "tanh",
-    places: FloatArray | None = None,
 ) -> CellWeights:
     """Cut populations into cells.
 
@@ -209,13 +208,11 @@ def populations(
         Those without magnetisation do not count; one at least must have some.
     shape : str
         As in :class:`CellWeights`.
-    places : ndarray, shape (n + 1,), optional
-        Thresholds, A/m, which a fit holds; without them :func:`thresholds` says.
 
     Returns
     -------
     CellWeights
-        Of 13 cells, unless places are given; widths in the order given, the reversible one first.
+        Of 13 cells; widths in the order given, the reversible one first.
 
     Raises
     ------
@@ -228,8 +225,7 @@ def populations(
     for one in counting:
         if not all(np.isfinite(one)) or min(one) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    if places is None:
-        places = thresholds([one.scale for one in counting])
+    places = thresholds([one.scale for one in counting])
     magnetisation, width = reversible
     weights = np.zeros((places.size, 1 + len(counting)))
     weights[0, 0] = magnetisation
@@ -240,7 +236,7 @@ def populations(
 
 
 class Tangents(NamedTuple):
-    """How weights and widths change with the numbers of populations, thresholds held.
+    """How weights, widths and thresholds change with the numbers of populations.
 
     Attributes
     ----------
@@ -249,19 +245,20 @@ class Tangents(NamedTuple):
         spread of each population.
     widths : ndarray, shape (J, d)
         The same of the widths.
+    thresholds : ndarray, shape (n + 1, d)
+        The same of the thresholds.
     """
 
     weights: FloatArray
     widths: FloatArray
+    thresholds: FloatArray
 
 
-def population_tangents(places: FloatArray, pinned: Sequence[Population]) -> Tangents:
-    """Differentiate :func:`populations`, at given places, by its ``d = 2 + 4 J`` numbers.
+def population_tangents(pinned: Sequence[Population]) -> Tangents:
+    """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers.
 
     Parameters
     ----------
-    places : ndarray, shape (n + 1,)
-        Thresholds, A/m.
     pinned : sequence of Population
         All with a magnetisation above 0.
 
@@ -269,22 +266,30 @@ def population_tangents(places: FloatArray, pinned: Sequence[Population]) -> Tan
     -------
     Tangents
     """
+    scales = [one.scale for one in pinned]
+    places = thresholds(scales)
     columns, directions = 1 + len(pinned), 2 + 4 * len(pinned)
+    log_places = np.zeros((PINNED, directions))  # derivatives of the logarithms
+    up = np.linspace(0.0, 1.0, PINNED)
+    for part, extreme in ((1.0 - up, min(scales)), (up, max(scales))):
+        log_places[:, 4 * scales.index(extreme) + 4] += part / extreme
+    log_middles = 0.5 * (log_places[:-1] + log_places[1:])
+    middles = np.sqrt(places[1:-1] * places[2:])
     weights = np.zeros((places.size, columns, directions))
     widths = np.zeros((columns, directions))
     weights[0, 0, 0] = widths[0, 1] = 1.0
     for column, one in enumerate(pinned, start=1):
         first = 4 * column - 2
         _, by_log = _left(places, one.scale, one.spread)
-        middles = np.sqrt(places[1:-1] * places[2:])
-        by_scale = -by_log * one.spread / one.scale
-        by_spread = by_log * np.log(middles / one.scale)
+        left = log_middles.copy()  # derivatives of what lies above each middle
+        left[:, first + 2] -= 1.0 / one.scale
+        left *= one.spread * by_log[:, None]
+        left[:, first + 3] = by_log * np.log(middles / one.scale)
+        ends = np.zeros((1, directions))
+        weights[1:, column] = -one.magnetisation * np.diff(np.concatenate([ends, left, ends]), axis=0)
         weights[1:, column, first] = shares(places, one.scale, one.spread)
         widths[column, first + 1] = 1.0
-        for place, by in ((first + 2, by_scale), (first + 3, by_spread)):
-            change = -np.diff(np.concatenate([[0.0], by, [0.0]]))
-            weights[1:, column, place] = one.magnetisation * change
-    return Tangents(weights, widths)
+    return Tangents(weights, widths, np.concatenate([ends, places[1:, None] * log_places]))
 
 
 PLACES = 2001

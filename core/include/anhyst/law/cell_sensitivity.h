@@ -10,16 +10,17 @@
 extern "C" {
 #endif
 
-/* By what is differentiated, beside the drive: the derivatives of weights and widths, for every
-   direction; thresholds are held. */
+/* By what is differentiated, beside the drive: the derivatives of weights, widths and thresholds, for
+   every direction. */
 typedef struct {
   const double *weight_t; /* `cells` times `widths` rows of directions */
   const double *width_t;  /* `widths` rows of directions */
+  const double *threshold_t; /* `cells` rows of directions; the first is zero */
 } anhyst_cell_directions_f64;
 
 /* Follows the drive as anhyst_cells_solve_f64 does, sample by sample, and beside it every tangent,
    by the implicit function theorem: x_t = (r_t - omega_t*m - omega*m_fixed)/(1 + omega*dm/dx), with
-   the places of moving cells at x_t, and those of cells at rest as they were left.
+   the places of moving cells a threshold behind x_t, and those of cells at rest as they were left.
    numbers_t holds a row for each direction, the derivatives of x and p_1..p_n, and is advanced, as
    is the state; rest is space for as many numbers as there are directions. x, m: n values; x_t,
    m_t: n rows of directions. Error against the derivative of the computed path: 1e-9 relative, away
