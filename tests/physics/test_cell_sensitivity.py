@@ -12,6 +12,7 @@ from anhyst.support.arrays import FloatArray
 NUMBERS = np.array([3e4, 50.0, 3e5, 40.0, 20.0, 1.5, 1e5, 120.0, 80.0, 2.0])
 OMEGA, DRIVE = 0.01, 0.012
 """By these, and by a factor of the drive, is differentiated too."""
+BEGINS = np.zeros(1, dtype=np.int64)
 
 
 def pinned(numbers: FloatArray) -> list[Population]:
@@ -27,15 +28,13 @@ def path(numbers: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def follow(numbers: FloatArray, shape: Shape) -> FloatArray:
-    """Return x and M over the path, second run."""
+    """Return x and M over the path, driven a second time."""
     cells = populations((numbers[0], numbers[1]), pinned(numbers), shape)
     core = CellOperator(cells.thresholds, cells.widths, cells.weights, shape)
     omega, r, _ = path(numbers)
-    *_, state, status, _ = core.run(omega, r, np.zeros(13))
+    x, m, status = core.run(np.tile(omega, 2), np.tile(r, 2), BEGINS)
     assert status == 0
-    x, m, _, status, _ = core.run(omega, r, state)
-    assert status == 0
-    return np.stack([x, m])
+    return np.stack([x, m])[:, 160:]
 
 
 @pytest.mark.parametrize("shape", ["tanh", "langevin"])
@@ -48,13 +47,11 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> Non
     omega, r, moving = path(numbers)
     omega_t, r_t = np.zeros((160, 12)), np.zeros((160, 12))
     omega_t[:, 10], r_t[:, 11] = moving, r / DRIVE
-    state, state_t = np.zeros(13), np.zeros((12, 13))
-    for _ in range(2):
-        x, m, x_t, m_t, state, state_t, status, _ = core.sensitivity(
-            omega, r, omega_t, r_t, np.pad(by.weights, pad), np.pad(by.widths, pad[1:]),
-            np.pad(by.thresholds, pad[1:]), state, state_t,
-        )  # fmt: skip
-        assert status == 0
+    twice = (np.tile(omega, 2), np.tile(r, 2), np.tile(omega_t, (2, 1)), np.tile(r_t, (2, 1)))
+    by_law = (np.pad(by.weights, pad), np.pad(by.widths, pad[1:]), np.pad(by.thresholds, pad[1:]))
+    *found, status = core.sensitivity(*twice, *by_law, BEGINS)
+    assert status == 0
+    x, m, x_t, m_t = (values[160:] for values in found)
     np.testing.assert_array_equal(np.stack([x, m]), follow(numbers, shape))
     for place in range(12):
         ends = []
@@ -68,3 +65,15 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> Non
             # A sample where a cell just begins to move has a derivative on either side only.
             assert np.quantile(off, 0.97) < 2e-6 * np.abs(expected).max(), place
             assert off.max() < 2e-2 * np.abs(expected).max(), place
+
+
+def test_drives_that_begin_in_one_call_are_as_if_each_were_alone() -> None:
+    numbers = np.concatenate([NUMBERS, [OMEGA, DRIVE]])
+    cells = populations((numbers[0], numbers[1]), pinned(numbers))
+    core = CellOperator(cells.thresholds, cells.widths, cells.weights)
+    omega, r, _ = path(numbers)
+    whole = core.run(omega, r, np.array([0, 50, 50, 110]))
+    for first, end in ((0, 50), (50, 110), (110, 160)):
+        alone = core.run(omega[first:end], r[first:end], BEGINS)
+        for together, single in zip(whole[:2], alone[:2], strict=True):
+            np.testing.assert_array_equal(together[first:end], single)

@@ -118,9 +118,12 @@ class CellOperator:
     def steepest(self) -> float:
         """Upper bound of dM/dx over all states."""
     def run(
-        self, omega: _Array, r: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
-        """Follow x + omega*M(x) = r; return x, M, state after, status, index."""
+        self, omega: _Array, r: _Array, begins: NDArray[np.int64]
+    ) -> tuple[_Array, _Array, int]:
+        """Follow x + omega*M(x) = r along drives, each from the demagnetised state at its begin.
+
+        Return x, M, status.
+        """
     def sensitivity(
         self,
         omega: _Array,
@@ -130,15 +133,12 @@ class CellOperator:
         weights_t: _Array,
         widths_t: _Array,
         thresholds_t: _Array,
-        state: _Array,
-        state_t: _Array,
-    ) -> tuple[_Array, _Array, _Array, _Array, _Array, _Array, int, int]:
-        """Follow the path and d tangents of it.
+        begins: NDArray[np.int64],
+    ) -> tuple[_Array, _Array, _Array, _Array, int]:
+        """Follow the same drives and d tangents of each.
 
         omega_t, r_t: (n, d); weights_t: (cells, widths, d); widths_t: (widths, d);
-        thresholds_t: (cells, d); state_t: (d, cells). Return x, M (n), x_t, M_t (n, d), state after, tangents of it (d, cells),
-        status, index. A settled cycle is that of the second of two runs, state and tangents
-        carried over.
+        thresholds_t: (cells, d). Return x, M (n), x_t, M_t (n, d), status.
         """
 
 def batch(

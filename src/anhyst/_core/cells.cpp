@@ -2,12 +2,15 @@
 // Play cells for a fit: the equation alone, with derivatives.
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "anhyst/law/cell_sensitivity.h"
 #include "cells.h"
 
 namespace {
+
+using Places = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 class CellOperator {
 public:
@@ -17,36 +20,39 @@ public:
   {
   }
 
-  nb::tuple run(const In &omega, const In &r, const In &state) const
+  nb::tuple run(const In &omega, const In &r, const Places &begins) const
   {
     const size_t n = r.shape(0);
     same_length(n, omega.shape(0), "omega");
+    const std::vector<size_t> ends = ends_of(begins, n);
     Out x = make_array(n);
     Out m = make_array(n);
-    anhyst_cells_state_f64 now = enter(state);
     anhyst_status status = ANHYST_OK;
-    size_t i = 0;
     {
       nb::gil_scoped_release release;
-      for (; i < n && status == ANHYST_OK; i++) {
-        anhyst_cells_candidate_f64 next;
-        status = anhyst_cells_solve_f64(cells_.get(), &now, omega.data()[i], r.data()[i], &next);
-        if (status == ANHYST_OK) {
-          anhyst_cells_accept_f64(cells_.get(), &now, &next);
-          x.data()[i] = now.x;
-          m.data()[i] = now.m;
+      size_t i = 0;
+      for (size_t end : ends) {
+        anhyst_cells_state_f64 now = demagnetised();
+        for (; i < end && status == ANHYST_OK; i++) {
+          anhyst_cells_candidate_f64 next;
+          status = anhyst_cells_solve_f64(cells_.get(), &now, omega.data()[i], r.data()[i], &next);
+          if (status == ANHYST_OK) {
+            anhyst_cells_accept_f64(cells_.get(), &now, &next);
+            x.data()[i] = now.x;
+            m.data()[i] = now.m;
+          }
         }
       }
     }
-    return nb::make_tuple(x, m, leave(now), static_cast<int>(status), i);
+    return nb::make_tuple(x, m, static_cast<int>(status));
   }
 
   nb::tuple sensitivity(const In &omega, const In &r, const InTable &omega_t, const InTable &r_t,
-                        const InCube &weights_t, const InTable &widths_t, const InTable &thresholds_t,
-                        const In &state, const InTable &state_t) const
+                        const InCube &weights_t, const InTable &widths_t,
+                        const InTable &thresholds_t, const Places &begins) const
   {
     const size_t n = r.shape(0);
-    const size_t directions = state_t.shape(0);
+    const size_t directions = omega_t.shape(1);
     const auto cells = static_cast<size_t>(cells_.weights()->cells);
     const auto widths = static_cast<size_t>(cells_.weights()->widths);
     same_length(n, omega.shape(0), "omega");
@@ -57,46 +63,61 @@ public:
     same_length(directions, weights_t.shape(2), "weights_t");
     same_shape(widths, directions, widths_t, "widths_t");
     same_shape(cells, directions, thresholds_t, "thresholds_t");
-    same_shape(directions, cells, state_t, "state_t");
+    const std::vector<size_t> ends = ends_of(begins, n);
     Out x = make_array(n);
     Out m = make_array(n);
     OutTable x_t = make_table(n, directions);
     OutTable m_t = make_table(n, directions);
-    OutTable after = make_table(directions, cells);
-    std::vector<double> rest(directions);
-    std::copy(state_t.data(), state_t.data() + state_t.size(), after.data());
-    anhyst_cells_state_f64 now = enter(state);
-    size_t index = 0;
-    anhyst_status status;
+    const anhyst_cell_directions_f64 by = {weights_t.data(), widths_t.data(), thresholds_t.data()};
+    anhyst_status status = ANHYST_OK;
     {
       nb::gil_scoped_release release;
-      const anhyst_differentiated_drive_f64 drive = {n,        directions,     omega.data(),
-                                                     r.data(), omega_t.data(), r_t.data()};
-      const anhyst_cell_directions_f64 by = {weights_t.data(), widths_t.data(),
-                                             thresholds_t.data()};
-      status = anhyst_cells_sensitivity_f64(cells_.get(), cells_.weights(), &by, &drive, &now,
-                                            after.data(), rest.data(), x.data(), m.data(),
-                                            x_t.data(), m_t.data(), &index);
+      std::vector<double> rest(directions);
+      std::vector<double> places_t(directions * cells);
+      size_t i = 0;
+      for (size_t end : ends) {
+        anhyst_cells_state_f64 now = demagnetised();
+        std::fill(places_t.begin(), places_t.end(), 0.0);
+        const size_t row = i * directions;
+        const anhyst_differentiated_drive_f64 drive = {
+            end - i,      directions,           omega.data() + i, r.data() + i,
+            omega_t.data() + row, r_t.data() + row};
+        size_t index = 0;
+        if (status == ANHYST_OK) {
+          status = anhyst_cells_sensitivity_f64(
+              cells_.get(), cells_.weights(), &by, &drive, &now, places_t.data(), rest.data(),
+              x.data() + i, m.data() + i, x_t.data() + row, m_t.data() + row, &index);
+        }
+        i = end;
+      }
     }
-    return nb::make_tuple(x, m, x_t, m_t, leave(now), after, static_cast<int>(status), index);
+    return nb::make_tuple(x, m, x_t, m_t, static_cast<int>(status));
   }
 
   double steepest() const { return cells_.get()->steepest; }
 
 private:
-  anhyst_cells_state_f64 enter(const In &state) const
+  anhyst_cells_state_f64 demagnetised() const
   {
-    same_length(static_cast<size_t>(cells_.get()->cells), state.shape(0), "the state");
+    const double nothing[ANHYST_CELLS_MAX] = {};
     anhyst_cells_state_f64 now{};
-    anhyst_cells_enter_f64(cells_.get(), state.data(), &now);
+    anhyst_cells_enter_f64(cells_.get(), nothing, &now);
     return now;
   }
 
-  Out leave(const anhyst_cells_state_f64 &now) const
+  // Where each drive ends that begins at one of these places.
+  static std::vector<size_t> ends_of(const Places &begins, size_t n)
   {
-    Out numbers = make_array(static_cast<size_t>(cells_.get()->cells));
-    anhyst_cells_numbers_f64(cells_.get(), &now, numbers.data());
-    return numbers;
+    std::vector<size_t> ends;
+    for (size_t k = 0; k < begins.shape(0); k++) {
+      const int64_t end = k + 1 < begins.shape(0) ? begins.data()[k + 1] : static_cast<int64_t>(n);
+      if ((k == 0 && begins.data()[0] != 0) || end < begins.data()[k] ||
+          end > static_cast<int64_t>(n)) {
+        throw std::invalid_argument("begins must ascend from 0 to at most the number of samples");
+      }
+      ends.push_back(static_cast<size_t>(end));
+    }
+    return ends;
   }
 
   Cells cells_;
@@ -112,9 +133,8 @@ void bind_cells(nb::module_ &m)
            "shape"_a = "tanh")
       .def_prop_ro("steepest", &CellOperator::steepest)
       .def("run", &CellOperator::run, "omega"_a.noconvert(), "r"_a.noconvert(),
-           "state"_a.noconvert())
+           "begins"_a.noconvert())
       .def("sensitivity", &CellOperator::sensitivity, "omega"_a.noconvert(), "r"_a.noconvert(),
            "omega_t"_a.noconvert(), "r_t"_a.noconvert(), "weights_t"_a.noconvert(),
-           "widths_t"_a.noconvert(), "thresholds_t"_a.noconvert(), "state"_a.noconvert(),
-           "state_t"_a.noconvert());
+           "widths_t"_a.noconvert(), "thresholds_t"_a.noconvert(), "begins"_a.noconvert());
 }

@@ -49,7 +49,7 @@ def model_of(found: FoundModel, loopset: Loops) -> Model:
         output=loopset.output,
         parameters=parameters,
         law=space.form.law,
-        gap_map="none" if single else space.gap_map,  # type: ignore[arg-type]
+        gap_map="none" if single else space.written_map,
         schedule=loopset.schedule,
         nodes=nodes,
     )

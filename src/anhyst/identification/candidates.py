@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from anhyst.data import Loops
@@ -82,8 +83,11 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
     gaps, held = run.searched.gaps, run.held
     if wanted == "circuit":
         shared = ModelCandidate("circuit", held, OFFSETS)
-        apart = gaps >= 3 and not held >= OFFSETS
-        return [shared, ModelCandidate("circuit", held, rank=1)] if apart else [shared]
+        if gaps < 3:
+            return [shared]
+        leaking = ModelCandidate("leakage", held)
+        apart = [] if held >= OFFSETS else [ModelCandidate("circuit", held, rank=2)]
+        return [leaking, replace(shared, rank=1), *apart]
     if wanted == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
         # other almost without trace, and what is interpolated of them need not fit together.
@@ -109,8 +113,21 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
         return found + [replace(one, rank=one.rank + 1) for one in others]
     if not run.form.kernel.coupled:
         found.append(ModelCandidate("reluctance", held))
-        found += [ModelCandidate("circuit", held, OFFSETS, rank=1)] if gaps >= 3 else []
+        found += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
     return found
+
+
+def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
+    """Name the gap map under which play cells are searched for: the most flexible of a gap's."""
+    order = ("leakage", "circuit", "reluctance")
+    able = [one for one in maps if one.gap_map in order]
+    return min(able, key=lambda one: order.index(one.gap_map)) if able else base
+
+
+def under(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
+    """Name play cells under the gap map of another candidate."""
+    rank = cells.rank - cells.rank % _STEP + other.rank
+    return replace(other, cells=cells.cells, rank=rank)
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -46,8 +47,12 @@ class CellPaths:
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
-    def follow(self, omega: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def follow(
+        self, omega: FloatArray, r: FloatArray, begins: Sequence[int] = (0,)
+    ) -> tuple[FloatArray, FloatArray]:
         """Return effective field and magnetisation where ``x + omega*M(x) = r``, all of shape (n,).
+
+        Drives stand one after the other; at each begin the cells are demagnetised.
 
         Raises
         ------
@@ -55,12 +60,17 @@ class CellPaths:
             The magnetisation may jump.
         """
         self._refuse_jumps(omega)
-        x, m, _, status, _ = self._operator.run(omega, r, self._state)
+        x, m, status = self._operator.run(omega, r, np.array(begins, dtype=np.int64))
         _refuse(status)
         return x, m
 
     def with_tangents(
-        self, omega: FloatArray, r: FloatArray, own: FloatArray, r_t: FloatArray
+        self,
+        omega: FloatArray,
+        r: FloatArray,
+        own: FloatArray,
+        r_t: FloatArray,
+        begins: Sequence[int],
     ) -> CellPath:
         """Return them with derivatives: by the numbers of the law, omega, and what moves r.
 
@@ -74,6 +84,8 @@ class CellPaths:
             1 where the weight is the one by which is differentiated, else 0.
         r_t : ndarray, shape (n, k)
             Its derivatives.
+        begins : sequence of int
+            Where each drive begins.
         """
         self._refuse_jumps(omega)
         law = self.tangents.widths.shape[-1]
@@ -85,16 +97,11 @@ class CellPaths:
             np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
             for by in self.tangents
         )
-        rest = np.zeros((directions, self._state.size))
-        x, m, x_t, m_t, _, _, status, _ = self._operator.sensitivity(
-            omega, r, omega_t, moved, *by_law, self._state, rest
+        *path, status = self._operator.sensitivity(
+            omega, r, omega_t, moved, *by_law, np.array(begins, dtype=np.int64)
         )
         _refuse(status)
-        return CellPath(x, m, x_t, m_t)
-
-    @property
-    def _state(self) -> FloatArray:
-        return np.zeros(self.cells.thresholds.size)
+        return CellPath(*path)
 
     def _refuse_jumps(self, omega: FloatArray) -> None:
         if 1.0 + float(omega.min()) * self._operator.steepest <= 0.0:

@@ -1,74 +1,111 @@
-"""The search for play cells: from the fit of a law of Jiles and Atherton, population by population.
+"""The search for play cells: many starts in scaled units, population by population.
 
-What a law of Jiles and Atherton says of circuit, offsets, shape and pinning is near enough to begin
-with. A further population begins as a part of those there are, in a few ways that differ: wider and
-as strongly pinned (a slow approach to saturation), wider and pinned otherwise, narrower.
+Starts are drawn over what a loop can show (:mod:`.cell_starts`); what a fit of a law of Jiles and
+Atherton suggests is one more. All are compared on few samples, the better ones descend a few steps,
+the best of these more, and the last two to their end. Where those do not agree and leave more than
+noise, more starts are drawn. A further population starts where it promises most, by the residual of
+the fit without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from anhyst.identification.candidates import ModelCandidate
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel, by_weights
+from anhyst.identification.cell_starts import SLOPES, draw_starts, placed, possible
 from anhyst.identification.contest import Fits
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
 from anhyst.identification.fit_records import FitRecords
+from anhyst.identification.objective import Objective
+from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local, ResponseForm
-from anhyst.identification.space import CoordinateSpace
+from anhyst.identification.space import IN_SERIES, CoordinateSpace
+from anhyst.support.arrays import FloatArray
 
-COARSE, FINE = 40, 100
-"""Samples of a loop on which ways to begin are tried, and on which the fit runs, at most."""
+_ROUGH, COARSE, FINE = 16, 40, 100
+"""Samples of a loop on which starts are compared, on which they descend, and on which the last ones
+come to their end, at most."""
 
-_SHORT, _LONG, _POLISHED = 6, 100, 8
-_ROUGH, _CLOSE = 1e-3, 1e-5
+_DRAWN = 48
+"""Starts drawn at a time."""
+
+_ROUNDS = 2
+"""Times that starts are drawn, at most."""
+
+_TRIED, _FOLLOWED, _ENDED = 12, 4, 2
+"""Starts that descend a little, further, and to their end."""
+
+_SHORT, _LONG, _TO_END, _POLISHED = 6, 20, 60, 8
+_CLOSE = 1e-5
+
+_AGREE = 1.1
+"""Cost over the least one up to which an end agrees with the best."""
 
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
 
-_STUCK = 10.0
-"""Pinning over width of the curve beyond which a law of Jiles and Atherton hardly moves at all: that
-its loops are narrow, and nothing of thresholds."""
-
-_NARROW = (0.25, 8.0, 0.1, 2.0)
-"""Share and width of the reversible part, pinning and spread of cells with narrow loops."""
-
 _LANGEVIN = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve that has the slope of Langevin's of width 1 at its middle."""
-
-_GAIN = 0.98
-"""Cost, in parts of that with a population less, from which on a further one says nothing."""
-
-SLOPES = {"tanh": 1.0, "langevin": 1.0 / 3.0}
-"""Slope of each curve at its middle."""
-
-_PER_POPULATION = 4
-"""Numbers of a set for each: share, width, pinning, spread; those of the first begin with the share
-and the width of the reversible part, since its own are the units."""
-
-_LOWER = 0.95
-"""Cost, in parts of that before, from which on an exchanged population is taken."""
 
 _BEFORE_JUMPS = 0.8
 """Interaction to begin with, in parts of that at which the magnetisation would jump."""
 
-_FURTHER = (
-    (0.5, 8.0, 1.0),
-    (0.6, 1.6, 2.0),
-    (0.5, 2.0, 0.5),
-    (1.0, 0.5, 1.0),
-    (0.3, 1.0, 0.15),
-    (0.3, 0.5, 3.0),
-)
-"""Share, width and pinning of a further population, in parts of those of the first."""
+_GAIN = 0.98
+"""Cost, in parts of that with a population less, from which on a further one says nothing."""
+
+_WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
+"""Widths and pinnings of a further population that are weighed by the residual, of the first's."""
+
+_SMALL, _SHARES = 0.03, (0.05, 1.0)
+"""Share of a further population by which its effect is computed; and with which it starts."""
+
+_SUGGESTED = 8
+"""Further populations that are tried after one fit."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Levels:
+    """One problem on few, more and all samples that a search looks at."""
+
+    rough: CoordinateSpace
+    coarse: CoordinateSpace
+    fine: CoordinateSpace
+    tie: float
+
+    def ends(self, starts: Iterable[FloatArray]) -> list[FoundModel]:
+        """Descend from starts, fewer and fewer of them; best first."""
+        objective = Objective(self.rough, self.tie)
+        costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
+        chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
+        spent = len(costs)
+        ends: list[FoundModel] = []
+        for space, kept, tolerance, most in (
+            (self.coarse, _FOLLOWED, 1e-3, _SHORT),
+            (self.coarse, _ENDED, 1e-4, _LONG),
+            (self.fine, _ENDED, _CLOSE, _TO_END),
+        ):
+            ends = [follow(space, theta, tolerance, most, self.tie) for theta in chosen]
+            spent += sum(one.evaluations for one in ends)
+            ends = sorted(ends, key=lambda one: one.cost)[:kept]
+            chosen = [one.theta for one in ends]
+        return [replace(ends[0], evaluations=spent), *ends[1:]]
+
+
+def _cost(objective: Objective, theta: FloatArray) -> float:
+    deviation = objective.deviations(theta)
+    return float(deviation @ deviation)
 
 
 def search_cells(
     base: FoundModel,
     records: FitRecords,
     wanted: Sequence[ModelCandidate],
+    seed: int,
     leaves_something: Callable[[FoundModel], bool],
 ) -> dict[ModelCandidate, Fits]:
     """Fit play cells of one curve, until a population more gains next to nothing.
@@ -80,55 +117,78 @@ def search_cells(
     records : FitRecords
         What is fitted.
     wanted : sequence of ModelCandidate
-        By populations, ascending.
+        By populations, ascending; of one gap map.
+    seed : int
+        Of the starts.
     leaves_something : callable
         Whether a fit leaves more than noise.
     """
     fits: dict[ModelCandidate, Fits] = {}
-    wide = base
+    before: list[FoundModel] = []
     for one in wanted:
         assert one.cells is not None
         form = replace(base.space.form, law=LAW_OF[one.cells.shape], cells=one.cells, dead_band=0.0)
-        if wide is base:
-            found = first_population(base, form, records)
-        else:
-            found = one_more(wide, form, records)
-            if leaves_something(found):
-                found = exchanged(found, form, records)
-        if fits and found.cost > _GAIN * wide.cost:
+        levels = _levels(one, form, records, base)
+        known = [*_suggested(levels, before), *([] if before else _begun(levels, base))]
+        ends = _search(levels, one.cells, known, seed, leaves_something)
+        if fits and ends[0].cost > _GAIN * before[0].cost:
             break
-        wide = found
-        fits[one] = Fits(wide, only_demanded(wide, _CLOSE, _LONG))
+        before = ends
+        fits[one] = Fits(ends[0], only_demanded(ends[0], _CLOSE, _TO_END))
     return fits
 
 
-def first_population(found: FoundModel, form: ResponseForm, records: FitRecords) -> FoundModel:
-    """Fit cells of one population.
+def _levels(
+    one: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
+) -> _Levels:
+    spaces = [
+        CoordinateSpace(one.gap_map, records.thinned(most), form, one.held, one.common)
+        for most in (_ROUGH, COARSE, FINE)
+    ]
+    return _Levels(*spaces, tie=TIE * base.cost if one.gap_map in TIED else 0.0)
 
-    Parameters
-    ----------
-    found : FoundModel
-        Fit of a law of Jiles and Atherton, whose map and offsets are kept.
-    form : ResponseForm
-        Of play cells.
-    records : FitRecords
-        What is fitted.
-    """
-    assert form.cells is not None
-    wide = _LANGEVIN[form.cells.shape]
-    slope = SLOPES[form.cells.shape]
-    begins = [
-        [_begun(local, form.power, wide, slope, part, kept) for local in found.sets]
+
+def _search(
+    levels: _Levels,
+    kernel: CellKernel,
+    known: list[FloatArray],
+    seed: int,
+    leaves_something: Callable[[FoundModel], bool],
+) -> list[FoundModel]:
+    """Draw starts until the last ends agree, or leave nothing."""
+    ends: list[FoundModel] = []
+    drawn = _DRAWN if kernel.populations < 3 else 0
+    for turn in range(_ROUNDS):
+        starts = draw_starts(kernel, drawn, seed + turn, levels.fine.gap_map in IN_SERIES)
+        sets = (placed(levels.coarse, start) for start in starts)
+        thetas = [levels.coarse.pack(one) for one in sets if possible(one)]
+        new = levels.ends([*known, *thetas])
+        ends = sorted([*ends, *new], key=lambda one: one.cost)[:_ENDED]
+        known = []
+        agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
+        if not drawn or agreed or not leaves_something(ends[0]):
+            break
+    return ends
+
+
+def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
+    """Make cells of a fit of a law of Jiles and Atherton, in a few ways."""
+    kernel = levels.coarse.form.cells
+    assert isinstance(kernel, CellKernel)
+    wide, slope = _LANGEVIN[kernel.shape], SLOPES[kernel.shape]
+    return [
+        levels.coarse.pack(
+            [_as_cells(local, base.space.form.power, wide, slope, part, kept) for local in base.sets]
+        )
         for part in _PINNINGS
         for kept in (1.0, 0.0)
-        if kept or min(local.omega for local in found.sets) < 0.0
+        if kept or min(local.omega for local in base.sets) < 0.0
     ]
-    if max(local.kappa for local in found.sets) > _STUCK:
-        begins.append([_begun_narrow(local, form.power, wide) for local in found.sets])
-    return _best(found, form, records, begins)
 
 
-def _begun(local: Local, power: int, wide: float, slope: float, part: float, kept: float) -> Local:
+def _as_cells(
+    local: Local, power: int, wide: float, slope: float, part: float, kept: float
+) -> Local:
     """Make cells of a set of a law of Jiles and Atherton; its initial slope stays as it is.
 
     Of an interaction that makes a curve steeper a part may be kept; without it the curve is steeper
@@ -151,58 +211,48 @@ def _begun(local: Local, power: int, wide: float, slope: float, part: float, kep
     )
 
 
-def _begun_narrow(local: Local, power: int, wide: float) -> Local:
-    """Make cells with narrow loops instead; the initial slope stays as it is."""
-    all_of_it = 1.0 + _NARROW[0] / _NARROW[1]
-    return replace(
-        local,
-        law=_NARROW,
-        omega=max(local.omega, 0.0) / (wide * all_of_it),
-        scale=local.scale * wide,
-        gain=local.gain / all_of_it**power,
-    )
+def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray]:
+    """Add a population to fits, where each would take most off what is left."""
+    found = []
+    for one in before:
+        tried = [
+            _weighed(levels, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
+        ]
+        tried.sort(key=lambda start: -start[0])
+        found += [theta for _, theta in tried[:_SUGGESTED]]
+    return found
 
 
-def one_more(found: FoundModel, form: ResponseForm, records: FitRecords) -> FoundModel:
-    """Fit cells of one population more than a fit of cells has."""
-    return _best(found, form, records, ([_split(local, form.power, how) for local in found.sets]
-                                        for how in _FURTHER))  # fmt: skip
+def _weighed(
+    levels: _Levels, found: FoundModel, how: tuple[float, float]
+) -> tuple[float, FloatArray]:
+    """Foresee what a population gains, to first order: how much, and the start with its share.
 
-
-def exchanged(found: FoundModel, form: ResponseForm, records: FitRecords) -> FoundModel:
-    """Begin each population but the first anew, and take it where that ends clearly lower.
-
-    A descent may end in a valley beside the lowest one, and noise of the loops decides in which: of
-    24 records of one solenoid that differ in noise alone, 8 ended with twice the deviation of the
-    others, and with the exchange none.
-
-    Parameters
-    ----------
-    found : FoundModel
-        Fit of cells of two populations or more.
-    form : ResponseForm
-        Of the same.
-    records : FitRecords
-        What is fitted.
+    All other numbers may move with it, so what they explain by themselves counts for nothing.
     """
-    spent = found.evaluations
-    for place in range(1, len(found.sets[0].law) // _PER_POPULATION):
-        fewer = [_without(local, place) for local in found.sets]
-        again = _best(found, form, records, ([_split(local, form.power, how) for local in fewer]
-                                             for how in _FURTHER))  # fmt: skip
-        spent += again.evaluations
-        if again.cost < _LOWER * found.cost:
-            found = again
-    return replace(found, evaluations=spent)
+    power = found.space.form.power
+
+    def start(share: float) -> FloatArray:
+        return levels.coarse.pack([_with_population(one, power, (share, *how)) for one in found.sets])
+
+    theta = start(_SMALL)
+    try:
+        _, slope, normal = Objective(levels.coarse, levels.tie).normal(theta)
+    except NoResponseError:
+        return -np.inf, theta
+    place = levels.coarse.names.index(f"share_{len(found.sets[0].law) // 4 + 1}")
+    others = np.arange(theta.size) != place
+    inner = normal[np.ix_(others, others)]
+    inner += 1e-6 * np.diag(np.diag(inner)) + 1e-12 * np.trace(inner) * np.eye(inner.shape[0])
+    carried = np.linalg.solve(inner, np.stack([normal[others, place], slope[others]], axis=1))
+    own = normal[place, place] - normal[place, others] @ carried[:, 0]
+    pull = slope[place] - normal[place, others] @ carried[:, 1]
+    step = -pull / max(own, 1e-30)  # of the logarithm, at this small share
+    gained = max(step, 0.0) * -pull
+    return gained, start(float(np.clip(_SMALL * (1.0 + step), *_SHARES)))
 
 
-def _without(local: Local, place: int) -> Local:
-    """Leave a population out; not the first, which the others are told in parts of."""
-    begin = _PER_POPULATION * place
-    return replace(local, law=local.law[:begin] + local.law[begin + _PER_POPULATION :])
-
-
-def _split(local: Local, power: int, how: tuple[float, float, float]) -> Local:
+def _with_population(local: Local, power: int, how: tuple[float, float, float]) -> Local:
     """Add a population; the initial slope stays as it is."""
     share, width, pinning = how
     all_of_it = 1.0 + share / width
@@ -217,24 +267,14 @@ def _split(local: Local, power: int, how: tuple[float, float, float]) -> Local:
     )
 
 
-def _best(
-    found: FoundModel,
-    form: ResponseForm,
-    records: FitRecords,
-    begins: Iterable[Sequence[Local]],
-) -> FoundModel:
-    """Descend a little from each begin, and on from the best of them."""
-    old = found.space
-    tie = TIE * found.cost if old.gap_map in TIED else 0.0
-    coarse, fine = (
-        CoordinateSpace(old.gap_map, records.thinned(most), form, old.held, old.common)
-        for most in (COARSE, FINE)
+def remapped(found: FoundModel, one: ModelCandidate, records: FitRecords) -> Fits:
+    """Fit the same cells under another gap map, from where they are."""
+    space = CoordinateSpace(
+        one.gap_map, records.thinned(FINE), found.space.form, one.held, one.common
     )
-    tried = [follow(coarse, coarse.pack(list(sets)), _ROUGH, _SHORT, tie) for sets in begins]
-    best = min(tried, key=lambda one: one.cost)
-    end = follow(fine, best.theta, _CLOSE, _LONG, tie)
-    spent = end.evaluations + sum(one.evaluations for one in tried)
-    return replace(end, evaluations=spent)
+    tie = TIE * found.cost if one.gap_map in TIED else 0.0
+    wide = follow(space, space.pack(found.sets), _CLOSE, _TO_END, tie)
+    return Fits(wide, only_demanded(wide, _CLOSE, _TO_END))
 
 
 def polish(found: FoundModel, records: FitRecords) -> FoundModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -14,11 +15,13 @@ from anhyst.identification.bare import model_of, valid_range
 from anhyst.identification.candidates import (
     ModelCandidate,
     cell_candidates,
+    cell_map,
     map_candidates,
     polished,
     require_gaps,
+    under,
 )
-from anhyst.identification.cell_search import polish, search_cells
+from anhyst.identification.cell_search import polish, remapped, search_cells
 from anhyst.identification.contest import Contest, Fits
 from anhyst.identification.cross_validation import (
     Fold,
@@ -50,6 +53,7 @@ from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local
 from anhyst.identification.run import SEARCHED, SearchRun
 from anhyst.identification.screening import starts
+from anhyst.identification.space import WRITTEN
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
 
@@ -137,7 +141,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
         why += (
             "; passed over, because it cannot be compiled, fails the acceptance test or starts far "
             "from what was measured: "
-            f"{', '.join(dict.fromkeys(unable))}"
+            f"{', '.join(dict.fromkeys(WRITTEN.get(name, name) for name in unable))}"
         )
     candidates: tuple[CandidateFit, ...] = ()
     why_law = ""
@@ -145,7 +149,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     enough = _is_usable(alone, loopset) and not _leaves_something(alone, loopset)
     if run.cells and (run.only_cells or not enough):
         maps = contest.errors_of_maps(best)
-        best = _compare_cells(run, loopset, contest, best)
+        best = _compare_cells(run, loopset, contest, best, tried)
         candidates = _listed(run, contest, best)
         why_law = _why_law(run, contest, best)
     else:
@@ -169,9 +173,12 @@ def _compared_maps(
 ) -> Contest:
     """Fit every gap map, to all gaps and without some."""
     fits: dict[ModelCandidate, Fits] = {}
+    plain = None
     for one in tried:
         try:
-            fits[one] = _joined(run, one, known)
+            fits[one] = _joined(run, one, known, plain)
+            if one.gap_map == "reluctance":
+                plain = fits[one].wide
         except NowhereNearError:
             run.total -= 1
             if one is tried[-1] and not fits:
@@ -184,9 +191,13 @@ def _compared_maps(
 
 
 def _compare_cells(
-    run: SearchRun, loopset: Loops, contest: Contest, base: ModelCandidate
+    run: SearchRun,
+    loopset: Loops,
+    contest: Contest,
+    base: ModelCandidate,
+    maps: Sequence[ModelCandidate],
 ) -> ModelCandidate:
-    """Fit play cells under the map of another candidate, and choose from all.
+    """Fit play cells under the most flexible map, the best of them under the others, and choose.
 
     With fewer than three gaps the inner loops are left out, where there are two or more.
     """
@@ -197,14 +208,22 @@ def _compare_cells(
         contest.entrants[:] = [base]
         for fold in folds(contest.places, nested=True):
             contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
-    new = cell_candidates(base, run.cells)
+    new = cell_candidates(cell_map(base, maps), run.cells)
     for shape in run.cells:
         of_shape = [one for one in new if one.cells and one.cells.shape == shape]
         wide = contest.fits[base].wide
         leaves = partial(_leaves_something, loopset=loopset)
-        contest.fits.update(run.step(partial(search_cells, wide, run.searched, of_shape, leaves)))
+        contest.fits.update(
+            run.step(partial(search_cells, wide, run.searched, of_shape, run.seed, leaves))
+        )
     new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
+    best = min(new, key=lambda one: contest.error(one) or contest.fits[one].found.cost)
+    others = [under(best, one) for one in maps if best.gap_map != one.gap_map != "free"]
+    for one in others:
+        contest.fits[one] = remapped(contest.fits[best].wide, one, run.searched)
+    _leave_out(contest, loopset, others, by)
+    new += others
     if contest.places and base.gap_map != "free":
         best = min(new, key=lambda one: contest.error(one) or 0.0)
         further = polished(best)
@@ -254,7 +273,7 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
     return tuple(
         CandidateFit(
             law=one.title(run.form.law),
-            gap_map=one.gap_map,
+            gap_map=WRITTEN.get(one.gap_map, one.gap_map),
             numbers=fits.found.theta.size,
             rms=float(np.sqrt(fits.found.cost)),
             left_out=contest.finite_error(one) if one in contest.entrants else None,
@@ -359,12 +378,15 @@ def _pair(wide: FoundModel, decide: bool = True) -> Fits:
     return Fits(wide, only_demanded(wide) if decide else wide)
 
 
-def _joined(run: SearchRun, one: ModelCandidate, known: list[Local]) -> Fits:
+def _joined(
+    run: SearchRun, one: ModelCandidate, known: list[Local], plain: FoundModel | None
+) -> Fits:
     def search() -> FoundModel:
         if one.gap_map == "free":
             return search_each_gap(run.form, run.searched, run.seed, one.held)
-        if one.gap_map == "circuit":
-            return join_circuit(run.form, run.searched, known, one.held, one.common)
+        if one.gap_map in {"leakage", "circuit"}:
+            series = plain or join_gaps(run.form, run.searched, "reluctance", known, one.held)
+            return join_circuit(series, one.gap_map, one.common)
         return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
 
     fits = run.step(lambda: _pair(search()))
@@ -398,13 +420,14 @@ def _why(contest: Contest, best: ModelCandidate, wanted: str, gaps: int) -> str:
             f"with two gaps none can be left out to compare maps; '{best.gap_map}' fits the loops "
             "best, but between and beyond the two gaps that proves nothing"
         )
-    own = errors.pop(best.gap_map)
+    name = WRITTEN.get(best.gap_map, best.gap_map)
+    own = errors.pop(name)
     others = ", ".join(
-        f"{name} {100 * error:.2g} %" if np.isfinite(error) else f"{name} cannot be computed there"
-        for name, error in errors.items()
+        f"{other} {100 * error:.2g} %" if np.isfinite(error) else f"{other} cannot be computed there"
+        for other, error in errors.items()
     )
     why = (
-        f"gap map '{best.gap_map}' predicts gaps left out of the fit best: mean deviation "
+        f"gap map '{name}' predicts gaps left out of the fit best: mean deviation "
         f"{100 * own:.2g} % of the largest output"
     )
     why += f" ({others})" if others else ""

@@ -18,6 +18,7 @@ from anhyst.identification.cross_validation import (
     mean_square_of,
 )
 from anhyst.identification.default import FoundModel
+from anhyst.identification.space import WRITTEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,8 @@ class Contest:
         for one in self.entrants if self.places else ():
             if (one.cells, one.polished) == (alike.cells, alike.polished):
                 error = mean_of(self.misses(one))
-                found[one.gap_map] = min(error, found.get(one.gap_map, np.inf))
+                name = WRITTEN.get(one.gap_map, one.gap_map)
+                found[name] = min(error, found.get(name, np.inf))
         return found
 
     def nested(self) -> list[float]:

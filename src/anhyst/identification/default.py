@@ -178,18 +178,16 @@ def join_gaps(
 
 
 def join_circuit(
-    form: ResponseForm,
-    records: FitRecords,
-    known: list[Local],
-    held: frozenset[str],
-    common: frozenset[str] = frozenset(),
+    plain: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
 ) -> FoundModel:
-    """Fit all gaps together with one iron and a circuit of its own around it at each gap.
+    """Fit all gaps together with one iron, and a circuit around it that takes more than a gap.
 
     Parameters
     ----------
-    form, records, known, held
-        As in :func:`join_gaps`, from whose fit under the map ``reluctance`` this one starts.
+    plain : FoundModel
+        Fit under the map ``reluctance``, from which this one starts.
+    gap_map : str
+        ``leakage`` or ``circuit``.
     common : frozenset of str
         As in :class:`~anhyst.identification.space.CoordinateSpace`.
 
@@ -198,7 +196,8 @@ def join_circuit(
     FoundModel
         Its cost contains the ties.
     """
-    plain = join_gaps(form, records, "reluctance", known, held)
-    space = CoordinateSpace("circuit", records, form, held, common)
-    end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost)
+    old = plain.space
+    space = CoordinateSpace(gap_map, old.records, old.form, old.held, common)
+    tie = TIE * plain.cost if gap_map in TIED else 0.0
+    end = follow(space, space.pack(plain.sets), tie=tie)
     return replace(end, evaluations=end.evaluations + plain.evaluations)

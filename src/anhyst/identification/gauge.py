@@ -18,7 +18,7 @@ import numpy as np
 
 from anhyst.data.output_map import OutputMap, output_map
 from anhyst.identification.response import Local, ResponseForm
-from anhyst.identification.space import IN_SERIES
+from anhyst.identification.space import IN_SERIES, WRITTEN
 from anhyst.model.gap_map import Curve
 from anhyst.support.units import MU_0, Quantity
 
@@ -74,7 +74,7 @@ def physical(
     sets : sequence of Local
         One for each gap.
     gap_map : str
-        ``none``, ``scaling``, ``reluctance``, ``circuit`` or ``free``.
+        Of a :class:`~anhyst.identification.space.CoordinateSpace`.
     input_quantity, output_quantity : Quantity
         As measured.
     gaps : sequence of float
@@ -85,6 +85,7 @@ def physical(
     dict of str to float or tuple of float
         SI; a tuple where the map lets a parameter differ from gap to gap.
     """
+    gap_map = WRITTEN.get(gap_map, gap_map)
     answer = output_map(output_quantity)
     table = [_at_one_gap(form, local, gap_map, input_quantity.name, answer) for local in sets]
     if gap_map in IN_SERIES:

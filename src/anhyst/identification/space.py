@@ -8,9 +8,10 @@ its coordinate.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,14 @@ from numpy.typing import NDArray
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import SURROUNDING, Local, ResponseForm
 from anhyst.laws.law import FitNumber
+from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
 
 PER_GAP = {
     "none": frozenset[str](),
     "scaling": frozenset({"scale"}),
     "reluctance": frozenset({"omega"}),
+    "leakage": frozenset({"omega"}),
     "circuit": frozenset({"omega", "gain", "in_0", "out_0"}),
     "free": frozenset(SURROUNDING),
 }
@@ -31,8 +34,26 @@ PER_GAP = {
 omega is a reluctance the scale of the input follows from it: ``scale = scale_0/(1 - h*omega)``;
 1/(1 - h*omega) = 1 + rho."""
 
-IN_SERIES = frozenset({"reluctance", "circuit"})
+IN_SERIES = frozenset({"reluctance", "leakage", "circuit"})
 """Gap maps that read omega as a reluctance in series with the iron."""
+
+WRITTEN = {"leakage": "circuit"}
+"""Gap map under which a model has what a fit found under another.
+
+With a path for flux beside the gap, of permeance P, the iron sees the reluctance ``omega = R/(1 + P*R)``
+and the gap has the part ``1/(1 + P*R) = 1 - P*omega`` of its flux: one number gives the gain at every
+gap, ``gain_0*(1 - P*omega)**power``, where the map ``circuit`` has one for each.
+"""
+
+LEAKAGE = FitNumber(
+    "leakage", "part of the flux beside the widest gap", -0.5, 0.9, usual=0.0, spread=0.2
+)
+"""Fringes of the field at the gap act against it, so that it may come out below zero."""
+
+_LEAST_OMEGA = 1e-6
+
+_LEAST_GAP_FLUX = 0.05
+"""Part of the iron's flux that passes the gap, at least."""
 
 AROUND = (
     FitNumber("omega", "(w*M_s)/a", -30.0, 9e2, "asinh"),
@@ -69,7 +90,7 @@ class CoordinateSpace:
     common: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        if self.gap_map in {"scaling", "reluctance", "circuit"}:
+        if self.gap_map in IN_SERIES | {"scaling"}:
             # Behind a gap the measured field is not that in the iron: it does not determine h.
             object.__setattr__(self, "form", replace(self.form, permeability=0.0))
 
@@ -80,7 +101,7 @@ class CoordinateSpace:
         differing = PER_GAP[self.gap_map] - self.common
         if self.gap_map == "free":
             differing |= {number.name for number in self.form.kernel.numbers} - self.common
-        for name in self.form.names:
+        for name in (*self.form.names, *(("leakage",) if self.gap_map == "leakage" else ())):
             if name in self.held:
                 continue
             if name in differing:
@@ -113,6 +134,11 @@ class CoordinateSpace:
         return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
 
     @property
+    def written_map(self) -> GapMap:
+        """Gap map of the model that a fit makes."""
+        return cast("GapMap", WRITTEN.get(self.gap_map, self.gap_map))
+
+    @property
     def size(self) -> int:
         """Number of coordinates."""
         return len(self.entries)
@@ -120,7 +146,7 @@ class CoordinateSpace:
     @cached_property
     def numbers(self) -> dict[str, FitNumber]:
         """What may be moved, by name."""
-        return {number.name: number for number in (*self.form.kernel.numbers, *AROUND)}
+        return {number.name: number for number in (*self.form.kernel.numbers, *AROUND, LEAKAGE)}
 
     def unit(self, name: str) -> float:
         """Scale of a parameter in SI: span of the input or output, or 1."""
@@ -138,13 +164,27 @@ class CoordinateSpace:
     def pack(self, sets: list[Local]) -> FloatArray:
         """Coordinates of parameters given for each gap; shared ones are taken from the first."""
         theta = []
+        gain, leakage = self._gain_and_leakage(sets)
         for name, gap in self.entries:
             local = sets[gap or 0]
-            value = self.form.values(local)[name]
+            known = self.form.values(local) | {"leakage": leakage}
+            value = gain if (name, self.gap_map) == ("gain", "leakage") else known[name]
             if name == "scale" and self.gap_map in IN_SERIES:
                 value *= 1.0 - self.form.h * local.omega
             theta.append(self.inward(name, value))
         return np.asarray(np.clip(np.array(theta), *self.bounds))
+
+    def _gain_and_leakage(self, sets: Sequence[Local]) -> tuple[float, float]:
+        """Gain without leakage, and leakage, that come closest to the gains of all gaps."""
+        omega = np.array([local.omega for local in sets])
+        root = np.array([local.gain for local in sets]) ** (1.0 / self.form.power)
+        away = omega - omega.mean()
+        spread = float(away @ away)
+        slope = float(away @ root) / spread if spread > 0.0 else 0.0
+        closed = float(root.mean() - slope * omega.mean())
+        if closed <= 0.0 or slope == 0.0:
+            return float(root.mean()) ** self.form.power, 0.0
+        return closed**self.form.power, -slope / closed * max(sets[-1].omega, _LEAST_OMEGA)
 
     def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Take all gaps but these: the space, and the places of its coordinates in this one."""
@@ -176,8 +216,31 @@ class CoordinateSpace:
                 if at is not None:
                     values[name] = at[1]
                     jacobian[row, at[0]] = at[2]
+            if "leakage" in shared:
+                widest = single["omega", self.records.gaps - 1]
+                self._leak(values, jacobian, shared["leakage"], widest)
             found.append((self._finish(values, jacobian), jacobian))
         return found
+
+    def _leak(
+        self,
+        values: dict[str, float],
+        jacobian: FloatArray,
+        leakage: tuple[int, float, float],
+        widest: tuple[int, float, float],
+    ) -> None:
+        """Take off the gain what passes beside the gap; place, value, slope are those of unpack."""
+        names, power = self.form.names, self.form.power
+        row, omega_row = names.index("gain"), names.index("omega")
+        ratio = values["omega"] / max(widest[1], _LEAST_OMEGA)
+        part = max(1.0 - leakage[1] * ratio, _LEAST_GAP_FLUX)
+        values["gain"] *= part**power
+        jacobian[row] *= part**power
+        if part > _LEAST_GAP_FLUX and widest[1] > _LEAST_OMEGA:
+            by_part = power * values["gain"] / part
+            jacobian[row] -= by_part * leakage[1] / widest[1] * jacobian[omega_row]
+            jacobian[row, widest[0]] += by_part * leakage[1] * ratio / widest[1] * widest[2]
+            jacobian[row, leakage[0]] -= by_part * ratio * leakage[2]
 
     def _finish(self, values: dict[str, float], jacobian: FloatArray) -> Local:
         """Fill in what follows from the rest: h, and the scale of the reluctance map."""

@@ -81,13 +81,14 @@ def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
     for (name, gap), coordinate, std in zip(space.entries, found.theta, deviation, strict=True):
-        value = space.form.values(found.sets[gap or 0])[name]
+        value, slope = space.outward(name, float(coordinate))
+        if name in space.form.names:  # at its gap
+            value = space.form.values(found.sets[gap or 0])[name]
         number = space.numbers[name]
         label = _label(number, units)
         if gap is not None and loopset.schedule is not None:
             label += f" at {loopset.schedule.show(float(space.records.nodes[gap]))}"
         names.append(label)
-        _, slope = space.outward(name, float(coordinate))
         stds.append(float(std * (abs(value) if number.coordinate == "log" else slope)))
         values.append(value + (readings[name].offset if name in readings else 0.0))
     said = statements(names, values, stds, correlation) + _of_the_gauge(found)
@@ -132,7 +133,7 @@ def statements(
 def _of_the_gauge(found: FoundModel) -> list[str]:
     """Say what was chosen, because no output depends on it."""
     said = []
-    form, gap_map = found.space.form, found.space.gap_map
+    form, gap_map = found.space.form, found.space.written_map
     if form.permeability == 0.0:
         said.append(
             "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
