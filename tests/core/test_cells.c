@@ -21,7 +21,7 @@ typedef struct {
 static void build(sample *s)
 {
   size_t pieces = 0;
-  CHECK(anhyst_cells_lay_f64(&s->cells, &s->weights, &pieces) == ANHYST_OK);
+  CHECK(anhyst_cells_lay_f64(&s->cells, &s->weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_OK);
   s->rows = malloc(pieces * sizeof *s->rows);
   anhyst_cells_tabulate_f64(&s->cells, &s->weights, s->rows);
 }
@@ -244,12 +244,12 @@ static void weights_out_of_range_are_refused(void)
     const double good = *places[i];
     for (int j = 0; j < 3; j++) {
       *places[i] = bad[i][j];
-      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, &pieces) == ANHYST_BAD_PARAMETER);
+      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_BAD_PARAMETER);
     }
     *places[i] = good;
   }
   s.width[0] = 1e-4 * s.threshold[12];
-  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, &pieces) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_BAD_PARAMETER);
   free(s.rows);
 }
 

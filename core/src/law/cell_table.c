@@ -8,8 +8,7 @@
 /* Pieces of the narrowest curve's width in the first octave, and the most that one is cut into. */
 static const double fineness = 4.0;
 static const int most_pieces = 1024;
-/* What the tables aim at and what they may miss by, of the saturation. */
-static const double aim = 1e-12;
+/* What the tables may miss by, of the saturation. */
 static const double limit = 1e-6;
 /* How far the tables go, in parts of the widest curve and the largest threshold. */
 static const double far = 131072.0;
@@ -78,7 +77,8 @@ static double piece_error(const anhyst_cell_weights_f64 *w, double low, double h
 
 /* Cuts the next octave, from begin to twice that, into as many pieces as it needs; 0 where there is
    no room, or the limit cannot be kept. */
-static int lay_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights, double begin)
+static int lay_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights, double aim,
+                      double begin)
 {
   const double low = (begin - 1.0) / cells->per_unit;
   const double high = (2.0 * begin - 1.0) / cells->per_unit;
@@ -103,7 +103,7 @@ static int lay_octave(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *we
 }
 
 anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
-                                   size_t *pieces)
+                                   double aim, size_t *pieces)
 {
   if (!weights_valid(weights)) {
     return ANHYST_BAD_PARAMETER;
@@ -128,7 +128,7 @@ anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_we
   cells->octaves = 0;
   double begin = 1.0;
   while (begin < 1.0 + cells->reach * cells->per_unit) {
-    if (!lay_octave(cells, weights, begin)) {
+    if (!lay_octave(cells, weights, aim, begin)) {
       return ANHYST_BAD_PARAMETER;
     }
     begin *= 2.0;

@@ -112,8 +112,14 @@ class CellOperator:
     """Play cells by their equation alone, A/m; arguments as those of `CellIron`."""
 
     def __init__(
-        self, thresholds: _Array, widths: _Array, weights: _Array, shape: str = "tanh"
-    ) -> None: ...
+        self,
+        thresholds: _Array,
+        widths: _Array,
+        weights: _Array,
+        shape: str = "tanh",
+        aim: float = 1e-12,
+    ) -> None:
+        """Lay tables whose error is `aim`, of the saturation."""
     @property
     def steepest(self) -> float:
         """Upper bound of dM/dx over all states."""

@@ -9,7 +9,8 @@
 
 class Cells {
 public:
-  Cells(const In &thresholds, const In &widths, const InTable &weights, const std::string &shape)
+  Cells(const In &thresholds, const In &widths, const InTable &weights, const std::string &shape,
+        double aim = ANHYST_CELLS_AIM)
   {
     same_shape(thresholds.shape(0), widths.shape(0), weights, "weights");
     if (shape != "tanh" && shape != "langevin") {
@@ -26,7 +27,7 @@ public:
               shape == "tanh" ? ANHYST_SHAPE_TANH : ANHYST_SHAPE_LANGEVIN};
     size_t pieces = 0;
     if (thresholds.shape(0) < 1 || thresholds.shape(0) > ANHYST_CELLS_MAX || widths.shape(0) < 1 ||
-        anhyst_cells_lay_f64(&cells_, &given_, &pieces) != ANHYST_OK) {
+        anhyst_cells_lay_f64(&cells_, &given_, aim, &pieces) != ANHYST_OK) {
       throw std::invalid_argument(
           "play cells out of range: 1 to 64 thresholds that ascend from 0, widths above 0, weights "
           "of 0 and above and one above 0, no width below about 1/300 of a threshold");

@@ -82,12 +82,10 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
     """
     gaps, held = run.searched.gaps, run.held
     if wanted == "circuit":
-        shared = ModelCandidate("circuit", held, OFFSETS)
-        if gaps < 3:
-            return [shared]
-        leaking = ModelCandidate("leakage", held)
-        apart = [] if held >= OFFSETS else [ModelCandidate("circuit", held, rank=2)]
-        return [leaking, replace(shared, rank=1), *apart]
+        found = [ModelCandidate("leakage", held)] if gaps >= 3 else []
+        found.append(ModelCandidate("circuit", held, OFFSETS, rank=1))
+        apart = gaps >= 3 and not held >= OFFSETS
+        return [*found, ModelCandidate("circuit", held, rank=2)] if apart else found
     if wanted == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
         # other almost without trace, and what is interpolated of them need not fit together.

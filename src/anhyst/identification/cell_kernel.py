@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from anhyst.identification.cell_path import CellPaths
+from anhyst.identification.cell_path import EXACT, CellPaths
 from anhyst.laws.cells import (
     CellWeights,
     Population,
@@ -66,10 +66,13 @@ class CellKernel:
         The curve that cells follow.
     populations
         How many: 1 to 3.
+    aim
+        Error of their tables, in parts of the saturation; tables that aim at less are made faster.
     """
 
     shape: Shape
     populations: int
+    aim: float = EXACT
 
     differentiated = True
     coupled = False
@@ -127,7 +130,7 @@ def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
     moved = [0, 1, *range(4, 2 + 4 * kernel.populations)]
     by_all = population_tangents(pinned)
     tangents = Tangents(*(np.ascontiguousarray(by[..., moved]) for by in by_all))
-    return CellPaths(kernel.weights(law), tangents)
+    return CellPaths(kernel.weights(law), tangents, kernel.aim)
 
 
 def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:

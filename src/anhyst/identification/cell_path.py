@@ -14,6 +14,9 @@ from anhyst.identification.no_response import NoResponseError
 from anhyst.laws.cells import CellWeights, Tangents
 from anhyst.support.arrays import FloatArray
 
+EXACT = 1e-12
+"""Error of tables that a model is computed with, in parts of the saturation."""
+
 
 class CellPath(NamedTuple):
     """Effective field and magnetisation along a drive, and their derivatives, (n,) and (n, d)."""
@@ -34,16 +37,21 @@ class CellPaths:
         Thresholds, widths, weights.
     tangents
         Derivatives of weights, widths and thresholds by the numbers of the law.
+    aim
+        Error of the tables, in parts of the saturation.
     """
 
     cells: CellWeights
     tangents: Tangents
+    aim: float = EXACT
 
     @cached_property
     def _operator(self) -> CellOperator:
         cells = self.cells
         try:
-            return CellOperator(cells.thresholds, cells.widths, cells.weights, cells.shape)
+            return CellOperator(
+                cells.thresholds, cells.widths, cells.weights, cells.shape, self.aim
+            )
         except ValueError as error:
             raise NoResponseError(str(error)) from error
 
@@ -93,15 +101,22 @@ class CellPaths:
         omega_t, moved = np.zeros((r.size, directions)), np.zeros((r.size, directions))
         omega_t[:, law] = own
         moved[:, law + 1 :] = r_t
-        by_law = (
+        weights_t, widths_t, thresholds_t = (
             np.concatenate([by, np.zeros((*by.shape[:-1], directions - law))], axis=-1)
             for by in self.tangents
         )
-        *path, status = self._operator.sensitivity(
-            omega, r, omega_t, moved, *by_law, np.array(begins, dtype=np.int64)
+        x, m, x_t, m_t, status = self._operator.sensitivity(
+            omega,
+            r,
+            omega_t,
+            moved,
+            weights_t,
+            widths_t,
+            thresholds_t,
+            np.array(begins, dtype=np.int64),
         )
         _refuse(status)
-        return CellPath(*path)
+        return CellPath(x, m, x_t, m_t)
 
     def _refuse_jumps(self, omega: FloatArray) -> None:
         if 1.0 + float(omega.min()) * self._operator.steepest <= 0.0:

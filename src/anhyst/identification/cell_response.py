@@ -16,7 +16,6 @@ from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.response import FLATTEST, Local, ResponseForm, driven_before
 from anhyst.support.arrays import FloatArray
 
-
 _TOGETHER = 20_000
 """Samples that are followed in one call, about; more would cost memory and gain nothing."""
 

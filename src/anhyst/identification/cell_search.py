@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
@@ -20,16 +21,20 @@ from anhyst.identification.cell_starts import SLOPES, draw_starts, placed, possi
 from anhyst.identification.contest import Fits
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.objective import Objective
 from anhyst.identification.no_response import NoResponseError
+from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
+from anhyst.laws.cells import Shape
 from anhyst.support.arrays import FloatArray
 
 _ROUGH, COARSE, FINE = 16, 40, 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones
 come to their end, at most."""
+
+_NEAR = 1e-8
+"""Error of the tables with which starts descend, in parts of the saturation."""
 
 _DRAWN = 48
 """Starts drawn at a time."""
@@ -57,6 +62,9 @@ _BEFORE_JUMPS = 0.8
 
 _GAIN = 0.98
 """Cost, in parts of that with a population less, from which on a further one says nothing."""
+
+_BEHIND = 4.0
+"""Cost over that of the other curve, with as many populations, up to which one more is tried."""
 
 _WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
 """Widths and pinnings of a further population that are weighed by the residual, of the first's."""
@@ -108,7 +116,7 @@ def search_cells(
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
 ) -> dict[ModelCandidate, Fits]:
-    """Fit play cells of one curve, until a population more gains next to nothing.
+    """Fit play cells of every curve, until a population more gains next to nothing.
 
     Parameters
     ----------
@@ -123,29 +131,39 @@ def search_cells(
     leaves_something : callable
         Whether a fit leaves more than noise.
     """
-    fits: dict[ModelCandidate, Fits] = {}
-    before: list[FoundModel] = []
-    for one in wanted:
-        assert one.cells is not None
-        form = replace(base.space.form, law=LAW_OF[one.cells.shape], cells=one.cells, dead_band=0.0)
-        levels = _levels(one, form, records, base)
-        known = [*_suggested(levels, before), *([] if before else _begun(levels, base))]
-        ends = _search(levels, one.cells, known, seed, leaves_something)
-        if fits and ends[0].cost > _GAIN * before[0].cost:
-            break
-        before = ends
-        fits[one] = Fits(ends[0], only_demanded(ends[0], _CLOSE, _TO_END))
-    return fits
+    ends: dict[ModelCandidate, list[FoundModel]] = {}
+    last: dict[Shape, list[FoundModel]] = {}
+    for _, alike in groupby(wanted, lambda one: one.cells and one.cells.populations):
+        new = {}
+        for one in alike:
+            assert one.cells is not None
+            shape = one.cells.shape
+            if ends and shape not in last:
+                continue
+            form = replace(base.space.form, law=LAW_OF[shape], cells=one.cells, dead_band=0.0)
+            levels = _levels(one, form, records, base)
+            before = last.get(shape, [])
+            known = _suggested(levels, before) if before else _begun(levels, base)
+            found = _search(levels, one.cells, known, seed, leaves_something)
+            if not before or found[0].cost <= _GAIN * before[0].cost:
+                ends[one] = new[shape] = found
+        least = min((found[0].cost for found in new.values()), default=0.0)
+        last = {shape: found for shape, found in new.items() if found[0].cost <= _BEHIND * least}
+    return {
+        one: Fits(found[0], only_demanded(found[0], _CLOSE, _TO_END)) for one, found in ends.items()
+    }
 
 
 def _levels(
     one: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
 ) -> _Levels:
-    spaces = [
-        CoordinateSpace(one.gap_map, records.thinned(most), form, one.held, one.common)
-        for most in (_ROUGH, COARSE, FINE)
-    ]
-    return _Levels(*spaces, tie=TIE * base.cost if one.gap_map in TIED else 0.0)
+    assert isinstance(form.cells, CellKernel)
+    near = replace(form, cells=replace(form.cells, aim=_NEAR))
+    rough, coarse, fine = (
+        CoordinateSpace(one.gap_map, records.thinned(most), law, one.held, one.common)
+        for most, law in ((_ROUGH, near), (COARSE, near), (FINE, form))
+    )
+    return _Levels(rough, coarse, fine, TIE * base.cost if one.gap_map in TIED else 0.0)
 
 
 def _search(
@@ -178,7 +196,10 @@ def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
     wide, slope = _LANGEVIN[kernel.shape], SLOPES[kernel.shape]
     return [
         levels.coarse.pack(
-            [_as_cells(local, base.space.form.power, wide, slope, part, kept) for local in base.sets]
+            [
+                _as_cells(local, base.space.form.power, wide, slope, part, kept)
+                for local in base.sets
+            ]
         )
         for part in _PINNINGS
         for kept in (1.0, 0.0)
@@ -215,9 +236,7 @@ def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray
     """Add a population to fits, where each would take most off what is left."""
     found = []
     for one in before:
-        tried = [
-            _weighed(levels, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
-        ]
+        tried = [_weighed(levels, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED]
         tried.sort(key=lambda start: -start[0])
         found += [theta for _, theta in tried[:_SUGGESTED]]
     return found
@@ -233,7 +252,9 @@ def _weighed(
     power = found.space.form.power
 
     def start(share: float) -> FloatArray:
-        return levels.coarse.pack([_with_population(one, power, (share, *how)) for one in found.sets])
+        return levels.coarse.pack(
+            [_with_population(one, power, (share, *how)) for one in found.sets]
+        )
 
     theta = start(_SMALL)
     try:

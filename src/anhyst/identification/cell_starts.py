@@ -73,9 +73,10 @@ def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list
     further = [_SHARE, _WIDTH, _PINNED, _SPREAD]
     ranges = [_REACH, _BEHIND_GAP if gapped else _CLOSED, *one, *further * (kernel.populations - 1)]
     low, high = np.log(np.array(ranges)).T[:, :, None]
+    drawn = low + (high - low) * evenly(len(ranges), count, seed)
     starts = []
-    for reach, part, *law in np.exp(low + (high - low) * evenly(len(ranges), count, seed)).T.tolist():
-        reach /= SLOPES[kernel.shape]
+    for steep_reach, part, *law in np.exp(drawn).T.tolist():
+        reach = steep_reach / SLOPES[kernel.shape]
         law[2::4] = [pinned * reach for pinned in law[2::4]]
         starts.append(CellStart(tuple(law), reach, part))
     return starts

@@ -128,7 +128,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
     left_out = folds(inner(gaps), nested=len(tried) > 1 or bool(run.cells))
     run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
-    run.total += len(run.cells) + 3 if run.cells else 0
+    run.total += 4 if run.cells else 0
     fits, known = _known(run)
     if gaps == 1:
         one = ModelCandidate("none", run.held)
@@ -154,7 +154,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
         why_law = _why_law(run, contest, best)
     else:
         maps = contest.errors_of_maps(best)
-        run.total -= len(run.cells) + 3 if run.cells else 0
+        run.total -= 4 if run.cells else 0
     return ModelChoice(
         *_finished(run, loopset, contest.fits[best].found, why),
         {name: error for name, error in maps.items() if np.isfinite(error)},
@@ -209,13 +209,9 @@ def _compare_cells(
         for fold in folds(contest.places, nested=True):
             contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
     new = cell_candidates(cell_map(base, maps), run.cells)
-    for shape in run.cells:
-        of_shape = [one for one in new if one.cells and one.cells.shape == shape]
-        wide = contest.fits[base].wide
-        leaves = partial(_leaves_something, loopset=loopset)
-        contest.fits.update(
-            run.step(partial(search_cells, wide, run.searched, of_shape, run.seed, leaves))
-        )
+    leaves = partial(_leaves_something, loopset=loopset)
+    wide = contest.fits[base].wide
+    contest.fits.update(run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves)))
     new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
     best = min(new, key=lambda one: contest.error(one) or contest.fits[one].found.cost)
@@ -423,7 +419,9 @@ def _why(contest: Contest, best: ModelCandidate, wanted: str, gaps: int) -> str:
     name = WRITTEN.get(best.gap_map, best.gap_map)
     own = errors.pop(name)
     others = ", ".join(
-        f"{other} {100 * error:.2g} %" if np.isfinite(error) else f"{other} cannot be computed there"
+        f"{other} {100 * error:.2g} %"
+        if np.isfinite(error)
+        else f"{other} cannot be computed there"
         for other, error in errors.items()
     )
     why = (

@@ -286,7 +286,9 @@ def population_tangents(pinned: Sequence[Population]) -> Tangents:
         left *= one.spread * by_log[:, None]
         left[:, first + 3] = by_log * np.log(middles / one.scale)
         ends = np.zeros((1, directions))
-        weights[1:, column] = -one.magnetisation * np.diff(np.concatenate([ends, left, ends]), axis=0)
+        weights[1:, column] = -one.magnetisation * np.diff(
+            np.concatenate([ends, left, ends]), axis=0
+        )
         weights[1:, column, first] = shares(places, one.scale, one.spread)
         widths[column, first + 1] = 1.0
     return Tangents(weights, widths, np.concatenate([ends, places[1:, None] * log_places]))

@@ -51,7 +51,7 @@ static int build(void *tables)
                                                 width,          weight,          ACTUATOR_SHAPE};
   tables_of *made = (tables_of *)tables;
   size_t pieces = 0;
-  if (anhyst_cells_lay_f64(&made->cells, &given, &pieces) != ANHYST_OK) {
+  if (anhyst_cells_lay_f64(&made->cells, &given, ANHYST_CELLS_AIM, &pieces) != ANHYST_OK) {
     return -1;
   }
   made->rows = (anhyst_cell_piece_f64 *)malloc(pieces * sizeof *made->rows);
