@@ -50,10 +50,10 @@ def test_derivatives_of_a_path_are_those_of_its_differences(shape: Shape) -> Non
     twice = (np.tile(omega, 2), np.tile(r, 2), np.tile(omega_t, (2, 1)), np.tile(r_t, (2, 1)))
     weights = np.pad(by.weights, pad)
     widths, places = np.pad(by.widths, pad[1:]), np.pad(by.thresholds, pad[1:])
-    *found, status = core.sensitivity(*twice, weights, widths, places, BEGINS)
+    *along, status = core.sensitivity(*twice, weights, widths, places, BEGINS)
     assert status == 0
-    along_x, along_m, x_t, m_t = (np.asarray(values)[160:] for values in found)
-    np.testing.assert_array_equal(np.stack([along_x, along_m]), follow(numbers, shape))
+    x, m, x_t, m_t = (values[160:] for values in along)
+    np.testing.assert_array_equal(np.stack([x, m]), follow(numbers, shape))
     for place in range(12):
         ends = []
         for sign in (1.0, -1.0):
