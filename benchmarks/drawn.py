@@ -1,0 +1,352 @@
+"""Drawn virtual measurements: 200 magnets and rings of six families of iron, and what tests a model.
+
+Ranges and seed stand in ``drawn.toml``, the irons in ``drawn_irons.py``. ``draw(number)`` gives one.
+All are computed at once and kept in ``build/`` under a hash of what they are made from;
+``python benchmarks/drawn.py`` lists those with an even number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data import Loop, Loops
+from anhyst.data.history import History
+from anhyst.rig.parts.magnet import Poles
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0, QUANTITIES
+from drawn_families import SETTINGS, draw_iron, from_ranges
+from drawn_irons import Answer, Core, Iron, Job, answers
+from rows import ROOT
+
+COUNT: int = SETTINGS["count"]
+FAMILIES: list[str] = SETTINGS["families"]
+
+CYCLES = 3
+"""Before a record: of all of it, or of the same loop."""
+
+_MADE_FROM = ("benchmarks/drawn*", "plant/**/*.[ch]", "src/anhyst/rig/parts/*.py")
+
+
+@dataclass(frozen=True, eq=False)
+class Test:
+    """A record to test a model with: what the sensors would read without noise.
+
+    Parameters
+    ----------
+    kind : str
+        ``same``: the loops that were fitted, at a gap between; ``unseen``: random reversals there;
+        ``moving``: a gap that moves under random reversals; ``small``: small cycles about a bias;
+        ``other``: random reversals where loops were measured.
+    input, output : ndarray, shape (n,)
+        SI.
+    schedule : ndarray, shape (n,), or None
+        Gap, m.
+    history : History
+    counted : ndarray of bool, shape (n,)
+        Where the record is what its kind says, not on the way there.
+    """
+
+    kind: str
+    input: FloatArray
+    output: FloatArray
+    schedule: FloatArray | None
+    history: History
+    counted: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """One virtual measurement.
+
+    Parameters
+    ----------
+    number : int
+    family : str
+    true : mapping of str to Any
+        What was drawn.
+    loops : Loops
+        As measured.
+    tests : tuple of Test
+    """
+
+    number: int
+    family: str
+    true: Mapping[str, Any]
+    loops: Loops
+    tests: tuple[Test, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """What is driven: turning points before, then samples; and how it is called."""
+
+    kind: str
+    label: str
+    lead: tuple[float, ...]
+    history: str  # settled, demagnetised, conditioned; of the lead only what a user would state
+    stated: tuple[float, ...]
+    current: FloatArray
+    gap: FloatArray
+    since: int = 0  # first sample that counts
+
+
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """A magnet, its iron, and all its records, before any is computed."""
+
+    number: int
+    family: str
+    true: dict[str, Any]
+    core: Core
+    iron: Iron
+    records: list[_Record]
+
+    def jobs(self) -> list[Job]:
+        """Return the paths of all records."""
+        found = []
+        for one in self.records:
+            lead = np.array(one.lead)
+            gap = np.concatenate([np.full(lead.size, one.gap[0]), one.gap])
+            found.append(Job(self.iron, self.core, np.concatenate([lead, one.current]), gap))
+        return found
+
+
+def _core(magnet: dict[str, Any], true: dict[str, Any]) -> tuple[Core, FloatArray]:
+    """Size a magnet by the force at its smallest gap; return it and the gaps of the loops."""
+    field = magnet["saturating"] * true["knee_sharp"]
+    density = true["saturation_sharp"] * field / (field + true["knee_sharp"])
+    area = magnet["force_N"] * MU_0 / density**2
+    width = float(np.sqrt(area / magnet["aspect"]))
+    least = magnet["smallest_gap"] * width
+    gaps = np.zeros(1) if magnet["ring"] else _gaps(magnet, least)
+    permeance = 0.5 * MU_0 * area / least
+    poles = Poles(
+        turns=1.0,
+        resistance=1.0,
+        width=width,
+        depth=area / width,
+        leakage=magnet["leakage"] * permeance,
+        iron_length=magnet["iron_length"] * width,
+        joints=magnet["joints"] * least,
+    )
+    core = Core(poles, magnet["ring"])
+    excitation = poles.iron_length * field + float(core.outer(gaps)[0]) * area * density
+    poles = replace(poles, turns=float(max(1.0, round(excitation / magnet["current_A"]))))
+    magnet["current_A"] = excitation / poles.turns
+    return replace(core, poles=poles), gaps
+
+
+def _gaps(magnet: dict[str, Any], least: float) -> FloatArray:
+    count = magnet["gaps"]
+    if count == 1:
+        return np.array([least])
+    places = np.arange(count) / (count - 1.0)
+    places[1:-1] += magnet["unevenness"] / (count - 1.0) * (-1.0) ** np.arange(count - 2)
+    return np.asarray(least * magnet["gap_range"] ** places)
+
+
+def _sweep(ends: list[float], step: float) -> FloatArray:
+    """Return straight lines from end to end, evenly sampled."""
+    parts = [np.array(ends[:1])]
+    for start, end in pairwise(ends):
+        count = max(6, round(abs(end - start) / step))
+        parts.append(np.linspace(start, end, count + 1)[1:])
+    return np.concatenate(parts)
+
+
+def _ranges(
+    drive: dict[str, Any], ring: bool, top: float, rng: np.random.Generator
+) -> list[tuple[float, float]]:
+    """Return the ends of the loops at every gap, the largest first."""
+    both = ring or drive["bipolar"]
+    found = [(-top if both else 0.0, top)]
+    for _ in range(drive["ring_loops" if ring else "loops"] - 1):
+        more = from_ranges({name: SETTINGS["drive"][name] for name in
+                       ("biased", "inner_size", "biased_low", "biased_high")}, rng)  # fmt: skip
+        if more["biased"]:
+            found.append((more["biased_low"] * top, more["biased_high"] * top))
+        else:
+            size = more["inner_size"] * top
+            found.append((-size if both else 0.0, size))
+    return found
+
+
+def _measured(
+    drive: dict[str, Any], ranges: list[tuple[float, float]], gap: float, rng: np.random.Generator
+) -> list[_Record]:
+    """Return the records of all loops at a gap."""
+    start, whole = drive["start"], ranges[0]
+    step = (whole[1] - whole[0]) / drive["samples"]
+    all_of_it = (*CYCLES * whole, whole[0]) if whole[0] < 0.0 else (0.0, *CYCLES * (whole[1], 0.0))
+    found = []
+    for number, (low, high) in enumerate(ranges, start=1):
+        stated: tuple[float, ...] = ()
+        if start.startswith("settled"):
+            stated = (0.0, whole[1], 0.0) if start == "settled-after-max" else ()
+            cycle = _sweep([low, high, low], step)
+            turn = int(rng.random() * (cycle.size - 1))
+            lead = (*stated, *CYCLES * (low, high), low)
+            lead += (high, float(cycle[turn])) if cycle.size <= 2 * turn else (float(cycle[turn]),)
+            current = np.concatenate([cycle[turn:], cycle[1 : turn + 1]])
+        elif start == "demagnetised":
+            lead, current = (), _sweep([low, high, low, high, low], step)
+        else:
+            lead, stated = all_of_it, all_of_it
+            current = _sweep([low, high, low], step)
+        found.append(
+            _Record(
+                "",
+                str(number),
+                lead,
+                start.split("-")[0],
+                stated,
+                current,
+                np.full(current.size, gap),
+            )
+        )
+    return found
+
+
+def _tests(
+    plan: tuple[dict[str, Any], list[tuple[float, float]]], gaps: FloatArray, top: float,
+    rng: np.random.Generator,
+) -> list[_Record]:  # fmt: skip
+    """Return the records that models are tested with; each after cycles of the whole range."""
+    drive, ranges = plan
+    tests, (low, high) = SETTINGS["tests"], ranges[0]
+    step = (high - low) / tests["samples"]
+    lead = (*CYCLES * (low, high), low) if low < 0.0 else (0.0, *CYCLES * (high, 0.0))
+    between = [float(np.sqrt(one * two)) for one, two in pairwise(gaps)]
+    unseen = [between[0], between[-1]] if len(between) > 1 else between
+
+    def path(kind: str, ends: list[float], gap: float, since: int = 0) -> _Record:
+        current = _sweep([lead[-1], *ends], step)
+        return _Record(kind, f"{kind}-{gap:.6g}", lead, "conditioned", lead, current,
+                       np.full(current.size, gap), since)  # fmt: skip
+
+    def reversals(count: int) -> list[float]:
+        return [float(end) for end in low + (high - low) * rng.random(count)]
+
+    found = [path("other", reversals(tests["turns"]), float(gaps[0]))]
+    for gap in unseen:
+        found.append(path("unseen", reversals(tests["turns"]), gap))
+        found += [replace(one, kind="same") for one in _measured(drive, ranges, gap, rng)]
+    swing = 0.5 * tests["small"] * top
+    for bias in tests["biases"]:
+        middle, gap = bias * top, float((unseen or gaps)[-1])
+        there = _sweep([lead[-1], middle - swing], step).size
+        ends = [middle - swing, *tests["small_cycles"] * [middle + swing, middle - swing]]
+        found.append(path("small", ends, gap, there))
+    if gaps.size > 1:
+        one = path("moving", reversals(tests["moving_turns"]), float(gaps[0]))
+        turn = 2.0 * np.pi * tests["moving_cycles"] / (one.current.size - 1.0)
+        part = 0.5 - 0.5 * np.cos(turn * np.arange(one.current.size))
+        found.append(replace(one, gap=gaps[0] + (gaps[-1] - gaps[0]) * part))
+    return found
+
+
+def _plan(number: int) -> _Plan:
+    rng = np.random.default_rng([SETTINGS["seed"], number])
+    family = FAMILIES[number // 2 % len(FAMILIES)]
+    magnet, drive, sensors = (
+        from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors")
+    )
+    iron, true = draw_iron(family, rng)
+    core, gaps = _core(magnet, true)
+    top = magnet["current_A"]
+    ranges = _ranges(drive, core.ring, top, rng)
+    records = [one for gap in gaps for one in _measured(drive, ranges, float(gap), rng)]
+    records += _tests((drive, ranges), gaps, top, rng)
+    drawn = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
+    return _Plan(number, family, drawn, core, iron, records)
+
+
+def _hash() -> str:
+    digest = hashlib.sha256()
+    for pattern in _MADE_FROM:
+        for path in sorted(ROOT.glob(pattern)):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
+    """Return all plans, and what each of their records gives; from ``build/`` where they are kept."""
+    plans = [_plan(number) for number in range(COUNT)]
+    sizes = [job.current.size for plan in plans for job in plan.jobs()]
+    kept = ROOT / "build" / f"drawn-{_hash()}.npy"
+    if kept.exists():
+        every = np.load(kept)
+    else:
+        found = answers([job for plan in plans for job in plan.jobs()])
+        every = np.concatenate([np.stack(one) for one in found], axis=1)
+        kept.parent.mkdir(exist_ok=True)
+        np.save(kept, every)
+    pieces = iter(np.split(every, np.cumsum(sizes)[:-1], axis=1))
+    return plans, [[Answer(*next(pieces)) for _ in plan.records] for plan in plans]
+
+
+def draw(number: int) -> Draw:
+    """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
+    plans, found = _computed()
+    plan = plans[number]
+    rng = np.random.default_rng([SETTINGS["seed"], number, 1])
+    sensors, magnet, ring = plan.true["sensors"], plan.true["magnet"], plan.core.ring
+    field = ring and magnet["ring_flux_density"]
+    poles = plan.core.poles
+    unit = poles.turns / poles.iron_length if field else 1.0  # of the input for each A
+    outputs, spans = [], []
+    for one, answer in zip(plan.records, found[number], strict=True):
+        linkage, flux = (values[len(one.lead):] for values in answer)  # fmt: skip
+        output = linkage if ring else plan.core.pull(flux, one.gap)
+        outputs.append(output / (poles.turns * poles.area) if field else output)
+        spans.append(float(np.max(np.abs(outputs[-1]))) if not one.kind else 0.0)
+    span, top = max(spans), unit * magnet["current_A"]
+    zeros = (sensors["current_offset"] * top * sensors["offsets"],
+             sensors["output_offset"] * span * sensors["offsets"])  # fmt: skip
+    noise = (sensors["current_noise"] * top, sensors["noise"] * span)
+    if sensors["noiseless"]:
+        noise = (0.0, 0.0)
+    loops, tests, clock = [], [], 0.0
+    for one, output in zip(plan.records, outputs, strict=True):
+        true_input, read = unit * one.current + zeros[0], output + zeros[1]
+        history = History(one.history, tuple(unit * point + zeros[0] for point in one.stated))  # type: ignore[arg-type]
+        gap = None if ring else one.gap
+        if one.kind:
+            counted = np.arange(read.size) >= one.since
+            if one.kind == "moving":
+                where = (float(one.gap[0]),) * len(one.stated)
+                history = replace(history, schedule=where)
+            tests.append(Test(one.kind, true_input, read, gap, history, counted))
+            continue
+        seen = true_input + rng.normal(0.0, 1.0, read.size) * noise[0]
+        read = read + rng.normal(0.0, 1.0, read.size) * noise[1]
+        if sensors["bits"]:
+            step = 1.2 * top * (2.0 if plan.true["drive"]["bipolar"] or ring else 1.0)
+            step /= 2.0 ** sensors["bits"]
+            seen = step * np.round(seen / step)
+        time = clock + 0.01 * np.arange(read.size) if plan.true["drive"]["clock"] else None
+        clock += 0.01 * read.size + 1.0
+        loops.append(Loop(one.label, seen, read, gap, time, history))
+    names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
+    quantities = [QUANTITIES[name] for name in names]
+    measured = Loops(
+        tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"]
+    )
+    return Draw(number, plan.family, plan.true, measured, tuple(tests))
+
+
+if __name__ == "__main__":
+    for place in range(0, COUNT, 2):
+        shown = draw(place)
+        facts = "; ".join(f"{name} {text}" for name, text in shown.loops.facts().items())
+        start = shown.true["drive"]["start"]
+        print(f"{place} {shown.family}, {start}: {facts}")

@@ -1,0 +1,144 @@
+"""The irons of drawn magnets: from the ranges of ``drawn.toml`` to what ``drawn_irons.py`` computes."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from anhyst._core import Steel
+from anhyst.rig.parts.duhem import DuhemSteel
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.preisach import PreisachSteel
+from anhyst.support.errors import InputError
+from drawn_irons import Iron, LangevinIron, PlantIron, SeriesIron, TellinenIron
+
+FILE = Path(__file__).with_name("drawn.toml")
+SETTINGS: dict[str, Any] = tomllib.loads(FILE.read_text(encoding="utf-8"))
+
+_CELLS = 30
+
+Numbers = dict[str, float]
+
+
+def from_ranges(table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Draw all numbers of a table; each takes one number of the generator."""
+    found: dict[str, Any] = {}
+    for name, rule in table.items():
+        (kind, values), part = next(iter(rule.items())), float(rng.random())
+        if kind == "of":
+            found[name] = values[int(part * len(values))]
+        elif kind == "log":
+            found[name] = float(values[0] * (values[1] / values[0]) ** part)
+        else:
+            found[name] = float(values[0] + (values[1] - values[0]) * part)
+    return found
+
+
+def _curve(rng: np.random.Generator) -> Numbers:
+    one = from_ranges(SETTINGS["curve"], rng)
+    return {
+        "saturation_sharp": one["saturation_sharp"],
+        "knee_sharp": one["knee_A_per_m"],
+        "saturation_slow": one["saturation_slow"],
+        "knee_slow": one["knee_A_per_m"] * one["slow_by_sharp"],
+    }
+
+
+def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
+    curve, one = _curve(rng), from_ranges(SETTINGS["cells"], rng)
+    shape = one["shape"]
+    pinning = curve["knee_sharp"] * one["pinning_by_knee"]
+    free, further = one["reversible"], one["further_share"]
+    first = CellSteel(_CELLS, free, pinning, shape, **curve)
+    other = replace(first, pinning_scale=pinning * one["further_by_first"])
+    both = np.concatenate([first.thresholds, other.thresholds[1:]])
+    weights = np.concatenate(
+        [first.weights[:1], (1.0 - further) * first.weights[1:], further * other.weights[1:]]
+    )
+    order = np.argsort(both)
+    return Steel(first.curve(), both[order], weights[order]), curve | one
+
+
+def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:
+    one = from_ranges(SETTINGS["preisach"], rng)
+    pinning, relays = one["pinning_A_per_m"], one["saturation"]
+    knee = pinning * one["knee_by_pinning"]
+    steel = PreisachSteel(
+        saturation=relays,
+        pinning=pinning,
+        pinning_spread=one["pinning_spread"],
+        bias=pinning * one["bias_by_pinning_0"],
+        bias_by_pinning=one["bias_by_pinning"],
+        feedback=0.0,
+        saturation_sharp=relays * one["sharp_part"],
+        knee_sharp=knee,
+        saturation_slow=relays * one["slow_part"],
+        knee_slow=knee * one["slow_by_sharp"],
+    )
+    # A part of what it bears: the largest is found by what the steel refuses.
+    low, high = 0.0, 4.0 * pinning / relays
+    for _ in range(6):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _bears(replace(steel, feedback=middle)) else (low, middle)
+    steel = replace(steel, feedback=one["feedback"] * low)
+    return steel.plant(), one | {"knee_sharp": steel.knee, "saturation_sharp": relays}
+
+
+def _bears(steel: PreisachSteel | DuhemSteel) -> bool:
+    try:
+        steel.plant()
+    except InputError:
+        return False
+    return True
+
+
+def _duhem(rng: np.random.Generator) -> tuple[Steel, Numbers]:
+    while True:  # some numbers make no iron
+        curve, one = _curve(rng), from_ranges(SETTINGS["duhem"], rng)
+        coercivity = one["coercivity_by_knee"] * curve["knee_sharp"]
+        steel = DuhemSteel(coercivity, one["turning"], one["fading"], **curve)
+        if _bears(steel):
+            return steel.plant(), curve | one
+
+
+_PLANT = {"cells": _cells, "preisach": _preisach, "duhem": _duhem}
+
+
+def draw_iron(family: str, rng: np.random.Generator) -> tuple[Iron, dict[str, Any]]:
+    """Draw an iron; what was drawn names a saturation and a knee, which the magnet is sized by."""
+    true: dict[str, Any]
+    if family in _PLANT:
+        steel, true = _PLANT[family](rng)
+        return PlantIron(steel), true
+    one = from_ranges(SETTINGS[family], rng)
+    if family == "series":
+        (first, core), (second, armature) = (
+            _PLANT[one[name]](rng) for name in ("core", "armature")
+        )
+        true = {"core_iron": core, "armature_iron": armature, **one}
+        true["knee_sharp"] = max(core["knee_sharp"], armature["knee_sharp"])
+        true["saturation_sharp"] = min(core["saturation_sharp"], armature["saturation_sharp"])
+        return SeriesIron(first, second, one["length_part"], one["area_ratio"]), true
+    if family == "tellinen":
+        curve = _curve(rng)
+        coercivity = one["coercivity_by_knee"] * curve["knee_sharp"]
+        return TellinenIron(
+            coercivity, curve["saturation_sharp"], curve["knee_sharp"],
+            curve["saturation_slow"], curve["knee_slow"],
+        ), curve | one  # fmt: skip
+    width = one["width_A_per_m"]
+    friction = one["friction_by_width"] * width
+    langevin = LangevinIron(
+        narrow=one["saturation"] * (1.0 - one["wide_part"]),
+        width=width,
+        wide=one["saturation"] * one["wide_part"],
+        width_wide=width * one["wide_by_narrow"],
+        friction=friction,
+        way=friction * one["way_by_friction"],
+    )
+    return langevin, one | {"knee_sharp": 2.0 * width, "saturation_sharp": one["saturation"]}
