@@ -133,12 +133,13 @@ def search_cells(
     """
     ends: dict[ModelCandidate, list[FoundModel]] = {}
     last: dict[Shape, list[FoundModel]] = {}
+    shapes = {one.cells.shape for one in wanted if one.cells}
     for _, alike in groupby(wanted, lambda one: one.cells and one.cells.populations):
         new = {}
         for one in alike:
             assert one.cells is not None
             shape = one.cells.shape
-            if ends and shape not in last:
+            if shape not in shapes:
                 continue
             form = replace(base.space.form, law=LAW_OF[shape], cells=one.cells, dead_band=0.0)
             levels = _levels(one, form, records, base)
@@ -149,6 +150,7 @@ def search_cells(
                 ends[one] = new[shape] = found
         least = min((found[0].cost for found in new.values()), default=0.0)
         last = {shape: found for shape, found in new.items() if found[0].cost <= _BEHIND * least}
+        shapes = set(last)
     return {
         one: Fits(found[0], only_demanded(found[0], _CLOSE, _TO_END)) for one, found in ends.items()
     }
