@@ -94,7 +94,8 @@ class Contest:
         errors = []
         for place in self.places:
             fold = frozenset({place})
-            one = self.winner(fold) if len(self.entrants) > 1 else self.entrants[0]
+            seen = fold if len(self.places) > 1 else frozenset[int]()  # one gap alone decides
+            one = self.winner(seen) if len(self.entrants) > 1 else self.entrants[0]
             errors.append(self.refits[fold][one].missed[place].mean)
         return errors
 

@@ -52,7 +52,7 @@ LEAKAGE = FitNumber(
 
 _LEAST_OMEGA = 1e-6
 
-_LEAST_GAP_FLUX = 0.05
+LEAST_GAP_FLUX = 0.05
 """Part of the iron's flux that passes the gap, at least."""
 
 AROUND = (
@@ -137,6 +137,13 @@ class CoordinateSpace:
     def written_map(self) -> GapMap:
         """Gap map of the model that a fit makes."""
         return cast("GapMap", WRITTEN.get(self.gap_map, self.gap_map))
+
+    def leakage(self, theta: FloatArray) -> float:
+        """Leakage under its map: what it takes of the iron's flux for each unit of omega."""
+        part, _ = self.outward("leakage", float(theta[self.names.index("leakage")]))
+        widest = f"omega[{self.records.gaps - 1}]"
+        omega, _ = self.outward("omega", float(theta[self.names.index(widest)]))
+        return part / max(omega, _LEAST_OMEGA)
 
     @property
     def size(self) -> int:
@@ -233,10 +240,10 @@ class CoordinateSpace:
         names, power = self.form.names, self.form.power
         row, omega_row = names.index("gain"), names.index("omega")
         ratio = values["omega"] / max(widest[1], _LEAST_OMEGA)
-        part = max(1.0 - leakage[1] * ratio, _LEAST_GAP_FLUX)
+        part = max(1.0 - leakage[1] * ratio, LEAST_GAP_FLUX)
         values["gain"] *= part**power
         jacobian[row] *= part**power
-        if part > _LEAST_GAP_FLUX and widest[1] > _LEAST_OMEGA:
+        if part > LEAST_GAP_FLUX and widest[1] > _LEAST_OMEGA:
             by_part = power * values["gain"] / part
             jacobian[row] -= by_part * leakage[1] / widest[1] * jacobian[omega_row]
             jacobian[row, widest[0]] += by_part * leakage[1] * ratio / widest[1] * widest[2]
