@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.plan import find_limits, find_scales
 from anhyst.model.file import read_model
+from anhyst.verification import verify
 from tests.actuators import reversals
 from tests.cli.command import Result, anhyst
 from tests.foreign.identified import identified_once
@@ -48,12 +48,15 @@ def magnet(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return folder
 
 
-def test_what_is_identified_is_compiled_and_verified(magnet: Path) -> None:
+@pytest.mark.needs("gcc")
+def test_what_is_identified_is_compiled_and_verified(
+    magnet: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run(magnet, "compile", "model.toml", "--rate", RATE, "--out", "controller")
-    done = run(magnet, "verify", "controller", "--on", "host", "--json")
-    found = json.loads(done.stdout)
-    assert found["passed"]
-    assert {result["target"] for result in found["results"]} == {"host"}
+    monkeypatch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"gcc": "gcc"})
+    found = verify(magnet / "controller", "host", host_steps=50_000)
+    assert found.passed, found.first_failure()
+    assert len(found.results) == 4
 
 
 def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> None:

@@ -22,7 +22,6 @@ from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
-from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.prepared import Prepared, PreparedForce
 from tests.live.improving import unknown_iron
 from tests.once import made_once
@@ -36,12 +35,7 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="session")
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Firmware of the example for the board host."""
-
-    def make(folder: Path) -> None:
-        rig, file = bearings.example(), bearings.controller()
-        build_firmware(rig, file, bearings.knowledge(), "host", folder)
-
-    return made_once(tmp_path_factory, "live", make) / "firmware"
+    return bearings.firmware(tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

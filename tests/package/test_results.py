@@ -51,6 +51,10 @@ def results(
     folder = tmp_path_factory.mktemp("results")
     model = found.model
     compiled = anhyst.compile(model, folder / "controller", rate=2e4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("anhyst.verification.targets.OPTIMISATIONS", ("-O2",))
+        patch.setattr("anhyst.verification.targets.HOST_COMPILERS", {"cc": "gcc"})
+        verified = anhyst.verify(folder / "controller", on="host", host_steps=1000)
     return {
         "loops": loops,
         "inspection": anhyst.inspect(loops),
@@ -59,7 +63,7 @@ def results(
         "prediction": model.predict(np.linspace(0.0, 2.0, 50), GAP),
         "diff": anhyst.diff(model, truth("electromagnet-no-dead-band")),
         "compiled": compiled,
-        "verification": anhyst.verify(folder / "controller", on="host", host_steps=1000),
+        "verification": verified,
         "piezo": anhyst.simulate(EXAMPLES / "piezo" / "rig.toml"),
     }
 

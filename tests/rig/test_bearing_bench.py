@@ -19,7 +19,6 @@ from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.arrays import FloatArray
-from tests.once import made_once
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -31,11 +30,7 @@ UP, LIFTED = 120, 9000
 
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    def make(folder: Path) -> None:
-        rig, file = bearings.example(), bearings.controller()
-        build_firmware(rig, file, bearings.knowledge(), "host", folder)
-
-    return made_once(tmp_path_factory, "running", make) / "firmware"
+    return bearings.firmware(tmp_path_factory)
 
 
 @pytest.fixture

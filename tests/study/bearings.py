@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import (
@@ -23,7 +24,9 @@ from anhyst.rig.bearing.recording import HOVER, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bearing.tables import PositionTable
+from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.variations import changed, with_iron
+from tests.once import made_once
 from tests.truths import truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -57,6 +60,15 @@ def single(
     """One magnet against the load."""
     rig = with_iron(example(), fraction)
     return make_setup(rig, controller().settings, knowledge(fraction), variant, number_format)
+
+
+def firmware(factory: pytest.TempPathFactory) -> Path:
+    """Firmware of the example for the board host, built once for all tests."""
+
+    def make(folder: Path) -> None:
+        build_firmware(example(), controller(), knowledge(), "host", folder)
+
+    return made_once(factory, "bearing-host", make) / "firmware"
 
 
 @cache

@@ -19,7 +19,6 @@ from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.force.session import BOARDS
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, Injection, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
-from tests.once import made_once
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -56,12 +55,7 @@ LANDS = {
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Firmware of the example for the board host."""
-
-    def make(folder: Path) -> None:
-        rig, file = bearings.example(), bearings.controller()
-        build_firmware(rig, file, bearings.knowledge(), "host", folder)
-
-    return made_once(tmp_path_factory, "running", make) / "firmware"
+    return bearings.firmware(tmp_path_factory)
 
 
 @pytest.fixture

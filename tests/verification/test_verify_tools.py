@@ -28,7 +28,9 @@ def folder(compiled: Compile, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few steps and builds: what is missing does not depend on how many there are."""
+    monkeypatch.setattr("anhyst.verification.targets.OPTIMISATIONS", ("-O2",))
     short = partial(verify, host_steps=STEPS, target_steps=STEPS)
     monkeypatch.setattr("anhyst.verification.verify", short)
 
@@ -68,7 +70,7 @@ def test_the_default_runs_with_one_compiler_and_lists_the_other(
     only(compiler, at=tmp_path, monkeypatch=monkeypatch)
     assert command(folder) == 0
     printed = capsys.readouterr().out
-    for label in (f"host ({compiler} -O0)", f"host ({compiler} -O3)", "cortex-m4 (portable)"):
+    for label in (f"host ({compiler} -O2)", "cortex-m4 (portable)"):
         assert label in printed
     assert "missing tools" in printed
     assert "apt install clang" in printed
@@ -114,10 +116,11 @@ def test_a_difference_counts_more_than_a_missing_tool(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     place = only("cc", at=tmp_path, monkeypatch=monkeypatch)
+    monkeypatch.setattr("anhyst.verification.targets.OPTIMISATIONS", ("-O1",))
     real = (place / "cc").resolve()
     (place / "cc").unlink()
     (place / "cc").write_text(
-        f'#!/bin/sh\ncase "$*" in *-O3*) echo "x.c:1: error: none of it" >&2; exit 1;; esac\n'
+        f'#!/bin/sh\ncase "$*" in *-O1*) echo "x.c:1: error: none of it" >&2; exit 1;; esac\n'
         f'exec {real} "$@"\n',
         encoding="ascii",
     )
@@ -180,4 +183,4 @@ def test_a_compiler_without_its_sanitizers_runs_without_them(
     tools = [one["tool"] for one in found["missing"]]  # type: ignore[attr-defined]
     assert tools == ["clang", "sanitizers of gcc"]
     builds = [one["build"] for one in found["results"]]  # type: ignore[attr-defined]
-    assert builds == ["gcc -O0", "gcc -O2", "gcc -O3"]
+    assert builds == ["gcc -O2"]

@@ -84,33 +84,39 @@ def normal(model: Model, at: FloatArray) -> Normal:
 
 def largest_field(law: Normal, current: tuple[float, float]) -> float:
     """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
+    drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
+    arm, field_arm = (np.tile(one, len(current)) for one in (law.flux_arm, law.field_arm))
+    against = arm < 0.0
+    with_air, counted = ((drive[rows], arm[rows], field_arm[rows]) for rows in (~against, against))
+    return max(law.kappa, _rising_field(law, *with_air), _free_field(law, *counted))
 
-    def reach(drive: float, arm: float, field_arm: float) -> float:
-        """Field on the ascending branch, where the iron answers least, if it counts for the air.
 
-        If it counts against it, that on the anhysteretic curve, above which no magnetisation is at
-        the largest field there ever was.
-        """
-        if arm < 0.0:
-            air, x = field_arm + arm * law.air, np.inf
-            for _ in range(DESCENTS):
-                x = (drive - arm * float(langevin(np.array([x]))[0][0])) / air
-            return x
+def _rising_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray) -> float:
+    """Return the largest field on the ascending branch, where the iron answers least.
 
-        def missing(x: float) -> float:
-            pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
-            free = float(langevin(np.array([x]))[0][0])
-            m = (1.0 - law.c) * pinned + law.c * free
-            return arm * (m + law.air * x) + field_arm * x - drive
+    What each drive has left falls with the field, so the last to have some left leads furthest.
+    """
+    if drive.size == 0:
+        return 0.0
 
-        return float(brentq(missing, -1.0 - law.kappa, drive / field_arm + law.kappa + 1.0))
+    def missing(x: float) -> float:
+        pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
+        free = float(langevin(np.array([x]))[0][0])
+        m = (1.0 - law.c) * pinned + law.c * free
+        return float(np.min(arm * (m + law.air * x) + own * x - drive))
 
-    reaches = [
-        reach(abs(limit - bias), arm, field_arm)
-        for bias, arm, field_arm in zip(law.bias, law.flux_arm, law.field_arm, strict=True)
-        for limit in current
-    ]
-    return max(*reaches, law.kappa)
+    return float(brentq(missing, -1.0 - law.kappa, float(np.max(drive / own)) + law.kappa + 1.0))
+
+
+def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray) -> float:
+    """Return the largest field where the iron counts against the air: on the anhysteretic curve.
+
+    No magnetisation is above it at the largest field there ever was.
+    """
+    x = np.full(drive.shape, np.inf)
+    for _ in range(DESCENTS):
+        x = (drive - arm * langevin(x)[0]) / (own + arm * law.air)
+    return float(np.max(x, initial=0.0))
 
 
 @dataclass(frozen=True)

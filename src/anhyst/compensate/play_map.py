@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
-from scipy.signal import savgol_filter
 
 from anhyst import _core
 from anhyst.compensate.baselines import envelope
@@ -128,6 +127,8 @@ def half_widths(surface: Surface, loops: Loops) -> FloatArray:
     ndarray, shape (g, f)
         A, not negative.
     """
+    from scipy.signal import savgol_filter  # slow to load, and used for maps alone
+
     nodes, rows = [], []
     for gap, members in loops.by_schedule().items():
         low, high = envelope(members, surface.force)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.signal import savgol_filter
 
 from anhyst.compensate.baselines import midway
 from anhyst.data import Loops
@@ -141,6 +140,8 @@ def _smooth(force: FloatArray, current: FloatArray) -> FloatArray:
     What is smoothed is the distance from a polynomial over the root of the force, along which the
     current of a magnet is nearly straight.
     """
+    from scipy.signal import savgol_filter  # slow to load, and used for maps alone
+
     root = np.sqrt(force / force[-1])
     smooth = np.polynomial.Polynomial.fit(root, current, DEGREE)(root)
     return np.asarray(smooth + savgol_filter(current - smooth, SPAN, 2))

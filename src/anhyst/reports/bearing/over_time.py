@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.signal import welch
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
@@ -248,6 +247,8 @@ def figure_standstill(recordings: Recordings) -> Figure:
 
 
 def _density(recording: Recording, away: FloatArray) -> tuple[FloatArray, FloatArray]:
+    from scipy.signal import welch  # slow to load, and used here alone
+
     rate = 1.0 / (recording["t_s"][1] - recording["t_s"][0])
     frequency, power = welch(away, rate, nperseg=min(_PIECE, away.size))
     frequency, power = frequency[1:], power[1:]

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.control.states import Command
@@ -305,6 +304,8 @@ def _disturbance(rig: BearingRig, what: DisturbanceTable, ticks: int, number: in
     if what.kind == "sine":
         wave: FloatArray = what.force_N * sine(what.frequency_Hz * time) * after
         return wave
+    from scipy.signal import lfilter  # slow to load, and rarely used
+
     share = passed(2.0 * math.pi * what.frequency_Hz * rig.dt)
     white = np.random.default_rng([rig.settings.seed, 99, number]).standard_normal(ticks)
     coloured = lfilter([share], [1.0, share - 1.0], white)

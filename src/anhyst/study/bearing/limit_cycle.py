@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal, stats
+from scipy.special import chdtr
 
 from anhyst.support.arrays import FloatArray
 
@@ -82,7 +82,8 @@ def limit_cycle(time: ArrayLike, position: ArrayLike, floor: float = 1e-9) -> Li
         None where there is none above :func:`lowest_frequency`.
     """
     t = np.asarray(time, dtype=float)
-    y = signal.detrend(np.asarray(position, dtype=float))
+    y = np.asarray(position, dtype=float)
+    y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)
     variance = float(np.mean(y**2))
     if variance <= 0.5 * floor**2:
         return None
@@ -103,12 +104,24 @@ def _peaks(y: FloatArray, tick: float) -> list[float]:
     length = _PADDING * len(y)
     power = np.abs(np.fft.rfft(y * np.hanning(len(y)), length)) ** 2
     first = math.ceil(lowest_frequency(len(y) * tick) * length * tick)
-    found, _ = signal.find_peaks(power[first:], distance=2 * _PADDING)
-    found = found[np.argsort(power[first:][found])[::-1][:_CANDIDATES]] + first
+    found = first + _apart(power[first:], 2 * _PADDING)
     below, top, above = (np.log(power[found + i] + np.finfo(float).tiny) for i in (-1, 0, 1))
     bend = below - 2.0 * top + above
     shift = np.divide(0.5 * (below - above), bend, out=np.zeros_like(top), where=bend < 0.0)
     return [float(f) for f in (found + shift) / (length * tick)]
+
+
+def _apart(power: FloatArray, distance: int) -> NDArray[np.intp]:
+    """Return the places of the highest peaks so far apart, highest first."""
+    inner = power[1:-1]
+    peaks = 1 + np.flatnonzero((inner > power[:-2]) & (inner >= power[2:]))
+    chosen: list[int] = []
+    for place in peaks[np.argsort(power[peaks])[::-1]].tolist():
+        if all(abs(place - other) >= distance for other in chosen):
+            chosen.append(place)
+        if len(chosen) == _CANDIDATES:
+            break
+    return np.array(chosen, dtype=np.intp)
 
 
 def _amplitudes(y: FloatArray, tick: float, frequency: float) -> NDArray[np.complex128]:
@@ -138,4 +151,4 @@ def _keeps_size(amplitudes: NDArray[np.complex128]) -> bool:
         return False
     unlike = math.log(float(np.mean(power))) - float(np.mean(np.log(power)))
     moran = 2.0 * count * unlike / (1.0 + (count + 1.0) / (6.0 * count))
-    return bool(2 * _CANDIDATES * stats.chi2.cdf(moran, count - 1) < _DOUBT)
+    return bool(2 * _CANDIDATES * chdtr(count - 1, moran) < _DOUBT)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy.special import stdtrit
 
 from anhyst.support.arrays import FloatArray
 
@@ -269,7 +269,7 @@ def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
         raise ValueError("a confidence interval needs two values at least")
     if not np.all(np.isfinite(row)):
         return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
-    factor = float(stats.t.ppf(0.5 + 0.5 * level, len(row) - 1))
+    factor = float(stdtrit(len(row) - 1, 0.5 + 0.5 * level))
     spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
     return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
 

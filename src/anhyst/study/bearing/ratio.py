@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy.special import stdtrit
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def quotient(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> Quotien
     """
     rows = np.array([upper, lower], dtype=float)
     count = rows.shape[1]
-    factor = float(stats.t.ppf(0.5 + 0.5 * level, count - 1)) ** 2 / count
+    factor = float(stdtrit(count - 1, 0.5 + 0.5 * level)) ** 2 / count
     a, b = (float(one) for one in rows.mean(axis=1))
     (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
     value = a / b if b > 0.0 else math.inf

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from anhyst.support.arrays import FloatArray
 
@@ -34,6 +33,8 @@ class Winding:
 
     def along(self, current: FloatArray, dt: float, before: float = 0.0) -> FloatArray:
         """Return the warmth after each sample of a current, A, in steps of `dt`, s."""
+        from scipy.signal import lfilter  # slow to load, and used here alone
+
         kept = math.exp(-dt / self.time)
         heat = (1.0 - kept) * np.square(current / self.continuous)
         warmth: FloatArray = lfilter([1.0], [1.0, -kept], heat, zi=[kept * before])[0]

@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from anhyst.support.arrays import FloatArray
 
@@ -164,7 +164,7 @@ def spread_of(
     covariances = np.array(
         [one.correlation * np.outer(s, s) for one, s in zip(estimates, sigma, strict=True)]
     )
-    limit = chi2.isf(RARE / len(values), values.shape[1])
+    limit = chdtri(values.shape[1], RARE / len(values))
     belongs = _near_the_middle(values)
     for _ in range(10):
         mean, scatter = _expectation_maximisation(values[belongs], covariances[belongs])

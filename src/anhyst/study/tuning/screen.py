@@ -10,7 +10,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import qmc
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.study.bearing.linear import LinearLoop
@@ -193,6 +192,8 @@ def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, Flo
 
 def spread_over(size: int, seed: int) -> FloatArray:
     """Return :data:`SPREAD` places spread evenly over the unit box."""
+    from scipy.stats import qmc  # slow to load, and used here alone
+
     places: FloatArray = qmc.Sobol(size, rng=np.random.default_rng([seed, 1])).random(SPREAD)
     return places
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 SMALLEST = 0.5
 """Allowance of a chart in standard deviations, at least: it is best for twice that."""
@@ -74,7 +74,8 @@ class Reference:
             return cls(float(rows.mean()), 0.0, 0.0)
         alike = float(away[1:] @ away[:-1]) / power + 1.0 / count  # a short row looks too little so
         alike = min(max(alike, 0.0), _MOST_CORRELATION)
-        single = math.sqrt(power / float(chi2.ppf(_SURE, count - 1)))
+        least = 2.0 * float(gammaincinv(0.5 * (count - 1), _SURE))  # quantile of chi-squared
+        single = math.sqrt(power / least)
         scatter = single * math.sqrt((1.0 + alike) / (1.0 - alike))
         return cls(float(rows.mean()), scatter, _ERRORS * scatter / math.sqrt(count))
 
