@@ -45,6 +45,9 @@ REACH = 1.1
 UNSEEN = 1e-4
 """Deviation, in parts of the largest output, below which no sensor sees a difference."""
 
+THROUGH = 2
+"""Populations of play cells up to which the best fits of a draw must be known."""
+
 COVERED = 0.9
 """Share of intervals that are to hold the truth."""
 
@@ -112,9 +115,10 @@ def measure(one: Draw) -> Tried:
 
 
 def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
-    """Return the deviation of the best known fit with at most so many numbers."""
-    able = [one["rms"] for one in known.values() if one["numbers"] <= numbers]
-    return min(able) if able else None
+    """Return the deviation of the best usable fit that is known with at most so many numbers."""
+    fits = known["fits"].values() if known["through"] >= THROUGH else ()
+    able = [one["rms"] for one in fits if one and one["usable"] and one["numbers"] <= numbers]
+    return 0.01 * min(able) if able else None
 
 
 def with_known(tried: Sequence[Tried]) -> list[Tried]:
