@@ -4,7 +4,9 @@
 #   make test    tests, without the slow ones   make check   format, lint, types, C analysis
 #   make test-all  every test, the slow ones too
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
-#   make bench   the table of figures           make format  lay out Python and C sources
+#   make bench   the table of figures; WHAT="laws speed" for files of benchmarks/ by name. WHAT=search
+#                tries the search on 200 drawn measurements, in half an hour; only where it is named
+#   make format  lay out Python and C sources
 #   make messages  gather how every error is worded
 #   make docs    the documentation site, in build/site/
 #   make house   count rooms, imports, circles, lines
@@ -54,7 +56,7 @@ prove-all: build
 	@$(BIN)/python -m tools.prove --all
 
 bench: build .venv/.stamp-bench
-	@$(BIN)/python benchmarks/run.py
+	@$(BIN)/python benchmarks/run.py $(WHAT)
 
 check: check-python check-imports check-c-format check-c-tidy check-cppcheck
 	@echo "check: all clean"

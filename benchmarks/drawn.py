@@ -22,12 +22,11 @@ from anhyst.data.history import History
 from anhyst.rig.parts.magnet import Poles
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
-from drawn_families import SETTINGS, draw_iron, from_ranges
+from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import Answer, Core, Iron, Job, answers
 from rows import ROOT
 
 COUNT: int = SETTINGS["count"]
-FAMILIES: list[str] = SETTINGS["families"]
 
 CYCLES = 3
 """Before a record: of all of it, or of the same loop."""

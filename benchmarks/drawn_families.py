@@ -19,6 +19,7 @@ from drawn_irons import Iron, LangevinIron, PlantIron, SeriesIron, TellinenIron
 
 FILE = Path(__file__).with_name("drawn.toml")
 SETTINGS: dict[str, Any] = tomllib.loads(FILE.read_text(encoding="utf-8"))
+FAMILIES: list[str] = SETTINGS["families"]
 
 _CELLS = 30
 

@@ -1,0 +1,281 @@
+"""The best fits that are known of the drawn measurements: each law and gap map from random starts.
+
+Of each law under each map 64 starts are drawn that know nothing of any other fit: numbers of the law
+evenly in their logarithm, how far it is driven too; the circuit around it is scanned gap by gap. All
+descend a little on few samples, the best eight to the end on more, and the best of these on all.
+
+    nice python benchmarks/known.py 0-39 60     what is missing of these draws, for up to 60 minutes
+
+``known_best.json`` is written after each draw, and a run goes on where the last one stopped. Of each
+law and map it holds how many numbers were fitted, the deviation from all loops in % of the largest
+output, how many of the eight ended within 2 % of the best (``near``), and whether the model passes what
+identification asks of one (``usable``); of several ends the best usable one counts. ``through`` tells
+up to how many populations of play cells all laws and maps of a draw are there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+import warnings
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from anhyst.data import Loops
+from anhyst.data.output_map import is_electromagnet
+from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.cell_kernel import LAW_OF, CellKernel
+from anhyst.identification.cell_response import CellResponder
+from anhyst.identification.default import FoundModel, follow, reference_gap
+from anhyst.identification.fit_records import FitRecords, records_of
+from anhyst.identification.gauge import form_of
+from anhyst.identification.no_response import NoResponseError
+from anhyst.identification.offsets import OFFSETS
+from anhyst.identification.response import Local, Responder, ResponseForm
+from anhyst.identification.rest import rest_of
+from anhyst.identification.space import CoordinateSpace
+from anhyst.laws.registry import DEFAULT_LAW, LAWS
+from anhyst.model.compilable import obstacle
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+from drawn import draw
+from drawn_families import SETTINGS
+from search import KNOWN, loops_rms
+
+STARTS, ENDED, FINISHED = 64, 8, 3
+COARSE, FINE = 40, 100
+"""Samples of a loop on which starts descend a little, and on which the best go to the end."""
+
+_SHORT, _LONG, _LAST = 10, 80, 30
+_SCAN = 24
+_TRIES = 30
+_NEAR = 1.02
+
+_LAW = {
+    "kappa": (0.01, 10.0),
+    "c": (0.0, 0.95),
+    "share": (0.03, 3.0),
+    "width": (0.1, 10.0),
+    "pinning": (0.01, 10.0),
+    "spread": (0.5, 6.0),
+}
+"""Ranges of the numbers of a law, by how their names begin; all but ``c`` in the logarithm."""
+
+_DRIVEN = (0.5, 40.0)
+"""Largest effective field, in units of the law."""
+
+_OMEGA = (0.02, 500.0)
+_RATIOS = np.geomspace(0.2, 5.0, _SCAN)
+
+Known = dict[str, float | bool]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A law under a gap map."""
+
+    gap_map: str
+    form: ResponseForm
+
+    @property
+    def name(self) -> str:
+        """Name it in the file."""
+        cells = self.form.cells
+        law = f"{self.form.law}-{cells.populations}" if cells else self.form.law
+        return f"{self.gap_map}/{law}"
+
+
+def targets(loops: Loops, most: int) -> Iterator[Target]:
+    """Name the laws and maps that identification compares, with up to so many populations."""
+    gaps = len(loops.schedule_values)
+    maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
+    if gaps == 2:
+        maps.remove("circuit")
+    plain = form_of(loops.input, loops.output, DEFAULT_LAW)
+    forms = [plain]
+    for count in range(1, most + 1):
+        for shape, law in LAW_OF.items():
+            if LAWS[law].least_slope or not is_electromagnet(loops):
+                forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
+    return (Target(one, form) for form in forms for one in maps)
+
+
+def shape_of(form: ResponseForm, local: Local, records: FitRecords) -> FloatArray | None:
+    """Return the output for a gain of 1 at a single gap; None where the law has no answer."""
+    responder = CellResponder() if form.cells else Responder()
+    plain = replace(local, gain=1.0, out_0=0.0)
+    try:
+        return np.concatenate(responder.outputs(form, [plain], records.loops))
+    except NoResponseError:
+        return None
+
+
+class Scan:
+    """What loops at one gap say of a circuit around a law with given numbers."""
+
+    def __init__(self, form: ResponseForm, records: FitRecords) -> None:
+        self.form, self.records = form, records
+        weights = [np.full(one.output.size, one.weight) for one in records.loops]
+        self.weights = np.concatenate(weights)
+        self.output = np.concatenate([one.output for one in records.loops])
+
+    def best(self, ways: Sequence[Local], gain: float | None) -> tuple[Local, float] | None:
+        """Return the best of some sets and its cost; with the best gain unless one is given."""
+        found: tuple[Local, float] | None = None
+        for local in ways:
+            shape = shape_of(self.form, local, self.records)
+            if shape is None:
+                continue
+            weighted, wanted = shape * self.weights, self.output * self.weights
+            own = gain or float(weighted @ wanted) / max(float(weighted @ weighted), 1e-300)
+            cost = float(np.sum((own * weighted - wanted) ** 2))
+            if own > 0.0 and (found is None or cost < found[1]):
+                found = replace(local, gain=own), cost
+        return found
+
+
+def random_start(space: CoordinateSpace, rng: np.random.Generator) -> FloatArray | None:
+    """Draw a start; None where nothing that was drawn has an answer."""
+    form, records = space.form, space.records
+    home = reference_gap(records)
+    scans = [Scan(form, records.at(gap)) for gap in range(records.gaps)]
+    for _ in range(_TRIES):
+        law = tuple(_number(one.name, rng) for one in form.kernel.numbers)
+        low, high = _DRIVEN
+        driven = low * (high / low) ** rng.random()
+        size = 1.0 + sum(part for one, part in zip(form.kernel.numbers, law, strict=True)
+                         if one.name.startswith("share"))  # fmt: skip
+        begun = scans[home].best(_homes(space, law, driven, size), None)
+        if begun is None:
+            continue
+        sets = []
+        for gap, scan in enumerate(scans):
+            there = begun if gap == home else scan.best(*_elsewhere(space, begun[0]))
+            if there is None:
+                break
+            sets.append(there[0])
+        else:
+            return space.pack([form.with_h(one) for one in sets])
+    return None
+
+
+def _number(name: str, rng: np.random.Generator) -> float:
+    low, high = _LAW[name.split("_", maxsplit=1)[0]]
+    part = float(rng.random())
+    return low + (high - low) * part if low == 0.0 else float(low * (high / low) ** part)
+
+
+def _homes(
+    space: CoordinateSpace, law: tuple[float, ...], driven: float, size: float
+) -> list[Local]:
+    """Return sets of one law with more or less reluctance around it, driven as far as each other."""
+    top, reached = space.records.input_span, size * driven / (1.0 + driven)
+    omegas = [0.0, *np.geomspace(*_OMEGA, _SCAN)]
+    found = [Local(law, omega, top / (driven + omega * reached), 1.0, 0.0, 0.0, 0.0)
+             for omega in omegas]  # fmt: skip
+    found += [replace(found[0], omega=omega / size) for omega in (-0.3, -0.7)]
+    # h follows from scale and gain where field and flux density are measured.
+    return [replace(one, h=0.0 if space.form.permeability else space.form.h) for one in found]
+
+
+def _elsewhere(space: CoordinateSpace, known: Local) -> tuple[list[Local], float | None]:
+    """Return what the map lets a set become at another gap, and the gain if it stays."""
+    if space.gap_map == "scaling":
+        return [replace(known, scale=ratio * known.scale) for ratio in _RATIOS], known.gain
+    unscaled = known.scale * (1.0 - known.h * known.omega)
+    omegas = [max(known.omega, 0.05) * ratio**2 for ratio in _RATIOS]
+    ways = [replace(known, omega=omega, scale=unscaled / max(1.0 - known.h * omega, 0.05))
+            for omega in omegas]  # fmt: skip
+    return ways, None if space.gap_map == "circuit" else known.gain
+
+
+def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | None]:
+    """Fit a law under a map from random starts, then without offsets; None where nothing answers."""
+    records = records_of(loops, "loops", rest_of(loops))
+    common = OFFSETS if target.gap_map == "circuit" else frozenset()
+    whole = CoordinateSpace(target.gap_map, records, target.form, common=common)
+    coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
+    rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
+    starts = [random_start(coarse, rng) for _ in range(STARTS)]
+    begun = [follow(coarse, one, 1e-4, _SHORT) for one in starts if one is not None]
+    if not begun:
+        return {target.name: None}
+    begun.sort(key=lambda one: one.cost)
+    ends = [follow(fine, one.theta, 1e-6, _LONG) for one in begun[:ENDED]]
+    ends.sort(key=lambda one: one.cost)
+    near = sum(bool(one.cost <= _NEAR**2 * ends[0].cost) for one in ends)
+    last = [follow(whole, one.theta, 1e-7, _LAST) for one in ends[:FINISHED]]
+    plain, kept = whole.holding(OFFSETS)
+    without = [follow(plain, one.theta[kept], 1e-7, _LAST) for one in last]
+    return {
+        target.name: best_of(last, loops, near),
+        f"{target.name}/no offsets": best_of(without, loops, near),
+    }
+
+
+def best_of(ends: Sequence[FoundModel], loops: Loops, near: int) -> Known | None:
+    """Return the best of some ends as the file holds it, one that is usable if there is any."""
+    found = []
+    for one in ends:
+        try:
+            rms = 100.0 * loops_rms(model_of(one, loops), loops)
+        except (InputError, NegativeResult):
+            continue
+        found.append((not usable(one, loops), rms, one.theta.size))
+    if not found:
+        return None
+    unusable, rms, numbers = min(found)
+    return {"numbers": numbers, "rms": float(f"{rms:.5g}"), "near": near, "usable": not unusable}
+
+
+def usable(found: FoundModel, loops: Loops) -> bool:
+    """Whether identification could choose a fit: it can be compiled, and passes its test."""
+    model = replace(model_of(found, loops), valid=valid_range(loops))
+    if is_electromagnet(loops) and obstacle(model) is not None:
+        return False
+    return model.acceptance().passed is not False
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Fit what is missing of some draws, for some minutes; laws with many numbers, odd draws last."""
+    warnings.simplefilter("ignore")
+    first, last = (int(end) for end in arguments[0].split("-"))
+    until = time.monotonic() + 60.0 * float(arguments[1])
+    kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    for most in (2, 3):
+        for number in sorted(range(first, last + 1), key=lambda one: one % 2):
+            loops = draw(number).loops
+            draws = kept["draws"]
+            done = draws.setdefault(str(number), {"through": 0, "fits": {}})
+            fits = done["fits"]
+            for target in targets(loops, most):
+                if time.monotonic() > until:
+                    return
+                if target.name not in fits:
+                    fits |= best_known(target, loops, number)
+                    write(kept)
+            done["through"] = max(most, done["through"])
+            write(kept)
+            print(f"known: draw {number}, up to {most} populations", flush=True)
+
+
+def write(kept: dict[str, Any]) -> None:
+    """Write the file: a line for each law and map, so that changes of it can be read."""
+    lines = []
+    for number, done in sorted(kept["draws"].items(), key=lambda item: int(item[0])):
+        rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in done["fits"].items()]
+        told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
+        lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
+    KNOWN.write_text('{"draws": {\n' + ",\n".join(lines) + "\n}}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

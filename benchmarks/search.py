@@ -1,0 +1,277 @@
+"""The search against the best fit that is known: 200 drawn measurements, not magnets, are tried.
+
+``make bench WHAT=search`` prints the lines of both halves. Draws with an even number may be looked at,
+and stand one by one in ``build/search.json``; of the odd ones only summary figures are shown.
+
+    python benchmarks/search.py --every 5       the even half, every fifth of it, in a few minutes
+    python benchmarks/search.py --every 1       the even half
+    python benchmarks/search.py --reveal        both halves, the odd one in the file too
+
+What is drawn stands in ``drawn.toml``, the best known fits in ``known_best.json`` (``known.py``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+from anhyst.data import Loops
+from anhyst.data.verdict import largest_output
+from anhyst.identification import identify
+from anhyst.model.actuator import Model
+from anhyst.model.fit_record import CHOSEN
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError, NegativeResult
+from drawn import COUNT, Draw, Test, draw
+from drawn_families import FAMILIES
+from rows import ROOT, Row, Stopwatch
+
+KNOWN = ROOT / "benchmarks" / "known_best.json"
+FOUND = ROOT / "build" / "search.json"
+KINDS = ("same", "unseen", "moving", "small", "other")
+
+REACH = 1.1
+"""Deviation of a fit over that of the best known one with no more numbers."""
+
+UNSEEN = 1e-4
+"""Deviation, in parts of the largest output, below which no sensor sees a difference."""
+
+THROUGH = 2
+"""Populations of play cells up to which the best fits of a draw must be known."""
+
+COVERED = 0.9
+"""Share of intervals that are to hold the truth."""
+
+Tried = dict[str, Any]
+
+
+def loops_rms(model: Model, loops: Loops) -> float:
+    """Return the deviation from all loops, each counting the same, in parts of the largest output."""
+    off = [
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output - loop.output
+        for loop in loops.loops
+    ]
+    return float(np.sqrt(np.mean([np.mean(one * one) for one in off]))) / largest_output(loops)
+
+
+def deviation(model: Model, test: Test) -> FloatArray:
+    """Return what a model misses of a record to test with; infinite where it has no answer."""
+    try:
+        output = model.predict(test.input, test.schedule, history=test.history).output
+    except (InputError, NegativeResult):
+        return np.full(1, np.inf)
+    return np.asarray((output - test.output)[test.counted])
+
+
+def measure(one: Draw) -> Tried:
+    """Identify a draw with default settings; return how far its model is from all there is."""
+    loops, drive = one.loops, one.true["drive"]
+    found: Tried = {
+        "number": one.number,
+        "family": one.family,
+        "start": drive["start"],
+        "output": loops.output.name,
+        "gaps": len(loops.schedule_values),
+        "loops": len(loops),
+        "noise": 0.0 if one.true["sensors"]["noiseless"] else one.true["sensors"]["noise"],
+    }
+    watch = Stopwatch()
+    try:
+        model = identify(loops).model
+    except (InputError, NegativeResult) as error:
+        return found | {"refused": str(error), "seconds": watch.processor}
+    found["seconds"] = watch.processor
+    assert model.fit is not None
+    assert model.uncertainty is not None
+    chosen = [one.law for one in model.fit.candidates if one.note == CHOSEN]
+    found |= {
+        "law": chosen[0] if chosen else model.law,
+        "map": model.gap_map,
+        "numbers": len(model.uncertainty.names),
+        "rms": loops_rms(model, loops),
+    }
+    span = largest_output(loops)
+    for kind in KINDS:
+        off = [deviation(model, test) / span for test in one.tests if test.kind == kind]
+        if off:
+            every = np.concatenate(off)
+            found[kind] = {
+                "mean": float(np.mean(np.abs(every))),
+                "worst": float(np.max(np.abs(every))),
+                "rms": float(np.sqrt(np.mean(every * every))),
+            }
+    if promised := model.fit.cross_validation:
+        found["promised"] = [promised.low, promised.high]
+    return found
+
+
+def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
+    """Return the deviation of the best usable fit that is known with at most so many numbers."""
+    fits = known["fits"].values() if known["through"] >= THROUGH else ()
+    able = [one["rms"] for one in fits if one and one["usable"] and one["numbers"] <= numbers]
+    return 0.01 * min(able) if able else None
+
+
+def with_known(tried: Sequence[Tried]) -> list[Tried]:
+    """Add how many times the deviation of the best known fit there is, where one is known."""
+    kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
+    found = []
+    for one in tried:
+        known = kept["draws"].get(str(one["number"]))
+        best = known_rms(known, one["numbers"]) if known and "rms" in one else None
+        ratio = {} if best is None else {"ratio": max(one["rms"], UNSEEN) / max(best, UNSEEN)}
+        found.append(one | ratio)
+    return found
+
+
+def _by_family(tried: Sequence[Tried], figure: Callable[[Sequence[Tried]], str]) -> str:
+    """Return a figure of all and of each family."""
+    groups = {name: [one for one in tried if one["family"] == name] for name in FAMILIES}
+    texts = [f"{name} {figure(some)}" for name, some in groups.items() if some]
+    return "; ".join([f"all {figure(tried)}", *texts])
+
+
+def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str:
+    return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
+
+
+def _near(tried: Sequence[Tried]) -> str:
+    ratios = [one["ratio"] for one in tried if "ratio" in one]
+    if not ratios:
+        return "-"
+    share = float(np.mean([one <= REACH for one in ratios]))
+    return f"{100.0 * share:.0f} % of {len(ratios)}, worst {max(ratios):.3g}"
+
+
+def _missed(kind: str) -> Callable[[Sequence[Tried]], str]:
+    def figure(tried: Sequence[Tried]) -> str:
+        have = [one[kind] for one in tried if kind in one]
+        mean, worst = ([one[name] for one in have] for name in ("mean", "worst"))
+        return f"{_median(mean, 100.0)}/{_median(worst, 100.0)} %"
+
+    return figure
+
+
+def _moving(tried: Sequence[Tried]) -> str:
+    return _median([one["moving"]["mean"] / one["unseen"]["mean"] for one in tried
+                    if "moving" in one])  # fmt: skip
+
+
+def _single(tried: Sequence[Tried]) -> str:
+    have = [one["other"]["rms"] / max(one["rms"], UNSEEN) for one in tried
+            if one["loops"] == 1 and "other" in one]  # fmt: skip
+    return f"{_median(have)}, worst {max(have):.3g} ({len(have)})" if have else "-"
+
+
+def _covered(kind: str) -> Callable[[Sequence[Tried]], str]:
+    def figure(tried: Sequence[Tried]) -> str:
+        have = [one for one in tried if "promised" in one and kind in one]
+        inside = [one["promised"][0] <= one[kind]["mean"] <= one["promised"][1] for one in have]
+        return f"{100.0 * float(np.mean(inside)):.0f} % of {len(have)}" if have else "-"
+
+    return figure
+
+
+def _spent(tried: Sequence[Tried]) -> str:
+    seconds = [one["seconds"] for one in tried]
+    return f"{_median(seconds)}/{max(seconds):.3g} s"
+
+
+def _share(tried: Sequence[Tried], figure: Callable[[Tried], bool]) -> float:
+    return float(np.mean([figure(one) for one in tried])) if tried else 1.0
+
+
+def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
+    """Return the lines of some draws."""
+    tried = with_known(tried)
+    ratios = [one for one in tried if "ratio" in one]
+    refused = [one for one in tried if "refused" in one]
+    promised = [one for one in tried if "promised" in one and "same" in one]
+
+    def holds(one: Tried) -> bool:
+        low, high = one["promised"]
+        return bool(low <= one["same"]["mean"] <= high)
+
+    table: list[tuple[str, str, Callable[[Sequence[Tried]], str], bool | None]] = [
+        (
+            f"fit within {REACH:g} of the best known with as many numbers",
+            "all",
+            _near,
+            _share(ratios, lambda one: bool(one["ratio"] <= REACH)) == 1.0 if ratios else None,
+        ),
+        ("unseen gaps, random reversals: mean/worst", "reported", _missed("unseen"), None),
+        ("moving gap over gaps at rest: mean", "reported", _moving, None),
+        ("cycles of 10 % about a bias: mean/worst", "reported", _missed("small"), None),
+        ("one loop only: rms on other runs over that of the fit", "reported", _single, None),
+        (
+            "promised interval holds the truth, loops as measured",
+            f">= {100.0 * COVERED:.0f} %",
+            _covered("same"),
+            _share(promised, holds) >= COVERED if promised else None,
+        ),
+        ("promised interval holds random reversals", "reported", _covered("unseen"), None),
+    ]
+    rows = [
+        Row(f"search, {half}: {what}", reach, _by_family(tried, figure), met)
+        for what, reach, figure, met in table
+    ]
+    spent = sum(one["seconds"] for one in tried)
+    return [
+        *rows,
+        Row(f"search, {half}: refused", "0", f"{len(refused)} of {len(tried)}", not refused),
+        Row(f"search, {half}: processor time of identify, median/worst", "reported",
+            _by_family(tried, _spent), None, spent),
+    ]  # fmt: skip
+
+
+def run(numbers: Sequence[int], shown: bool) -> list[Tried]:
+    """Try some draws; those that may be looked at are kept in a file as they come."""
+    tried: list[Tried] = []
+    for place, number in enumerate(numbers, start=1):
+        one = measure(draw(number))
+        tried.append(one)
+        print(f"search: {place} of {len(numbers)}", file=sys.stderr, flush=True)
+        if shown:
+            FOUND.parent.mkdir(exist_ok=True)
+            text = json.dumps(with_known(tried), indent=1)
+            FOUND.write_text(text + "\n", encoding="utf-8")
+    return tried
+
+
+def rows() -> list[Row]:
+    """All lines: both halves."""
+    even, odd = (run(range(first, COUNT, 2), first == 0) for first in (0, 1))
+    return [*lines_of("even half", even), *lines_of("unseen half", odd)]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the lines of a part of the even half, or of both halves."""
+    parser = argparse.ArgumentParser(description="The search against the best fits known.")
+    parser.add_argument("--every", type=int, help="only every so many of the even half")
+    parser.add_argument("--reveal", action="store_true", help="keep the odd half one by one too")
+    given = parser.parse_args(arguments)
+    warnings.simplefilter("ignore")
+    if given.every:
+        numbers = range(0, COUNT, 2 * given.every)
+        found = lines_of("even half", run(numbers, True))
+    elif given.reveal:
+        every = run(range(COUNT), True)
+        halves = {"even half": every[::2], "odd half": every[1::2]}
+        found = [row for half, tried in halves.items() for row in lines_of(half, tried)]
+    else:
+        found = rows()
+    for row in found:
+        print(f"{row.what}: {row.measured} ({row.reach}; met: {row.met})", flush=True)
+
+
+if __name__ == "__main__":
+    main()

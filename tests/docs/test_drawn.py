@@ -1,0 +1,77 @@
+"""Drawn measurements, which the search is tried on, come from irons that keep to physics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.parts.magnet import Poles
+from anhyst.support.arrays import FloatArray
+
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+STEEL = CellSteel(20, 0.1, 90.0, 2.0, 1.2, 150.0, 0.5, 3000.0)
+POLES = Poles(200.0, 1.0, 0.02, 0.02, 0.0, 0.2, 2e-5)
+
+
+@pytest.fixture(scope="module")
+def irons() -> Iterator[ModuleType]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        import drawn_irons
+
+        yield drawn_irons
+
+
+def iron(irons: ModuleType, kind: str) -> object:
+    """Return an iron that is integrated."""
+    return {
+        "tellinen": irons.TellinenIron(80.0, 1.2, 150.0, 0.5, 3000.0),
+        "langevin": irons.LangevinIron(0.8, 120.0, 0.6, 400.0, 8.0, 30.0),
+    }[kind]
+
+
+def path() -> tuple[FloatArray, FloatArray]:
+    """Return a current with turns anywhere, A, while the gap moves, m."""
+    ends = [0.0, 5.0, -2.0, 3.0, 1.0, 4.0]
+    current = np.interp(np.linspace(0.0, len(ends) - 1.0, 150), np.arange(len(ends)), ends)
+    return current, 5e-4 + 2e-4 * np.sin(0.05 * np.arange(current.size))
+
+
+def test_two_pieces_of_one_iron_in_series_are_that_iron(irons: ModuleType) -> None:
+    core, steel = irons.Core(POLES), STEEL.plant()
+    one = irons.PlantIron(steel).answer(core, *path())
+    two = irons.SeriesIron(steel, steel, 0.3, 1.0).answer(core, *path())
+    assert np.max(np.abs(two.flux - one.flux)) < 1e-6 * np.max(one.flux)
+    assert np.max(np.abs(two.linkage - one.linkage)) < 1e-6 * np.max(one.linkage)
+
+
+@pytest.mark.parametrize("kind", ["tellinen", "langevin"])
+def test_irons_that_are_integrated_do_not_depend_on_the_steps(
+    irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = irons.Job(iron(irons, kind), irons.Core(POLES), *path())
+    found = []
+    for steps in (irons.FINE, 2 * irons.FINE):
+        monkeypatch.setattr(irons, "FINE", steps)
+        found.append(irons.answers([job])[0].linkage)
+    assert np.max(np.abs(found[1] - found[0])) < 2e-5 * np.max(found[1])
+
+
+@pytest.mark.parametrize("kind", ["tellinen", "langevin"])
+def test_a_cycle_of_an_iron_that_is_integrated_takes_energy(
+    irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(irons, "FINE", 300)
+    up = np.linspace(1.0, 3.0, 100)
+    cycle = np.concatenate([up, up[::-1]])
+    current = np.tile(cycle, 4)
+    job = irons.Job(iron(irons, kind), irons.Core(POLES), current, np.full(current.size, 3e-4))
+    linkage = irons.answers([job])[0].linkage[-cycle.size - 1 :]
+    current = current[-cycle.size - 1 :]
+    taken = float(np.sum(0.5 * (current[1:] + current[:-1]) * np.diff(linkage)))
+    assert taken > 1e-4 * np.ptp(linkage) * np.ptp(current)
