@@ -214,7 +214,7 @@ def _compare_cells(
     contest.fits.update(run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves)))
     new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
-    best = min(new, key=lambda one: contest.error(one) or contest.fits[one].found.cost)
+    best = replace(contest, entrants=new).winner()
     others = [under(best, one) for one in maps if best.gap_map != one.gap_map != "free"]
     for one in others:
         contest.fits[one] = remapped(contest.fits[best].wide, one, run.searched)
