@@ -63,6 +63,9 @@ _BEFORE_JUMPS = 0.8
 _GAIN = 0.98
 """Cost, in parts of that with a population less, from which on a further one says nothing."""
 
+_DEAR = 1.2
+"""Cost without offsets over that with them, from which on another valley may suit better."""
+
 _BEHIND = 4.0
 """Cost over that of the other curve, with as many populations, up to which one more is tried."""
 
@@ -152,8 +155,29 @@ def search_cells(
         last = {shape: found for shape, found in new.items() if found[0].cost <= _BEHIND * least}
         shapes = set(last)
     return {
-        one: Fits(found[0], only_demanded(found[0], _CLOSE, _TO_END)) for one, found in ends.items()
+        one: Fits(found[0], _only_demanded(one, found, records, base, seed, leaves_something))
+        for one, found in ends.items()
     }
+
+
+def _only_demanded(
+    one: ModelCandidate,
+    ends: Sequence[FoundModel],
+    records: FitRecords,
+    base: FoundModel,
+    seed: int,
+    leaves_something: Callable[[FoundModel], bool],
+) -> FoundModel:
+    """Leave out offsets that the loops do not demand; where that is dear, search without them."""
+    found = only_demanded(ends[0], _CLOSE, _TO_END)
+    if found.cost <= _DEAR * ends[0].cost:
+        return found
+    form, held = ends[0].space.form, found.space.held
+    levels = _levels(replace(one, held=held), form, records, base)
+    known = [levels.coarse.pack(end.sets) for end in (found, *ends)]
+    assert one.cells is not None
+    other, *_ = _search(levels, one.cells, known, seed, leaves_something)
+    return min(found, other, key=lambda end: end.cost)
 
 
 def _levels(
