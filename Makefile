@@ -2,7 +2,7 @@
 #   make demo    the bundled examples in one table and one picture, results in demo/; two minutes on a
 #                fresh machine: it installs only what it runs, the other targets add the rest
 #   make test    tests, without the slow ones   make check   format, lint, types, C analysis
-#   make test-all  every test, the slow ones too
+#   make test-all  the slow ones too   make campaign  repeats of slow ones on further magnets and compilers
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
 #   make bench   the table of figures; WHAT="laws speed" for files of benchmarks/ by name. WHAT=search
 #                tries the search on 200 drawn measurements, in half an hour; only where it is named
@@ -27,7 +27,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/fi
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all check docs house messages prove prove-all bench build wheel format \
+.PHONY: demo test test-all campaign check docs house messages prove prove-all bench build wheel format \
 	clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
@@ -38,7 +38,10 @@ test: build
 	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 
 test-all: build
-	@$(BIN)/python -m pytest $(PARALLEL)
+	@$(BIN)/python -m pytest $(PARALLEL) -m "not campaign"
+
+campaign: build
+	@$(BIN)/python -m pytest $(PARALLEL) -m campaign
 
 docs: build
 	@$(BIN)/python tools/docs

@@ -104,7 +104,7 @@ def expected(path: str, value: Any) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", ["cells", "model"])
+@pytest.mark.parametrize("force", ["cells", pytest.param("model", marks=pytest.mark.campaign)])
 def test_every_processor_records_the_same_run_bit_for_bit(force: str, tmp_path: Path) -> None:
     write_files(tmp_path, force)
     recordings, figures = [], []

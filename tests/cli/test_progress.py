@@ -16,6 +16,9 @@ from tests.foreign.magnets import MAGNETS
 
 from .command import anhyst, shares_said, speaking
 
+SHORT = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "m.toml")
+"""A search that lasts a few seconds."""
+
 
 @pytest.fixture
 def here(tmp_path: Path) -> Path:
@@ -25,7 +28,7 @@ def here(tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_off_a_terminal_lines_come_on_standard_error_and_json_stays_clean(here: Path) -> None:
-    result = speaking(0.1, "identify", "loops.csv", "--out", "m.toml", "--json", cwd=here)
+    result = speaking(0.1, "identify", "loops.csv", *SHORT, "--json", cwd=here)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["law"]
     said = [line for line in result.stderr.splitlines() if line.startswith("anhyst: searching: ")]
@@ -57,7 +60,7 @@ def test_on_a_terminal_a_bar_shows_per_cent_and_time_left(here: Path) -> None:
 
     reader = threading.Thread(target=read)
     reader.start()
-    result = speaking(0.1, "identify", "loops.csv", "--out", "m.toml", cwd=here, stderr=theirs)
+    result = speaking(0.1, "identify", "loops.csv", *SHORT, cwd=here, stderr=theirs)
     os.close(theirs)
     reader.join()
     os.close(ours)

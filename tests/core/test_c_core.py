@@ -45,7 +45,7 @@ def can_sanitize(compiler: str, folder: Path) -> bool:
 # Sanitizers look for what is wrong in the sources, whatever the machine.
 BUILDS = [
     "cc",
-    pytest.param("cc-sanitized", marks=pytest.mark.slow),
+    pytest.param("cc-sanitized", marks=[pytest.mark.slow, pytest.mark.campaign]),
     pytest.param("clang-sanitized", marks=[pytest.mark.slow, pytest.mark.needs("clang")]),
 ]
 

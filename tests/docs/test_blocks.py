@@ -66,8 +66,15 @@ def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.Monk
     run(name, place, monkeypatch, {""})
 
 
+# The tutorial runs in tests/package/test_wheel.py too, from the wheel alone.
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SLOW)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] * name.endswith("tutorial.md"))
+        for name in SLOW
+    ],
+)
 def test_slow_blocks_of_the_page_run(
     name: str, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

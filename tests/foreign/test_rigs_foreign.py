@@ -88,7 +88,7 @@ def carried(result: Result, folder: Path) -> dict[str, object]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["u", "soft"])
+@pytest.mark.parametrize("name", [pytest.param("u", marks=pytest.mark.campaign), "soft"])
 def test_a_bearing_with_iron_from_its_loops_levitates(name: str, tmp_path: Path) -> None:
     write_bearing(MAGNETS[name], tmp_path)
     (tmp_path / "loops").mkdir()

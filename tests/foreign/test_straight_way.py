@@ -75,7 +75,9 @@ def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> N
         assert jump(there, here, path, gap) < 4e-4
 
 
-@pytest.mark.parametrize("magnet", ["hard", "soft"], indirect=True)
+@pytest.mark.parametrize(
+    "magnet", ["hard", pytest.param("soft", marks=pytest.mark.campaign)], indirect=True
+)
 @pytest.mark.slow
 def test_a_bearing_is_set_up_and_tuned(magnet: Path) -> None:
     name = magnet.name.rstrip("0123456789")

@@ -199,8 +199,17 @@ def ways(loops: Loops) -> Iterator[dict[str, str]]:
         yield {"law": "effective-field", "gap_map": gap_map}
 
 
+REPEATS = {
+    "ferrite_mnzn/mnzn_ferrite_4loops.csv",
+    "steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv",
+}
+"""The same material once more."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.campaign] * (one in REPEATS)) for one in SETS]
+)
 def test_every_model_of_real_measurements_can_be_read(
     name: str, measurements: Path, tmp_path: Path
 ) -> None:

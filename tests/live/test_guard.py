@@ -5,7 +5,6 @@ from __future__ import annotations
 import http.client
 import json
 import socket
-import time
 from contextlib import ExitStack
 from typing import Any
 
@@ -163,14 +162,13 @@ def test_a_browser_that_does_not_read_does_not_stall_the_bench(serve: Serve) -> 
     with meet(served, max_queue=1) as slow, meet(served) as quick:
         # The slow one is never read: its buffers fill.
         next_message(quick, "bench")
-        begin, then = time.monotonic(), served.session.bench.tick
-        covered = 0
-        while time.monotonic() < begin + 3.0:
-            data = quick.recv(timeout=10)
+        bench = served.session.bench
+        then, covered = bench.tick, 0
+        while bench.tick < then + 2.0 * bench.rate:
+            data = quick.recv(timeout=30)
             covered += len(data) if isinstance(data, bytes) else 0
-        ticks = served.session.bench.tick - then
+        ticks = bench.tick - then
         slow.socket.close()
-    assert ticks > 0.2 * 3.0 * served.session.bench.rate  # a busy machine may be slow
     assert covered > ticks * 4
 
 

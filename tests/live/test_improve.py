@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -136,9 +135,8 @@ def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
     ended: list[object] = []
     job = Job(forever, ended=ended.append)
     wait_for(lambda: job.share == 0.25)
-    began = time.monotonic()
     job.cancel()
-    assert time.monotonic() - began < 10.0
+    assert job._process.exitcode != 0  # it did not come to its end
     assert ended == []
 
 

@@ -218,12 +218,10 @@ def test_a_bench_that_falls_behind_slows_down_and_says_so(paced: Callable[..., P
     assert pace.late_most > BEHIND_S / 2.0
     assert pace.lost >= 2.0 * BEHIND_S
     bench.cost = 0.0
-    lost = pacer.pace().lost
     began, tick = time.monotonic(), pacer.pace().tick
     time.sleep(0.3)
     done, took = pacer.pace().tick - tick, time.monotonic() - began
     assert done <= RATE * (took + BEHIND_S + 0.03)  # it does not run after what it lost
-    assert pacer.pace().lost < lost + 1.0
     pacer.close()
     rows = drain(recorder)
     assert (rows[:, 0] == np.arange(1, len(rows) + 1)).all()
