@@ -2,7 +2,8 @@
 
 Of each law under each map 64 starts are drawn that know nothing of any other fit: numbers of the law
 evenly in their logarithm, how far it is driven too; the circuit around it is scanned gap by gap. All
-descend a little on few samples, the best eight to the end on more, and the best of these on all.
+descend a little on few samples, the better ones a little more, the best eight to the end on more
+samples, and the best of these on all.
 
     nice python benchmarks/known.py 0-39 60     what is missing of these draws, for up to 60 minutes
 
@@ -10,7 +11,7 @@ descend a little on few samples, the best eight to the end on more, and the best
 law and map it holds how many numbers were fitted, the deviation from all loops in % of the largest
 output, how many of the eight ended within 2 % of the best (``near``), and whether the model passes what
 identification asks of one (``usable``); of several ends the best usable one counts. ``through`` tells
-up to how many populations of play cells all laws and maps of a draw are there.
+up to which stage all laws and maps of a draw are there.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ from anhyst.identification.offsets import OFFSETS
 from anhyst.identification.response import Local, Responder, ResponseForm
 from anhyst.identification.rest import rest_of
 from anhyst.identification.space import CoordinateSpace
+from anhyst.laws.cells import Shape
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.compilable import obstacle
 from anhyst.support.arrays import FloatArray
@@ -50,11 +52,18 @@ from drawn import draw
 from drawn_families import SETTINGS
 from search import KNOWN, loops_rms
 
-STARTS, ENDED, FINISHED = 64, 8, 3
+STAGES: dict[int, tuple[tuple[Shape, int], ...]] = {
+    1: (("tanh", 1), ("tanh", 2)),
+    2: (("langevin", 1), ("langevin", 2)),
+    3: (("tanh", 3), ("langevin", 3)),
+}
+"""Play cells of each stage, by curve and populations; Jiles and Atherton's law is of the first."""
+
+STARTS, RANKED, ENDED, FINISHED = 64, 24, 8, 3
 COARSE, FINE = 40, 100
 """Samples of a loop on which starts descend a little, and on which the best go to the end."""
 
-_SHORT, _LONG, _LAST = 10, 80, 30
+_FIRST, _SHORT, _LONG, _LAST = 4, 8, 80, 30
 _SCAN = 24
 _TRIES = 30
 _NEAR = 1.02
@@ -93,18 +102,18 @@ class Target:
         return f"{self.gap_map}/{law}"
 
 
-def targets(loops: Loops, most: int) -> Iterator[Target]:
-    """Name the laws and maps that identification compares, with up to so many populations."""
+def targets(loops: Loops, stage: int) -> Iterator[Target]:
+    """Name the laws and maps that identification compares, of one stage; what costs little first."""
     gaps = len(loops.schedule_values)
     maps = ["none"] if gaps < 2 else ["reluctance", "circuit", "scaling"]
     if gaps == 2:
         maps.remove("circuit")
     plain = form_of(loops.input, loops.output, DEFAULT_LAW)
-    forms = [plain]
-    for count in range(1, most + 1):
-        for shape, law in LAW_OF.items():
-            if LAWS[law].least_slope or not is_electromagnet(loops):
-                forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
+    forms = [plain] if stage == 1 else []
+    for shape, count in STAGES[stage]:
+        law = LAW_OF[shape]
+        if LAWS[law].least_slope or not is_electromagnet(loops):
+            forms.append(replace(plain, law=law, cells=CellKernel(shape, count)))
     return (Target(one, form) for form in forms for one in maps)
 
 
@@ -205,11 +214,13 @@ def best_known(target: Target, loops: Loops, number: int) -> dict[str, Known | N
     coarse, fine = (replace(whole, records=records.thinned(most)) for most in (COARSE, FINE))
     rng = np.random.default_rng([SETTINGS["seed"], number, zlib.crc32(target.name.encode())])
     starts = [random_start(coarse, rng) for _ in range(STARTS)]
-    begun = [follow(coarse, one, 1e-4, _SHORT) for one in starts if one is not None]
+    begun = [follow(coarse, one, 1e-4, _FIRST) for one in starts if one is not None]
     if not begun:
         return {target.name: None}
     begun.sort(key=lambda one: one.cost)
-    ends = [follow(fine, one.theta, 1e-6, _LONG) for one in begun[:ENDED]]
+    ranked = [follow(coarse, one.theta, 1e-4, _SHORT) for one in begun[:RANKED]]
+    ranked.sort(key=lambda one: one.cost)
+    ends = [follow(fine, one.theta, 1e-6, _LONG) for one in ranked[:ENDED]]
     ends.sort(key=lambda one: one.cost)
     near = sum(bool(one.cost <= _NEAR**2 * ends[0].cost) for one in ends)
     last = [follow(whole, one.theta, 1e-7, _LAST) for one in ends[:FINISHED]]
@@ -250,21 +261,21 @@ def main(arguments: Sequence[str]) -> None:
     first, last = (int(end) for end in arguments[0].split("-"))
     until = time.monotonic() + 60.0 * float(arguments[1])
     kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
-    for most in (2, 3):
+    for stage in STAGES:
         for number in sorted(range(first, last + 1), key=lambda one: one % 2):
             loops = draw(number).loops
             draws = kept["draws"]
             done = draws.setdefault(str(number), {"through": 0, "fits": {}})
             fits = done["fits"]
-            for target in targets(loops, most):
+            for target in targets(loops, stage):
                 if time.monotonic() > until:
                     return
                 if target.name not in fits:
                     fits |= best_known(target, loops, number)
                     write(kept)
-            done["through"] = max(most, done["through"])
+            done["through"] = max(stage, done["through"])
             write(kept)
-            print(f"known: draw {number}, up to {most} populations", flush=True)
+            print(f"known: draw {number}, stage {stage}", flush=True)
 
 
 def write(kept: dict[str, Any]) -> None:

@@ -45,8 +45,8 @@ REACH = 1.1
 UNSEEN = 1e-4
 """Deviation, in parts of the largest output, below which no sensor sees a difference."""
 
-THROUGH = 2
-"""Populations of play cells up to which the best fits of a draw must be known."""
+THROUGH = 1
+"""Stage of ``known.py`` up to which the best fits of a draw must be known."""
 
 COVERED = 0.9
 """Share of intervals that are to hold the truth."""
