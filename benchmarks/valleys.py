@@ -1,0 +1,109 @@
+"""Draws docs/img/valleys.png: the cost of play cells over two numbers, starts, and where they end.
+
+``python benchmarks/valleys.py FILE.png``; the loops are those of the bundled electromagnet, cells of one
+population under the map ``leakage``. At each point of the grid all other numbers are at their best,
+as far as a dozen steps from the best fit go.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from anhyst.data.reading import read_loops
+from anhyst.identification.cell_kernel import LAW_OF, CellKernel
+from anhyst.identification.cell_starts import draw_starts, placed, possible
+from anhyst.identification.default import follow
+from anhyst.identification.fit_records import records_of
+from anhyst.identification.fitting import descend
+from anhyst.identification.gauge import form_of
+from anhyst.identification.objective import Objective
+from anhyst.identification.response import Local
+from anhyst.identification.rest import rest_of
+from anhyst.identification.space import CoordinateSpace
+from anhyst.support.arrays import FloatArray
+from rows import ROOT
+
+_STARTS, _SHORT, _LONG, _GRID = 48, 6, 60, 31
+
+
+class _Held(Objective):
+    """An objective with a heavy pull on two coordinates."""
+
+    def pull_to(self, places: list[int], values: list[float]) -> _Held:
+        rows = np.zeros((2, self.space.size))
+        rows[[0, 1], places] = 1.0
+        self._pull = np.concatenate([self._pull, rows])
+        self._usual = np.concatenate([self._usual, values])
+        return self
+
+
+def _seen(local: Local, span: float) -> tuple[float, float]:
+    """Pinning over width, and width in parts of the drive: what the axes show."""
+    return local.law[2], local.scale / span
+
+
+def main(path: Path) -> None:
+    loops = read_loops(ROOT / "examples" / "electromagnet" / "loops.csv")
+    records = records_of(loops, rest=rest_of(loops))
+    form = form_of(loops.input, loops.output, "effective-field")
+    form = replace(form, law=LAW_OF["tanh"], cells=CellKernel("tanh", 1))
+    space = CoordinateSpace("leakage", records.thinned(40), form, frozenset({"in_0", "out_0"}))
+    drawn = [placed(space, one) for one in draw_starts(CellKernel("tanh", 1), _STARTS, 1, True)]
+    starts = [space.pack(sets) for sets in drawn if possible(sets)]
+    ends = [follow(space, theta, 1e-3, _SHORT) for theta in starts]
+    final = [follow(space, end.theta, 1e-6, _LONG) for end in ends]
+    best = min(final, key=lambda one: one.cost)
+
+    names = [space.names.index(name) for name in ("pinning_1", "scale")]
+    span = records.input_span
+    all_seen = [_seen(one.sets[0], span) for one in (*final, best)]
+    middle = np.log(_seen(best.sets[0], span))
+    reach = np.maximum(np.abs(np.log(all_seen) - middle).max(axis=0), np.log(8.0))
+    x, y = (
+        np.linspace(m - r, m + r, _GRID)
+        for m, r in zip(middle, np.minimum(reach, 3.0), strict=True)
+    )
+    cost = np.empty((_GRID, _GRID))
+    theta: FloatArray
+    for i, width in enumerate(y):
+        for j, pinned in enumerate(x):
+            theta = best.theta.copy()
+            theta[names[0]] = pinned
+            theta[names[1]] += width - middle[1]
+            held = _Held(space).pull_to(names, theta[names].tolist())
+            cost[i, j] = descend(held, theta, 1e-4, 12).cost
+    figure, axes = plt.subplots(figsize=(7.0, 4.6), layout="constrained")
+    percent = 100.0 * np.sqrt(np.minimum(cost, 1.0))
+    levels = np.geomspace(percent.min() * 1.001, 20.0, 24)
+    drawn_map = axes.contourf(
+        np.exp(x), np.exp(y), percent, levels, norm="log", cmap="viridis_r", extend="max"
+    )
+    figure.colorbar(
+        drawn_map, ax=axes, label="deviation, rms, % of the largest force", format="%.2g"
+    )
+    for start, end in zip(starts, final, strict=True):
+        a = _seen(space.unpack(start)[0][0], span)
+        b = _seen(end.sets[0], span)
+        good = end.cost < 1.05 * best.cost
+        axes.plot(*zip(a, b, strict=True), color="white" if good else "tab:red", lw=0.5, alpha=0.7)
+        axes.plot(*a, "o", mfc="none", mec="white" if good else "tab:red", ms=4)
+        axes.plot(*b, "o", color="white" if good else "tab:red", ms=4)
+    axes.set(xscale="log", yscale="log", xlim=np.exp(x[[0, -1]]), ylim=np.exp(y[[0, -1]]),
+             xlabel="pinning over width of the curve, $k_1/a_1$",
+             ylabel="drive for one width, parts of the largest")  # fmt: skip
+    figure.savefig(path, dpi=110)
+    reached = sum(one.cost < 1.05 * best.cost for one in final)
+    print(f"{reached} of {len(starts)} starts end within 5 % of the least cost")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
