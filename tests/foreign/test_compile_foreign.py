@@ -73,7 +73,7 @@ def test_a_core_that_couples_more_than_its_gap_compiles_and_verifies(ring: Path)
     arguments = ("ring.toml", "--kind", "full", "--io", "q15", "--rate", "2e4")
     result = quick("compile", *arguments, "--out", "c", cwd=ring)
     assert result.returncode == 0, result.stderr
-    assert worst_percent(ring / "c") < 0.3
+    assert worst_percent(ring / "c") < 0.5
     check_bits(ring / "c")
 
 
@@ -84,7 +84,7 @@ def test_every_kind_and_format_of_it_compiles(ring: Path, kind: str, io: str) ->
     arguments = ("ring.toml", "--kind", kind, "--io", io, "--rate", "2e4", "--out", out)
     result = quick("compile", *arguments, cwd=ring)
     assert result.returncode == 0, result.stderr
-    assert kind == "simplified" or worst_percent(ring / out) < 0.3
+    assert kind == "simplified" or worst_percent(ring / out) < 0.5
 
 
 MEASURED: dict[str, tuple[str, tuple[str, ...], float]] = {
