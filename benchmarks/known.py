@@ -7,7 +7,7 @@ samples, and the best of these on all.
 
     nice python benchmarks/known.py 0-39 60     what is missing of these draws, for up to 60 minutes
 
-``known_best.json`` is written after each draw, and a run goes on where the last one stopped. Of each
+``known_best.json`` is written after each fit, and a run goes on where the last one stopped. Of each
 law and map it holds how many numbers were fitted, the deviation from all loops in % of the largest
 output, how many of the eight ended within 2 % of the best (``near``), and whether the model passes what
 identification asks of one (``usable``); of several ends the best usable one counts. ``through`` tells
@@ -47,6 +47,7 @@ from anhyst.laws.cells import Shape
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.compilable import obstacle
 from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from drawn import draw
 from drawn_families import SETTINGS
@@ -285,7 +286,8 @@ def write(kept: dict[str, Any]) -> None:
         rows = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in done["fits"].items()]
         told = f'"{number}": {{"through": {done["through"]}, "fits": {{'
         lines.append(f" {told}\n" + ",\n".join(rows) + "\n }}")
-    KNOWN.write_text('{"draws": {\n' + ",\n".join(lines) + "\n}}\n", encoding="utf-8")
+    with atomic_writer(KNOWN) as file:  # a search may read it meanwhile
+        file.write('{"draws": {\n' + ",\n".join(lines) + "\n}}\n")
 
 
 if __name__ == "__main__":

@@ -122,14 +122,20 @@ def known_rms(known: Mapping[str, Any], numbers: int) -> float | None:
 
 
 def with_known(tried: Sequence[Tried]) -> list[Tried]:
-    """Add how many times the deviation of the best known fit there is, where one is known."""
+    """Add how many times the deviation of the best known fit there is, where one is known.
+
+    Of those with no more numbers, and of all.
+    """
     kept = json.loads(KNOWN.read_text(encoding="utf-8")) if KNOWN.exists() else {"draws": {}}
     found = []
     for one in tried:
         known = kept["draws"].get(str(one["number"]))
-        best = known_rms(known, one["numbers"]) if known and "rms" in one else None
-        ratio = {} if best is None else {"ratio": max(one["rms"], UNSEEN) / max(best, UNSEEN)}
-        found.append(one | ratio)
+        more = {}
+        for name, numbers in (("ratio", one.get("numbers", 0)), ("ratio_of_all", sys.maxsize)):
+            best = known_rms(known, numbers) if known and "rms" in one else None
+            if best is not None:
+                more[name] = max(one["rms"], UNSEEN) / max(best, UNSEEN)
+        found.append(one | more)
     return found
 
 
@@ -142,6 +148,11 @@ def _by_family(tried: Sequence[Tried], figure: Callable[[Sequence[Tried]], str])
 
 def _median(values: Sequence[float], scale: float = 1.0, digits: int = 3) -> str:
     return f"{scale * float(np.median(values)):.{digits}g}" if values else "-"
+
+
+def _of_all(tried: Sequence[Tried]) -> str:
+    ratios = [one["ratio_of_all"] for one in tried if "ratio_of_all" in one]
+    return f"{_median(ratios)}, worst {max(ratios):.3g}" if ratios else "-"
 
 
 def _near(tried: Sequence[Tried]) -> str:
@@ -208,6 +219,7 @@ def lines_of(half: str, tried: Sequence[Tried]) -> list[Row]:
             _near,
             _share(ratios, lambda one: bool(one["ratio"] <= REACH)) == 1.0 if ratios else None,
         ),
+        ("fit over the best known, however many numbers: median", "reported", _of_all, None),
         ("unseen gaps, random reversals: mean/worst", "reported", _missed("unseen"), None),
         ("moving gap over gaps at rest: mean", "reported", _moving, None),
         ("cycles of 10 % about a bias: mean/worst", "reported", _missed("small"), None),
