@@ -13,6 +13,7 @@ from anhyst.exchange.fmu_file import Of, export_fmu
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import needs_binary
 from tests.exchange.test_actuator import magnet
+from tests.study import bearings
 
 toolbox = pytest.importorskip("fmu_manipulation_toolbox.operations")
 checker = pytest.importorskip("fmu_manipulation_toolbox.checker")
@@ -38,7 +39,7 @@ def test_models_break_no_rule(of: Of, fmi: FmiVersion, fmu: Fmu, identified: anh
 @pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_bearings_break_no_rule(fmi: FmiVersion, tmp_path: Path) -> None:
-    rig = anhyst.example_files("bearing")["rig.toml"]
+    rig = bearings.copy_known(tmp_path)
     assert findings(export_fmu(rig, tmp_path / "b.fmu", fmi=fmi, platforms=[])) == (fmi, [])
 
 

@@ -21,6 +21,7 @@ from tests.exchange.slave import HERE, RATE, needs_binary, slave
 from tests.exchange.test_actuator import STEP, drives, gaps, magnet
 from tests.exchange.test_fmu import GAP, demands, expected
 from tests.refusals import refused
+from tests.study import bearings
 
 INTERFACE = Path(__file__).with_name("simulink")
 """As much of Simulink's interface as is used, and a solver of fixed step."""
@@ -103,9 +104,7 @@ def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path:
 @pytest.mark.slow
 @needs_binary
 def test_a_bearing_flies_as_its_fmu_does(tmp_path: Path) -> None:
-    for name, path in anhyst.example_files("bearing").items():
-        (tmp_path / name).write_bytes(path.read_bytes())
-    rig = tmp_path / "rig.toml"
+    rig = bearings.copy_known(tmp_path)
     program = built(export_sfunction(rig, tmp_path / "s"))
     inputs = {"target_gap": [0.45e-3] * 400, "load": [120.0] * 400, "command": [1.0] * 400}
     head, found = simulated(program, beside(*inputs.values()))

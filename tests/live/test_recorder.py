@@ -21,8 +21,7 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.arrays import FloatArray
 from tests.live.conftest import wait_for
 from tests.refusals import refused
-
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing" / "rig.toml"
+from tests.study import bearings
 
 
 def numbers(path: Path) -> FloatArray:
@@ -61,7 +60,8 @@ def test_a_killed_server_leaves_a_recording_that_inspect_reads(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "run.csv"
-    command = [sys.executable, "-m", "anhyst.cli.app", "live", str(EXAMPLE), "--listen", "0"]
+    rig = bearings.copy_known(tmp_path)
+    command = [sys.executable, "-m", "anhyst.cli.app", "live", str(rig), "--listen", "0"]
     with subprocess.Popen(
         [*command, "--record", str(path)],
         stdout=subprocess.PIPE,

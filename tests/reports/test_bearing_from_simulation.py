@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import re
-import shutil
 from contextlib import redirect_stdout
 from pathlib import Path
 
@@ -23,24 +22,14 @@ from anhyst.study.bearing.metrics import Interval
 from anhyst.support.page.numbers import number
 from tests.page import Page
 from tests.refusals import says
-from tests.truths import truth
-
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
+from tests.study import bearings
 
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundled bearing with one gap, one step and two noise seeds."""
     folder = tmp_path_factory.mktemp("bearing")
-    for name in ("controller.toml", "loops.csv", "loops.toml"):
-        shutil.copy(EXAMPLE / name, folder)
-    # What identification finds in these loops is kept.
-    truth("bearing").save(folder / "model.toml")
-    text = (folder / "controller.toml").read_text(encoding="utf-8")
-    known = text.replace('variant = "full"', 'variant = "full"\nmodel = "model.toml"')
-    assert known != text
-    (folder / "controller.toml").write_text(known, encoding="utf-8")
-    text = (EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+    text = bearings.copy_known(folder).read_text(encoding="utf-8")
     for key, value in {
         "also_gaps_m": "[]",
         "steps_m": "[20e-6]",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,18 @@ def single(
     """One magnet against the load."""
     rig = with_iron(example(), fraction)
     return make_setup(rig, controller().settings, knowledge(fraction), variant, number_format)
+
+
+def copy_known(folder: Path) -> Path:
+    """Copy the example, its model identified already; return the rig file."""
+    for name in ("rig.toml", "controller.toml", "loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLE / name, folder)
+    truth("bearing").save(folder / "model.toml")
+    file, variant = folder / "controller.toml", 'variant = "full"'
+    text = file.read_text(encoding="utf-8")
+    assert text.count(variant) == 1
+    file.write_text(text.replace(variant, f'{variant}\nmodel = "model.toml"'), encoding="utf-8")
+    return folder / "rig.toml"
 
 
 def firmware(factory: pytest.TempPathFactory) -> Path:
