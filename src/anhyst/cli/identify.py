@@ -243,6 +243,7 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"deviation from the measurement: mean {mean:.3g} %, rms {rms:.3g} %, worst "
             f"{worst:.3g} % of the largest output ({fit.largest_output:.5g} {model.output.unit})"
         )
+        lines += [fit.left_over] if fit.left_over else []
         lines += [
             f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
             for name, error in fit.left_out.items()

@@ -22,6 +22,7 @@ from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
+from anhyst.identification.left_over_text import left_of, told
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rest import rest_of
@@ -165,6 +166,9 @@ def identify(
         outcome.promised,
         outcome.candidates,
     )
+    left = left_of(loops, fitted)
+    line = told(left, loops, model)
+    figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model)) is not None else []
     return IdentifyResult(

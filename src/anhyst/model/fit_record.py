@@ -136,6 +136,11 @@ class FitFigures:
         What to expect at values between those measured; None below three of them.
     candidates : tuple of CandidateFit
         The laws that were compared, the simplest first; empty where one was asked for.
+    not_noise : float or None
+        Root mean square of what is left that is no noise of the sensors, in parts of the largest
+        output; zero where the fit is done, None where nobody looked.
+    left_over : str
+        What is left, in words, and what to do about it; empty where nobody looked.
     """
 
     largest_output: float
@@ -147,6 +152,8 @@ class FitFigures:
     monotone: bool | None = None
     cross_validation: CrossValidation | None = None
     candidates: tuple[CandidateFit, ...] = ()
+    not_noise: float | None = None
+    left_over: str = ""
 
 
 def fit_figures(

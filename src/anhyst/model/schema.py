@@ -132,6 +132,8 @@ class FitTable(Table):
     left_out: dict[str, FiniteFloat] = {}
     monotone: bool | None = None
     cross_validation: CrossValidationTable | None = None
+    not_noise: FiniteFloat | None = None
+    left_over: str = ""
     candidate: list[CandidateTable] = []
     loop: list[LoopTable] = []
 

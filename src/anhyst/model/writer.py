@@ -215,6 +215,8 @@ def _fit(fit: FitFigures, model: ActuatorRecord) -> str:
     rest = {
         "left_out": _floats(fit.left_out) or None,
         "monotone": None if fit.monotone is None else bool(fit.monotone),
+        "not_noise": None if fit.not_noise is None else float(fit.not_noise),
+        "left_over": fit.left_over or None,
     }
     text = f"{FIT}[fit]\n{_deviation(fit, model.output)}{_keys(rest)}"
     if expected := fit.cross_validation:

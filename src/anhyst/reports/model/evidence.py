@@ -9,6 +9,7 @@ from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
 from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
+from anhyst.identification.left_over_text import left_of, told
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.sources import read_sources
@@ -128,7 +129,12 @@ def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, st
     fitted = [output for output in evidence.fitted if output is not None]
     if len(fitted) < len(evidence.fitted):
         return model.fit, ""
-    fresh = fit_figures(evidence.loops, fitted)
+    left = left_of(evidence.loops, fitted)
+    fresh = replace(
+        fit_figures(evidence.loops, fitted),
+        not_noise=left.beyond,
+        left_over=told(left, evidence.loops, model),
+    )
     if model.fit is None:
         return fresh, ""
     kept = replace(

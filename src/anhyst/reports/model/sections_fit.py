@@ -103,6 +103,9 @@ def section_residuals(subject: ModelSubject) -> Section | None:
             f"Model minus measurement. The grey band holds {percent(0.95)} of the noise of the "
             f"{subject.answer} (mean size {noise}); what stands out of it is not noise."
         )
+        if subject.fit is not None and subject.fit.left_over:
+            line = subject.fit.left_over
+            caption += f" {line[0].upper()}{line[1:]}."
         blocks += [Text(place), Picture(svg, alt, caption + _left_out(evidence))]
         blocks += _by_group(subject, evidence)
     if subject.fit is not None and subject.fit.loops:

@@ -1,0 +1,194 @@
+"""Whether a fit is done: how much of what it leaves is noise, and of what shape the rest is.
+
+A fit is done when what it leaves looks like noise. Signs that keep and samples that go with those
+before them say that it does not (:func:`_is_white`). Then every cause has the shapes that it leaves
+(:mod:`.residual_shapes`); noise that is filtered or comes in steps goes with the samples before it too,
+so a shape counts only where it explains more than such noise would by chance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.data.noise import noise
+from anhyst.identification.residual_noise import coloured
+from anhyst.identification.residual_shapes import Residual, Shape, basis, shapes_of
+from anhyst.support.arrays import FloatArray
+
+EXACT = 1e-4
+"""Deviation, in parts of the largest output, that no sensor sees."""
+
+_PARTS = 3
+"""Steps of a converter in the smallest difference of two outputs, at most."""
+_LAGS = 4
+"""Samples before one, with which it may go."""
+_WHITE = 3.1
+"""Standard deviations by which white noise may go with what was before it, or keep its sign."""
+_MOST, _ALL, _FEWEST = 300, 1500, 40
+"""Samples of a record, and of all, that are looked at for shapes, at most; but so many of each."""
+_FINE = 6.0
+"""Smooth deviations this many times the noise of the record are no filtered noise."""
+_FILTERED = 0.6
+"""How much each sample goes with the one before, from where on it may be a curve instead of noise."""
+_AS_MUCH = 0.97
+"""Share of what the best shape explains with which one of fewer numbers is preferred."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOver:
+    """What a fit leaves.
+
+    Parameters
+    ----------
+    rms
+        All of it, in parts of the largest output.
+    noise
+        What of it is noise of the sensors, in the same parts.
+    beyond
+        What of it is none; zero where the fit is done.
+    shapes
+        Shapes of this and the share of its variance that they explain, the largest first; empty
+        where it has none of those known.
+    first
+        Samples at the beginning of a record in which a wrong start shows.
+    """
+
+    rms: float
+    noise: float
+    beyond: float = 0.0
+    shapes: tuple[tuple[Shape, float], ...] = ()
+    first: int = 0
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing but noise is left."""
+        return self.beyond == 0.0
+
+
+def left_over(records: Sequence[Residual], span: float) -> LeftOver:
+    """Judge what a fit leaves.
+
+    Parameters
+    ----------
+    records : sequence of Residual
+        Every record that was fitted.
+    span : float
+        The largest output, SI.
+
+    Returns
+    -------
+    LeftOver
+    """
+    off = np.concatenate([record.off for record in records])
+    rms = float(np.sqrt(np.mean(off**2))) / span
+    if rms < EXACT or _is_rounding(records) or _is_white([record.off for record in records]):
+        return LeftOver(rms, rms)
+    most = min(_MOST, max(_FEWEST, _ALL // len(records)))
+    seen = [record.every(math.ceil(record.off.size / most)) for record in records]
+    return _attributed(seen, rms, span)
+
+
+def _is_rounding(records: Sequence[Residual]) -> bool:
+    """Whether nothing is left but the steps in which the output was written down."""
+    step = _step(np.concatenate([record.measured for record in records]))
+    return all(float(np.max(np.abs(record.off))) <= 0.75 * step for record in records)
+
+
+def _step(values: FloatArray) -> float:
+    """Step of a converter or of written digits: what all differences are multiples of; else zero."""
+    found = np.diff(np.unique(values))
+    found = found[found > 1e-9 * float(np.ptp(values))]
+    if not found.size:
+        return 0.0
+    for parts in range(1, _PARTS + 1):
+        step = float(found.min()) / parts
+        if float(np.mean(np.abs(found / step - np.rint(found / step)) < 0.05)) > 0.95:
+            return step
+    return 0.0
+
+
+def _is_white(parts: Sequence[FloatArray]) -> bool:
+    """Whether no sample goes with those before it, by signs and by products."""
+    signs = [np.sign(part[part != 0.0]) for part in parts]
+    pairs = sum(max(one.size - 1, 0) for one in signs)
+    kept = sum(int(np.sum(one[1:] == one[:-1])) for one in signs)
+    if pairs and kept - 0.5 * pairs > _WHITE * 0.5 * math.sqrt(pairs):
+        return False
+    power = sum(float(part @ part) for part in parts)
+    samples = sum(part.size for part in parts)
+    for lag in range(1, _LAGS + 1):
+        together = sum(float(part[lag:] @ part[:-lag]) for part in parts if part.size > lag)
+        if together > _WHITE * power / math.sqrt(samples):
+            return False
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class _Way:
+    """One way in which a shape may show: orthonormal columns, and what noise gives by chance."""
+
+    shape: Shape
+    columns: FloatArray
+    chance: float
+
+    def of(self, rest: FloatArray) -> FloatArray:
+        """Part of a residual that goes this way."""
+        return self.columns @ (self.columns.T @ rest)
+
+    def worth(self, rest: FloatArray) -> float:
+        """Sum of squares of that part, less chance."""
+        along = self.columns.T @ rest
+        return float(along @ along) - self.chance
+
+
+def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOver:
+    """Say which shapes it has, if it has any for certain."""
+    off = np.concatenate([record.off for record in records])
+    bases = [(name, basis(way)) for name, each in shapes_of(records).items() for way in each]
+    whole = basis(np.hstack([way for _, way in bases]))
+    around = coloured(off, whole, [record.off.size for record in records])
+    ways = [_Way(name, way, around.chance(way)) for name, way in bases]
+    found: list[tuple[Shape, float]] = []
+    rest, first = off, 0
+    while ways:
+        way = _foremost(rest, ways)
+        worth, size = way.worth(rest), way.columns.shape[1]
+        if around.is_chance(worth + way.chance, way.chance, size):
+            break
+        found.append((way.shape, worth / off.size))
+        part = way.of(rest)
+        first = _faded(records, part, around.variance) if way.shape == "start" else first
+        rest = rest - part
+        ways = [one for one in ways if one.shape != way.shape]
+    noisy = float(np.mean([min(noise(one.measured), noise(one.off)) for one in records]))
+    spread = float(np.sqrt(np.mean(rest**2)))
+    if around.with_last < _FILTERED or spread <= max(_FINE * noisy, EXACT * span):
+        noisy = spread
+    noisy = min(noisy / span, rms)
+    beyond = math.sqrt(rms**2 - noisy**2)
+    if beyond < EXACT or not (found or noisy < spread / span):
+        return LeftOver(rms, rms)
+    shares = tuple((name, min(size / (beyond * span) ** 2, 1.0)) for name, size in found)
+    return LeftOver(rms, noisy, beyond, shares, first)
+
+
+def _foremost(rest: FloatArray, ways: list[_Way]) -> _Way:
+    """Shape that explains most, or one with fewer numbers that explains almost as much."""
+    worth = [way.worth(rest) for way in ways]
+    enough = max(worth) - (1.0 - _AS_MUCH) * abs(max(worth))
+    as_good = [way for way, one in zip(ways, worth, strict=True) if one >= enough]
+    return min(as_good, key=lambda one: one.columns.shape[1])
+
+
+def _faded(records: Sequence[Residual], part: FloatArray, variance: float) -> int:
+    """Count samples at the beginning of a record until a wrong start no longer shows."""
+    longest, place = 0, 0
+    for record in records:
+        seen = np.flatnonzero(np.abs(part[place : place + record.off.size]) > math.sqrt(variance))
+        longest = max(longest, int(seen[-1]) + 1 if seen.size else 0)
+        place += record.off.size
+    return longest

@@ -1,0 +1,166 @@
+"""Shapes that what a fit leaves may have: columns over all samples, one group a cause."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from anhyst.data.branches import branches
+from anhyst.support.arrays import FloatArray
+
+Shape = Literal["input", "direction", "gap", "amplitude", "start", "drift"]
+
+_CURVE = 7
+"""Degree in the input of what is common to all loops."""
+_WIDTH = 5
+"""Degree in the input of the difference of the directions."""
+_LEVEL = 2
+"""Degree in the input of what each gap, or each size of loop, has for itself."""
+_DECAYS = (1, 2, 4)
+"""Powers of what is left of the first branch: a wrong start fades along it."""
+_NOTHING = 1e-6
+"""Part of a column that others leave of it, below which it says nothing of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What a fit leaves of one record.
+
+    Parameters
+    ----------
+    drive, measured, off
+        Shape (n,): input, measured output, and modelled minus measured output, SI.
+    gap
+        Place of its scheduling value.
+    settled
+        Whether the record is a cycle to be repeated until it closes.
+    """
+
+    drive: FloatArray
+    measured: FloatArray
+    off: FloatArray
+    gap: int
+    settled: bool
+
+    def every(self, step: int) -> Residual:
+        """Take every so manieth sample."""
+        return Residual(
+            self.drive[::step],
+            self.measured[::step],
+            self.off[::step],
+            self.gap,
+            self.settled,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Where the samples of a record lie: on which branch, and where on it."""
+
+    rising: FloatArray  # 1 where the input rises, -1 where it falls
+    along: FloatArray  # place between the ends of the branch, -1 at the lower one, 1 at the upper
+    reach: FloatArray  # half of what the branch spans, in units of the input
+    ahead: FloatArray  # what is left of the first branch, from 1 to 0; 0 after it
+
+
+def _path(record: Residual) -> _Path:
+    drive = record.drive
+    parts = branches(drive)
+    rising, along, reach = np.ones(drive.size), np.zeros(drive.size), np.ones(drive.size)
+    for part in parts:
+        piece = drive[part.rows]
+        half = max(0.5 * float(np.ptp(piece)), 1e-300)
+        rising[part.rows] = 1.0 if part.rising else -1.0
+        along[part.rows] = (piece - float(piece.min())) / half - 1.0
+        reach[part.rows] = half
+    ahead = np.zeros(drive.size)
+    if not record.settled or len(parts) > 2:
+        first = parts[0].rows
+        ahead[first] = 0.5 * (1.0 - rising[first] * along[first])
+    return _Path(rising, along, reach, ahead)
+
+
+def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
+    """Columns of each cause, shape (samples, ..), records one after the other.
+
+    Where a cause may act alike on all gaps or in proportion to their outputs, both are given. What
+    differs from gap to gap, or from size to size, is that alone: without what is common to all.
+    """
+    paths = [_path(record) for record in records]
+    drive = np.concatenate([record.drive for record in records])
+    middle, half = 0.5 * float(drive.max() + drive.min()), 0.5 * float(np.ptp(drive))
+    x = (drive - middle) / max(half, 1e-300)
+    sizes = [record.drive.size for record in records]
+    rising, along, reach, ahead = (
+        np.concatenate([getattr(path, name) for path in paths])
+        for name in ("rising", "along", "reach", "ahead")
+    )
+    gap = np.repeat([record.gap for record in records], sizes)
+    span = np.zeros(int(gap.max()) + 1)
+    for record in records:
+        span[record.gap] = max(span[record.gap], float(np.max(np.abs(record.measured))))
+    own = (span / max(float(span.max()), 1e-300))[gap][:, None]
+    scales: list[FloatArray | float] = [1.0, own] if span.size > 1 else [1.0]
+    curve = legvander(x, _CURVE)
+    width = rising[:, None] * np.hstack([legvander(x, _WIDTH), legvander(along, 3)])
+    fading = ahead[:, None] ** np.array(_DECAYS)
+    common = np.hstack([curve, width])
+    found: dict[Shape, list[FloatArray]] = {
+        "input": [scale * curve for scale in scales],
+        "direction": [scale * width for scale in scales],
+        "drift": _drift(sizes),
+    }
+    if np.any(ahead):
+        found["start"] = [scale * fading for scale in scales]
+    if span.size > 1:
+        found["gap"] = [without(_by_gap(records, gap, x), common)]
+    if np.ptp(reach) > 0.1 * float(reach.max()):
+        found["amplitude"] = [without(_by_reach(reach, along, rising), common)]
+    return found
+
+
+def _drift(sizes: Sequence[int]) -> list[FloatArray]:
+    """Straight within each record, or from the first sample of all to the last."""
+    within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
+    whole = np.linspace(-1.0, 1.0, sum(sizes))
+    return [np.asarray(way[:, None]) for way in (within, whole)[: len(sizes)]]
+
+
+def _by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray) -> FloatArray:
+    """Level, bend and gain of each gap."""
+    # Of the modelled output: the measured one has the noise in it, and would explain that.
+    output = np.concatenate([record.measured + record.off for record in records])
+    gain = output / max(float(np.abs(output).max()), 1e-300)
+    shared = np.column_stack([legvander(x, _LEVEL), gain])
+    return np.hstack([(gap == one)[:, None] * shared for one in np.unique(gap)])
+
+
+def _by_reach(reach: FloatArray, along: FloatArray, rising: FloatArray) -> FloatArray:
+    """Level, bend and width that go with the size of a branch."""
+    size = reach / float(reach.max())
+    shared = legvander(along, _LEVEL)
+    both = np.hstack([shared, rising[:, None] * shared])
+    return np.hstack([size[:, None] * both, size[:, None] ** 2 * both])
+
+
+def basis(columns: FloatArray) -> FloatArray:
+    """Orthonormal columns that span the same; what is no direction of its own is left out."""
+    sizes = np.sqrt(np.einsum("nk,nk->k", columns, columns))
+    kept = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
+    strength, ways = np.linalg.eigh(kept.T @ kept)
+    good = strength > _NOTHING * strength.max(initial=1e-300)
+    return np.ascontiguousarray(kept @ (ways[:, good] / np.sqrt(strength[good])))
+
+
+def without(columns: FloatArray, others: FloatArray) -> FloatArray:
+    """Take off columns what others explain of them; those that are nothing but this are left out."""
+    span = basis(others)
+    left = columns - span @ (span.T @ columns)
+    before = np.einsum("nk,nk->k", columns, columns)
+    after = np.einsum("nk,nk->k", left, left)
+    kept: FloatArray = left[:, after > 1e-4 * before]
+    return kept
