@@ -43,6 +43,8 @@ def load() -> None:
     )
     for name in (*(f"anhyst.{name}" for name in names), "scipy.stats", "scipy.interpolate"):
         importlib.import_module(name)
+    app = importlib.import_module("anhyst.cli.app")
+    app.command_of(app.app)
     gc.collect()
     gc.freeze()
 
@@ -71,7 +73,10 @@ def become(arguments: list[str], cwd: str, out: IO[bytes], err: IO[bytes]) -> No
     os.dup2(err.fileno(), 2)
     os.chdir(cwd)
     sys.argv = ["anhyst", *arguments]
-    sys.exit(main())
+    code = main()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(code)  # taking apart all that was imported takes longer than most commands
 
 
 if __name__ == "__main__":

@@ -8,7 +8,8 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import Annotated, cast
+from functools import cache
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -88,6 +89,12 @@ def _anhyst(
     """
 
 
+@cache
+def command_of(verbs: typer.Typer) -> Callable[..., Any]:
+    """Return what runs the verbs: their options take a while to gather."""
+    return typer.main.get_command(verbs)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -139,7 +146,9 @@ def _run(arguments: Sequence[str] | None) -> int:
             warnings.simplefilter("ignore")
             warnings.simplefilter("always", RenamedWarning)
             warnings.showwarning = lambda text, *_: warn(str(text))
-            return int(app(args=arguments, prog_name="anhyst", standalone_mode=False) or 0)
+            return int(
+                command_of(app)(args=arguments, prog_name="anhyst", standalone_mode=False) or 0
+            )
     except NegativeResult as error:
         print(f"anhyst: {one_line(str(error))}", file=sys.stderr)
         return NEGATIVE
