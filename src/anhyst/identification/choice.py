@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from anhyst.data import Loops
+from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
-from anhyst.data.verdict import largest_output
 from anhyst.identification.bare import model_of, valid_range
 from anhyst.identification.candidates import (
     ModelCandidate,
@@ -46,11 +46,11 @@ from anhyst.identification.default import (
     search_one_gap,
 )
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
-from anhyst.identification.left_over import left_over
+from anhyst.identification.fitting import Evaluation
+from anhyst.identification.left_over import EXACT
 from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
-from anhyst.identification.residual_shapes import Residual
 from anhyst.identification.response import Local
 from anhyst.identification.run import SEARCHED, SearchRun
 from anhyst.identification.screening import starts
@@ -58,8 +58,8 @@ from anhyst.identification.space import WRITTEN
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
 
-_NOTHING_MORE = 0.3
-"""What is left and is no noise, over the noise: below it there is nothing to gain."""
+_NOTHING_MORE = 1.05
+"""Deviation over the noise of the sensors below which there is nothing to gain."""
 
 _COMPARABLE = 5.0
 """Cross-validation error over the least one's, up to which passing the acceptance test is worth it."""
@@ -241,19 +241,18 @@ def _leave_out(contest: Contest, loopset: Loops, new: list[ModelCandidate], by: 
 
 
 def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
-    """Whether a fit leaves more than the noise of the sensors, so that another law could gain."""
-    objective = Objective(found.space)
-    deviation = objective.deviations(found.theta)[: objective.weights.size] / objective.weights
-    records = found.space.records.loops
-    parts = np.split(deviation, np.cumsum([record.input.size for record in records])[:-1])
-    left = left_over(
-        [
-            Residual(record.input, record.output, part, record.gap, record.settled)
-            for record, part in zip(records, parts, strict=True)
-        ],
-        largest_output(loopset),
-    )
-    return left.beyond > _NOTHING_MORE * left.noise
+    """Whether a fit leaves more than the noise of the sensors, so that another law could gain.
+
+    However smooth noise may be (:mod:`.left_over`), trying costs little: only white noise ends it.
+    """
+    deviation = Evaluation(Objective(found.space)).at(found.theta).deviation
+    ordered = [loop for group in loopset.by_schedule().values() for loop in group]
+    noises = [
+        record.weight**2 * record.input.size * noise(loop.output) ** 2
+        for record, loop in zip(found.space.records.loops, ordered, strict=True)
+    ]
+    left = float(deviation @ deviation)
+    return left > max(_NOTHING_MORE**2 * sum(noises), EXACT**2)
 
 
 def _is_usable(found: FoundModel, loopset: Loops) -> bool:
