@@ -79,7 +79,7 @@ def test_a_disk_that_fills_up_leaves_nothing_behind(suffix: str, tmp_path: Path)
     rows = "".join(f"{n}e-4,{n % 977}.{n % 7919},{n % 613}.{n % 6007}\n" for n in range(20_000))
     (tmp_path / "run.csv").write_text("t_s,I_A,F_N\n" + rows)
     limited = (
-        "import resource, signal, sys; from anhyst.cli.app import main; "
+        "import resource, signal, sys; sys.dont_write_bytecode = True; from anhyst.cli.app import main; "
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); sys.exit(main(sys.argv[1:]))"
     )

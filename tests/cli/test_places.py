@@ -84,6 +84,7 @@ def small_files(size: int) -> Callable[[], None]:
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # or it leaves halves of compiled sources
 
     return limit
 

@@ -101,7 +101,7 @@ def _shape(name: str, one: Residual, gaps: FloatArray, before: int, whole: int) 
         ),
         "drift": (before + np.arange(one.drive.size)) / whole - 0.5,
     }
-    return found[name]
+    return np.asarray(found[name])
 
 
 CASES = [

@@ -110,8 +110,8 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     fading = ahead[:, None] ** np.array(_DECAYS)
     common = np.hstack([curve, width])
     found: dict[Shape, list[FloatArray]] = {
-        "input": [scale * curve for scale in scales],
-        "direction": [scale * width for scale in scales],
+        "input": [np.asarray(scale * curve) for scale in scales],
+        "direction": [np.asarray(scale * width) for scale in scales],
         "drift": _drift(sizes),
     }
     if np.any(ahead):
