@@ -79,12 +79,15 @@ def test_a_read_only_folder_is_reported_at_once(folder: Path, verb: str) -> None
     assert says(said, f"cannot-be-written: locked/{name}")
 
 
+NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
+"""For commands that may write small files only: halves of compiled sources would stay behind."""
+
+
 def small_files(size: int) -> Callable[[], None]:
     """Return what lets a child write files of some bytes only, as on a disk that is full."""
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # or it leaves halves of compiled sources
 
     return limit
 
@@ -94,7 +97,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: 
     start, name = LARGE[verb]
     (folder / name).write_text("old")
     before = contents(folder)
-    result = anhyst(*start, name, cwd=folder, preexec_fn=small_files(2000))
+    result = anhyst(*start, name, cwd=folder, preexec_fn=small_files(2000), variables=NO_BYTECODE)
     said = said_in_one_line(result)
     assert says(said, f"cannot-be-written: {name}")
     assert contents(folder) == before
@@ -104,7 +107,7 @@ def test_a_disk_without_room_for_a_checkpoint_is_reported(folder: Path) -> None:
     start, name = WRITERS["identify"]
     verb, *rest = start
     paper = [verb, "--search", "paper", *rest]
-    said = refused(*paper, name, cwd=folder, preexec_fn=small_files(0))
+    said = refused(*paper, name, cwd=folder, preexec_fn=small_files(0), variables=NO_BYTECODE)
     assert said.startswith(f"{name}.checkpoint: cannot be written: File too large")
 
 
