@@ -250,8 +250,13 @@ def _show(result: IdentifyResult, out: Path) -> None:
         ]
         lines += [_candidate(one) for one in fit.candidates]
         if expected := fit.cross_validation:
+            where = (
+                "between the measured values, choice of the map and all"
+                if expected.left_out == "gap"
+                else "at other samples of such loops, not of other sizes"
+            )
             lines.append(
-                "expected between the measured values, choice of the map and all: "
+                f"expected {where}: "
                 f"{100.0 * expected.error:.3g} % ({100.0 * expected.low:.2g} to "
                 f"{100.0 * expected.high:.2g} %)"
             )

@@ -27,6 +27,7 @@ from anhyst.identification.cross_validation import (
     Fold,
     LeftOut,
     Refit,
+    block_places,
     folds,
     inner,
     inner_loops,
@@ -156,7 +157,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     return ModelChoice(
         *_finished(run, loopset, contest.fits[best].found, why),
         {name: error for name, error in maps.items() if np.isfinite(error)},
-        promise(contest.nested(), noise_at(loopset)[1:-1]) if gaps > 2 else None,
+        _promised(contest, loopset, gaps),
         candidates,
         why_law,
     )
@@ -197,12 +198,16 @@ def _compare_cells(
 ) -> ModelCandidate:
     """Fit play cells under the most flexible map, the best of them under the others, and choose.
 
-    With fewer than three gaps the inner loops are left out, where there are two or more.
+    With fewer than three gaps the inner loops are left out, where there are two or more, else
+    blocks of samples.
     """
     by: LeftOut = "gap"
     if not contest.places:
         by, places = "loop", inner_loops(run.searched)
-        contest.places = places if len(places) > 1 else ()
+        if len(places) < 2:
+            by, places = "block", block_places(run.searched)
+        contest.places = places
+        contest.by = by
         contest.entrants[:] = [base]
         for fold in folds(contest.places, nested=True):
             contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
@@ -231,6 +236,14 @@ def _compare_cells(
     usable = [one for one in every if _is_usable(contest.fits[one].found, loopset)]
     contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
+
+
+def _promised(contest: Contest, loopset: Loops, gaps: int) -> CrossValidation | None:
+    """Say what the choice misses where it has seen nothing; inner loops left out promise nothing."""
+    if contest.by == "block":
+        each = float(np.mean(noise_at(loopset)))
+        return promise(contest.nested(), [each] * len(contest.places), "block")
+    return promise(contest.nested(), noise_at(loopset)[1:-1]) if gaps > 2 else None
 
 
 def _leave_out(contest: Contest, loopset: Loops, new: list[ModelCandidate], by: LeftOut) -> None:
@@ -282,8 +295,6 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
 
 def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
     name = best.title(run.form.law)
-    if not contest.places:
-        return f"law {name}: too few loops to leave one out, so the simplest"
     errors = {one: contest.finite_error(one) for one in contest.entrants if one != best}
     own = contest.finite_error(best)
     if own is None:

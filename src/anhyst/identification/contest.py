@@ -11,6 +11,7 @@ from anhyst.identification.candidates import ModelCandidate
 from anhyst.identification.cross_validation import (
     AS_GOOD,
     Fold,
+    LeftOut,
     Miss,
     Refit,
     better,
@@ -37,6 +38,7 @@ class Contest:
     fits: dict[ModelCandidate, Fits]
     refits: dict[Fold, dict[ModelCandidate, Refit]]
     places: Sequence[int]
+    by: LeftOut = "gap"
 
     def misses(self, one: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
         """Give what a candidate missed at each place, left out besides some others."""

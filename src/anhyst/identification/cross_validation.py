@@ -20,7 +20,7 @@ from anhyst.data.noise import noise
 from anhyst.data.verdict import largest_output
 from anhyst.identification.bare import model_of
 from anhyst.identification.default import FoundModel, follow
-from anhyst.identification.fit_records import FitRecords, clocks_of
+from anhyst.identification.fit_records import FitRecords, blocks_along, clocks_of
 from anhyst.identification.offsets import only_demanded
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import CrossValidation
@@ -28,9 +28,18 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
 
 Fold = frozenset[int]
-"""Places of the gaps, or of the loops, that are left out together."""
+"""Places of the gaps, loops, or blocks of samples that are left out together."""
 
-LeftOut = Literal["gap", "loop"]
+LeftOut = Literal["gap", "loop", "block"]
+
+_BLOCKS = {1: 6, 2: 4}
+"""Blocks that each of so few loops is cut into: of one that rises and falls, both ends and middles."""
+
+_THIRD = 1.0 / 9.0
+"""Mean square over another's, from which on what is better everywhere needs no small scatter."""
+
+_EVERYWHERE = 4
+"""Places at least that count as everywhere."""
 
 AS_GOOD = 1.02
 """A cross-validation error within this factor of the least counts as equal to it."""
@@ -102,6 +111,16 @@ def inner_loops(records: FitRecords) -> tuple[int, ...]:
     return tuple(sorted(place for places in order for place in places[:-1]))
 
 
+def blocks_of(records: FitRecords) -> int:
+    """Give the number of blocks that each loop is cut into."""
+    return _BLOCKS.get(len(records.loops), 2)
+
+
+def block_places(records: FitRecords) -> tuple[int, ...]:
+    """Number the blocks of all loops."""
+    return tuple(range(len(records.loops) * blocks_of(records)))
+
+
 def folds(places: Sequence[int], nested: bool) -> list[Fold]:
     """Name what is left out in turn: each place and, to nest a choice, each pair of them."""
     single = [frozenset({place}) for place in places]
@@ -122,7 +141,7 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
     fold : frozenset of int
         Places of what is left out.
     by : str
-        Whether these are gaps or loops, in the order of the records.
+        Whether these are gaps, loops or blocks of samples, in the order of the records.
 
     Returns
     -------
@@ -130,8 +149,12 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
     """
     whole = wide.on(wide.space.records.thinned(FOLDED)).space
     groups = list(loopset.by_schedule().values())
+    blocks = blocks_of(whole.records)
     if by == "gap":
         space, kept = whole.without(fold)
+    elif by == "block":
+        records = whole.records.without_blocks(fold, blocks)
+        space, kept = replace(whole, records=records), np.arange(whole.size)
     else:
         groups = [[loop] for group in groups for loop in group]
         space, kept = (
@@ -146,6 +169,10 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
         model = model_of(found, loopset)
         span, clocks = whole.records.output_span, clocks_of(groups)
         off = [[missed / span for missed in _off(model, group)] for group in groups]
+        if by == "block":
+            every = [loop for group in groups for loop in group]
+            apart = [one for parts in off for one in parts]
+            return Refit(found.cost, _missed_blocks(every, apart, fold, blocks))
         squares = [_squares(*pair) for pair in zip(off, clocks, strict=True)]
         outer = (*squares[0], *squares[-1]) if by == "gap" else ()
         missed = {
@@ -153,9 +180,24 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             for place in fold
         }
     except (InputError, NegativeResult):
-        nothing = {one: Miss(np.inf, (np.inf,) * len(groups[one])) for one in fold}
+        nothing = {
+            one: Miss(np.inf, (np.inf,) * (1 if by == "block" else len(groups[one])))
+            for one in fold
+        }
         return Refit(float("inf"), nothing)
     return Refit(found.cost, missed)
+
+
+def _missed_blocks(
+    loops: Sequence[Loop], off: Sequence[FloatArray], fold: Fold, blocks: int
+) -> dict[int, Miss]:
+    """Give what was missed in each block."""
+    missed = {}
+    for place in fold:
+        loop, number = divmod(place, blocks)
+        part = off[loop][blocks_along(loops[loop].input, blocks) == number]
+        missed[place] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
+    return missed
 
 
 def _off(model: Model, loops: Sequence[Loop]) -> list[FloatArray]:
@@ -201,6 +243,9 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss]) -> bool:
         gaps = [float(np.mean([*one, *two])) for one, two in zip(left_out, outer, strict=True)]
         scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
     least = (AS_GOOD - 1.0) * mean_square_of(complex_)
+    everywhere = every.size >= _EVERYWHERE and bool(np.all(every > 0.0))
+    if everywhere and mean_square_of(complex_) < _THIRD * mean_square_of(simple):
+        return True
     worse = mean_of(complex_) > _NO_WORSE * mean_of(simple)
     return bool(float(every.mean()) > max(scatter, least) and not worse)
 
@@ -219,8 +264,12 @@ def _without_noise(error: float, of_it: float) -> float:
     return max(math.sqrt(max(error**2 - of_it**2, 0.0)), _LEAST * error)
 
 
-def promise(errors: Sequence[float], noises: Sequence[float]) -> CrossValidation | None:
+def promise(
+    errors: Sequence[float], noises: Sequence[float], by: Literal["gap", "block"] = "gap"
+) -> CrossValidation | None:
     """Make of nested errors, one a gap left out, the error to expect at a gap between others.
+
+    Or of one a block of samples, the error to expect at other samples of such loops.
 
     Parameters
     ----------
@@ -228,6 +277,8 @@ def promise(errors: Sequence[float], noises: Sequence[float]) -> CrossValidation
         Mean absolute deviations in parts of the largest output.
     noises : sequence of float
         Mean absolute noise at the same gaps, which is no error of the model.
+    by : str
+        Whether gaps were left out or blocks of samples.
 
     Returns
     -------
@@ -247,9 +298,10 @@ def promise(errors: Sequence[float], noises: Sequence[float]) -> CrossValidation
     middle = float(logs.mean())
     return CrossValidation(
         error=float(found.mean()),
-        low=float(np.exp(middle - reach) / _DENSER),
+        low=float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
         high=float(np.exp(middle + reach)),
         folds=tuple(found.tolist()),
+        left_out=by,
     )
 
 

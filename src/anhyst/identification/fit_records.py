@@ -8,6 +8,7 @@ from functools import cached_property
 from itertools import chain, pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
 from anhyst.data.path import thinned
@@ -42,6 +43,8 @@ class FitRecord:
     clock
         Time since the first sample at the same gap, in parts of the longest such time; zero where
         no clock says which loop was run when.
+    unseen
+        Samples that are left out of a fit, although the drive went through them; None: none.
     """
 
     label: str
@@ -52,6 +55,13 @@ class FitRecord:
     settled: bool
     weight: float
     clock: FloatArray
+    unseen: NDArray[np.bool_] | None = None
+
+    @property
+    def weights(self) -> FloatArray:
+        """Weight of the deviation of each sample; zero of those that a fit does not see."""
+        whole = np.full(self.input.size, self.weight)
+        return whole if self.unseen is None else np.where(self.unseen, 0.0, whole)
 
     @cached_property
     def before(self) -> Past:
@@ -74,6 +84,7 @@ class FitRecord:
                 output=self.output[part],
                 settled=False,
                 clock=self.clock[part],
+                unseen=None if self.unseen is None else self.unseen[part],
             )
             lead = lead.then(self.input[part], self.gap).remembered()
 
@@ -123,6 +134,17 @@ class FitRecords:
         kept = tuple(one for place, one in enumerate(self.loops) if place not in left_out)
         return replace(self, loops=kept)
 
+    def without_blocks(self, left_out: Collection[int], blocks: int) -> FitRecords:
+        """Leave blocks of samples out of the fit, but not out of the drive.
+
+        Each record has `blocks` of equal way, numbered on from record to record.
+        """
+        found = []
+        for place, record in enumerate(self.loops):
+            of_samples = place * blocks + blocks_along(record.input, blocks)
+            found.append(replace(record, unseen=np.isin(of_samples, list(left_out))))
+        return replace(self, loops=tuple(found))
+
     def thinned(self, most: int) -> FitRecords:
         """Take at most about `most` samples of each loop, weighing the same together.
 
@@ -142,6 +164,12 @@ class FitRecords:
                 )
             )
         return replace(self, loops=tuple(loops))
+
+
+def blocks_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
+    """Give the block of each sample, where a drive is cut into some of equal way."""
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+    return np.minimum((way / way[-1] * blocks).astype(np.intp), blocks - 1)
 
 
 def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.noise import noise
-from anhyst.identification.residual_noise import coloured
+from anhyst.identification.residual_noise import Coloured, coloured
 from anhyst.identification.residual_shapes import Residual, Shape, basis, shapes_of
 from anhyst.support.arrays import FloatArray
 
@@ -32,8 +32,6 @@ _MOST, _ALL, _FEWEST = 300, 1500, 40
 """Samples of a record, and of all, that are looked at for shapes, at most; but so many of each."""
 _FINE = 6.0
 """Smooth deviations this many times the noise of the record are no filtered noise."""
-_FILTERED = 0.6
-"""How much each sample goes with the one before, from where on it may be a curve instead of noise."""
 _AS_MUCH = 0.97
 """Share of what the best shape explains with which one of fewer numbers is preferred."""
 
@@ -150,7 +148,12 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
     off = np.concatenate([record.off for record in records])
     bases = [(name, basis(way)) for name, each in shapes_of(records).items() for way in each]
     whole = basis(np.hstack([way for _, way in bases]))
-    around = coloured(off, whole, [record.off.size for record in records])
+    sizes = [record.off.size for record in records]
+    noisy = float(np.mean([min(noise(one.measured), noise(one.off)) for one in records]))
+    around = coloured(off, whole, sizes)
+    if rms * span > max(_FINE * noisy, EXACT * span):  # no filtered noise: curves, however fine
+        white = max(noisy, EXACT * span) ** 2
+        around = Coloured(tuple(sizes), white, 0.0, float(max(off.size - whole.shape[1], 2)))
     ways = [_Way(name, way, around.chance(way)) for name, way in bases]
     found: list[tuple[Shape, float]] = []
     rest, first = off, 0
@@ -164,9 +167,8 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
         first = _faded(records, part, around.variance) if way.shape == "start" else first
         rest = rest - part
         ways = [one for one in ways if one.shape != way.shape]
-    noisy = float(np.mean([min(noise(one.measured), noise(one.off)) for one in records]))
     spread = float(np.sqrt(np.mean(rest**2)))
-    if around.with_last < _FILTERED or spread <= max(_FINE * noisy, EXACT * span):
+    if spread <= max(_FINE * noisy, EXACT * span):
         noisy = spread
     noisy = min(noisy / span, rms)
     beyond = math.sqrt(rms**2 - noisy**2)

@@ -56,7 +56,7 @@ class Objective:
             loops = tuple(piece for record in loops for piece in record.pieces(_PIECE))
         self._loops = loops
         self.measured = np.concatenate([record.output for record in loops])
-        self.weights = np.concatenate([np.full(r.output.size, r.weight) for r in loops])
+        self.weights = np.concatenate([record.weights for record in loops])
         self._ties = np.sqrt(self.tie) * _differences(self.space)
         self._pull, self._usual = _expectations(self.space)
         clocks = np.concatenate([record.clock for record in loops]) * bool(self.space.form.cells)
@@ -94,8 +94,9 @@ class Objective:
         sets = self.space.unpack(theta)
         values, rows = [], []
         for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
-            values.append((output - record.output) * record.weight)
-            rows.append((by_local * record.weight) @ sets[record.gap][1])
+            weights = record.weights
+            values.append((output - record.output) * weights)
+            rows.append((by_local * weights[:, None]) @ sets[record.gap][1])
         found = [
             *self._drift.without(np.concatenate(values)),
             self._ties @ theta,
@@ -119,7 +120,8 @@ class Objective:
         values, along = [], np.zeros((len(sets), numbers))
         first = 0
         for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
-            value, weighted = (output - record.output) * record.weight, by_local * record.weight
+            weights = record.weights
+            value, weighted = (output - record.output) * weights, by_local * weights[:, None]
             squares[record.gap] += weighted.T @ weighted
             slopes[record.gap] += value @ weighted
             along[record.gap] += self._drift.way[first : first + value.size] @ weighted

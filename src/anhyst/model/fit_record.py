@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -67,7 +68,7 @@ class LoopFit:
 
 @dataclass(frozen=True, slots=True)
 class CrossValidation:
-    """What to expect at a scheduling value between those that were measured.
+    """What to expect at a scheduling value between those measured, or at other samples of few loops.
 
     Parameters
     ----------
@@ -78,12 +79,15 @@ class CrossValidation:
         Between them lies the deviation at another such value in about nine of ten cases.
     folds : tuple of float
         Deviation at each value left out, ascending values.
+    left_out : str
+        ``gap``, or ``block``: blocks of samples were left out, which says nothing of other loops.
     """
 
     error: float
     low: float
     high: float
     folds: tuple[float, ...] = ()
+    left_out: Literal["gap", "block"] = "gap"
 
 
 @dataclass(frozen=True, slots=True)

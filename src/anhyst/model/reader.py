@@ -348,7 +348,9 @@ def _fit(table: FitTable) -> FitFigures:
     found = table.cross_validation
     if found is not None:
         low, high = found.interval
-        plain["cross_validation"] = CrossValidation(found.error, low, high, tuple(found.folds))
+        plain["cross_validation"] = CrossValidation(
+            found.error, low, high, tuple(found.folds), found.left_out
+        )
     return FitFigures(loops=loops, candidates=candidates, **plain)
 
 

@@ -109,6 +109,7 @@ class CrossValidationTable(Table):
     error: FiniteFloat
     interval: Pair
     folds: list[FiniteFloat] = []
+    left_out: Literal["gap", "block"] = "gap"
 
 
 class CandidateTable(Table):

@@ -56,7 +56,8 @@ FIT = """
 CROSS_VALIDATION = """
 # What to expect at schedule values between those measured: mean deviation in parts of the largest
 # output, the interval that holds it in about nine of ten cases, and what was found at each value
-# left out of the fit, of the choice of the map and of the decision about offsets.
+# left out of the fit, of the choice of the map and of the decision about offsets. With left_out =
+# "block", at other samples of such loops: blocks of samples were left out. Nothing of other loops.
 """
 UNCERTAINTY = """
 # Estimates and standard deviations of what was fitted; inf where the data say nothing.
@@ -224,6 +225,7 @@ def _fit(fit: FitFigures, model: ActuatorRecord) -> str:
             "error": float(expected.error),
             "interval": [float(expected.low), float(expected.high)],
             "folds": list(map(float, expected.folds)),
+            "left_out": "block" if expected.left_out == "block" else None,
         }
         text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_keys(table)}"
     for one in fit.candidates:
