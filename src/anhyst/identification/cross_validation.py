@@ -117,7 +117,7 @@ def blocks_of(records: FitRecords) -> int:
 
 
 def block_places(records: FitRecords) -> tuple[int, ...]:
-    """Number the blocks of all loops."""
+    """Return the numbers of the blocks of all loops."""
     return tuple(range(len(records.loops) * blocks_of(records)))
 
 

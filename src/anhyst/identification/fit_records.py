@@ -169,7 +169,7 @@ class FitRecords:
 def blocks_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
     """Give the block of each sample, where a drive is cut into some of equal way."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-    return np.minimum((way / way[-1] * blocks).astype(np.intp), blocks - 1)
+    return np.asarray(np.minimum(way / way[-1] * blocks, blocks - 1), dtype=np.intp)
 
 
 def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
