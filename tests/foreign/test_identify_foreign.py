@@ -18,7 +18,9 @@ from tests.cli.command import quick
 from tests.foreign.identified import identified_once
 from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
-NAMES = sorted(MAGNETS)
+NAMES = [
+    pytest.param(name, marks=[pytest.mark.slow] * (name == "hard")) for name in sorted(MAGNETS)
+]
 Found = Callable[[str], tuple[Model, Any]]
 
 
