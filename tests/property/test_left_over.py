@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from anhyst.identification.left_over import left_over
-from anhyst.identification.residual_shapes import Residual
+from anhyst.model.left_over import left_over
+from anhyst.model.residual_shapes import Residual
 from anhyst.support.arrays import FloatArray
 
 NOISE = 5e-3

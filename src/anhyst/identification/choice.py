@@ -21,6 +21,7 @@ from anhyst.identification.candidates import (
     require_gaps,
     under,
 )
+from anhyst.identification.cell_kernel import CellKernel, by_weights
 from anhyst.identification.cell_search import polish, remapped, search_cells
 from anhyst.identification.contest import Contest, Fits
 from anhyst.identification.cross_validation import (
@@ -48,7 +49,6 @@ from anhyst.identification.default import (
 )
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fitting import Evaluation
-from anhyst.identification.left_over import EXACT
 from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
@@ -58,6 +58,10 @@ from anhyst.identification.screening import starts
 from anhyst.identification.space import WRITTEN
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
+from anhyst.model.left_over import EXACT
+
+FEWEST = 5
+"""Samples for each quantity that is fitted, at least: with fewer a fit proves nothing."""
 
 _NOTHING_MORE = 1.05
 """Deviation over the noise of the sensors below which there is nothing to gain."""
@@ -223,7 +227,7 @@ def _compare_cells(
         contest.fits[one] = remapped(contest.fits[best].wide, one, run.searched)
     _leave_out(contest, loopset, others, by)
     new += others
-    if contest.places and base.gap_map != "free":
+    if contest.places and base.gap_map != "free" and _bears_weights(contest.fits[best].found):
         best = min(new, key=lambda one: contest.error(one) or 0.0)
         further = polished(best)
         found = run.step(partial(polish, contest.fits[best].found, run.searched))
@@ -236,6 +240,15 @@ def _compare_cells(
     usable = [one for one in every if _is_usable(contest.fits[one].found, loopset)]
     contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
+
+
+def _bears_weights(found: FoundModel) -> bool:
+    """Whether there are samples enough to fit every weight of the cells by itself."""
+    kernel = found.space.form.cells
+    assert isinstance(kernel, CellKernel)
+    weights = by_weights(kernel, found.sets[0].law).populations.weights.size
+    samples = sum(record.input.size for record in found.space.records.loops)
+    return samples >= FEWEST * (found.theta.size + weights)
 
 
 def _promised(contest: Contest, loopset: Loops, gaps: int) -> CrossValidation | None:
@@ -256,7 +269,7 @@ def _leave_out(contest: Contest, loopset: Loops, new: list[ModelCandidate], by: 
 def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
     """Whether a fit leaves more than the noise of the sensors, so that another law could gain.
 
-    However smooth noise may be (:mod:`.left_over`), trying costs little: only white noise ends it.
+    However smooth noise may be (:mod:`anhyst.model.left_over`), trying costs little: only white noise ends it.
     """
     deviation = Evaluation(Objective(found.space)).at(found.theta).deviation
     ordered = [loop for group in loopset.by_schedule().values() for loop in group]

@@ -17,12 +17,11 @@ from anhyst.identification.bare import model_of, valid_range
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_OF
 from anhyst.identification.cell_resolution import resolved
-from anhyst.identification.choice import ModelChoice, search_models
+from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
-from anhyst.identification.left_over_text import left_of, told
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rest import rest_of
@@ -42,6 +41,7 @@ from anhyst.model.fit_record import (
     Uncertainty,
     fit_figures,
 )
+from anhyst.model.left_over_text import left_of, told
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -52,9 +52,6 @@ SEARCHES = ("default", "paper")
 
 AUTO = "auto"
 """Of laws and gap maps: which one, is found out."""
-
-FEWEST = 5
-"""With fewer samples than this for each quantity that is fitted, a user is warned."""
 
 
 def identify(

@@ -18,6 +18,9 @@ from anhyst.support.arrays import FloatArray
 _LOOSE = 0.2
 """Relative standard deviation above which a number is called loose."""
 
+_NAMED = 6
+"""Loose numbers that are named one by one, at most: of many only all together mean something."""
+
 _TIED = 0.95
 """Correlation above which two numbers are determined only together."""
 
@@ -117,11 +120,20 @@ def statements(
     names: Sequence[str], values: Sequence[float], stds: Sequence[float], correlation: FloatArray
 ) -> list[str]:
     """Say which numbers the data determine badly, and which only together."""
-    said = []
-    for name, value, std in zip(names, values, stds, strict=True):
-        if "offset" not in name and std > _LOOSE * abs(value):
-            share = "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %"
-            said.append(f"{name} is hardly determined by these loops: uncertain by {share}")
+    loose = [
+        (name, "more than its size" if std > abs(value) else f"{100 * std / abs(value):.0f} %")
+        for name, value, std in zip(names, values, stds, strict=True)
+        if "offset" not in name and std > _LOOSE * abs(value)
+    ]
+    said = [
+        f"{name} is hardly determined by these loops: uncertain by {share}" for name, share in loose
+    ]
+    if len(loose) > _NAMED:
+        listed = ", ".join(name for name, _ in loose[:_NAMED])
+        said = [
+            f"{len(loose)} of {len(names)} numbers are hardly determined by these loops one by one, "
+            f"uncertain by more than {100 * _LOOSE:.0f} %: {listed}, ..."
+        ]
     said.extend(
         f"{', '.join(names[place] for place in group)}: determined only together (correlations above "
         f"{_TIED:g}); none of them means much by itself"

@@ -9,9 +9,9 @@ from anhyst.data.inspection import Inspection, inspect
 from anhyst.data.loops import Loops
 from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
-from anhyst.identification.left_over_text import left_of, told
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, fit_figures
+from anhyst.model.left_over_text import left_of, told
 from anhyst.model.sources import read_sources
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike

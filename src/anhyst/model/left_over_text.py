@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from anhyst.data import Loops
 from anhyst.data.verdict import largest_output
-from anhyst.identification.left_over import LeftOver, left_over
-from anhyst.identification.residual_shapes import Residual, Shape
 from anhyst.model.actuator import Model
+from anhyst.model.left_over import LeftOver, left_over
+from anhyst.model.residual_shapes import Residual, Shape
 from anhyst.support.arrays import FloatArray
 
 _ALSO = 0.2

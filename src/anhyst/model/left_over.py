@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.noise import noise
-from anhyst.identification.residual_noise import Coloured, coloured
-from anhyst.identification.residual_shapes import Residual, Shape, basis, shapes_of
+from anhyst.model.residual_noise import Coloured, coloured
+from anhyst.model.residual_shapes import Residual, Shape, basis, shapes_of
 from anhyst.support.arrays import FloatArray
 
 EXACT = 1e-4
