@@ -96,19 +96,7 @@ def command_of(verbs: typer.Typer) -> Callable[..., Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Instead of those of the process.
-
-    Returns
-    -------
-    int
-        Exit code: 0 success, 1 negative result, 2 bad input, 70 a fault of anhyst itself, 130
-        interrupted.
-    """
+    """Run the command line."""
     kept = ""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # code pages of Windows lack some signs

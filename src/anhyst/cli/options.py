@@ -118,13 +118,7 @@ def read_options(
     history: str | None = None,
     clean: str | None = None,
 ) -> ReadOptions:
-    """Collect what the options say about reading measurements.
-
-    Raises
-    ------
-    InputError
-        A text that is not of the right form.
-    """
+    """Collect what the options say about reading measurements."""
     from anhyst.data.read_options import ReadOptions
 
     return ReadOptions.from_text(

@@ -18,13 +18,7 @@ _LEAST = 0.01
 
 
 class Pace:
-    """How far work is, and how long it will still take at the rate seen so far.
-
-    Parameters
-    ----------
-    clock : callable
-        Gives the time, s.
-    """
+    """How far work is, and how long it will still take at the rate seen so far."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -59,18 +53,7 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
-    """Show how far long work is: a bar on a terminal, a line a minute where there is none.
-
-    Parameters
-    ----------
-    title : str
-        What is being done.
-
-    Yields
-    ------
-    callable
-        To be called with what is done and the total.
-    """
+    """Show how far long work is: a bar on a terminal, a line a minute where there is none."""
     shown = _bar if sys.stderr.isatty() else _lines
     with shown(title) as update:
         yield update

@@ -34,18 +34,10 @@ class Memoryless(Compensator):
 
 @dataclass(frozen=True)
 class ConstantRatio(Memoryless):
-    """Current in proportion to force: the paper's uncompensated case.
+    """Current in proportion to force: the paper's uncompensated case."""
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (g,)
-        Gaps, m.
-    ratio : ndarray, shape (g,)
-        N/A; a single one for a ratio that does not know the gap.
-    """
-
-    nodes: FloatArray
-    ratio: FloatArray
+    nodes: FloatArray  # gaps, m; shape (g,)
+    ratio: FloatArray  # N/A; a single one for a ratio that does not know the gap; shape (g,)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
@@ -64,21 +56,11 @@ class ConstantRatio(Memoryless):
 
 @dataclass(frozen=True)
 class SingleValued(Memoryless):
-    """The best curve without memory at every gap.
+    """The best curve without memory at every gap."""
 
-    Parameters
-    ----------
-    nodes : ndarray, shape (g,)
-        Gaps, m.
-    force : ndarray, shape (l,)
-        Levels from zero on in equal steps, N.
-    table : ndarray, shape (g, l)
-        Current, A; never falls along the force.
-    """
-
-    nodes: FloatArray
-    force: FloatArray
-    table: FloatArray
+    nodes: FloatArray  # gaps, m; shape (g,)
+    force: FloatArray  # levels from zero on in equal steps, N; shape (l,)
+    table: FloatArray  # current, A; never falls along the force; shape (g, l)
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Return the currents for forces, A, shape (n,)."""
@@ -103,15 +85,7 @@ class SingleValued(Memoryless):
 
 
 def fit_ratio(loops: Loops, force_max: float) -> ConstantRatio:
-    """Fit a constant ratio at every gap, least squares of the force up to the largest wanted.
-
-    Parameters
-    ----------
-    loops : Loops
-        Current to force.
-    force_max : float
-        N.
-    """
+    """Fit a constant ratio at every gap, least squares of the force up to the largest wanted."""
     groups = loops.by_schedule()
     ratios = []
     for members in groups.values():
@@ -127,18 +101,6 @@ def fit_single_valued(loops: Loops, force_max: float) -> SingleValued:
 
     At every level of force the current lies midway between the least and the largest that the
     loops show there: no other curve has a smaller worst error.
-
-    Parameters
-    ----------
-    loops : Loops
-        Current to force.
-    force_max : float
-        N.
-
-    Raises
-    ------
-    InputError
-        The loops of a gap do not reach the largest force.
     """
     levels = np.linspace(0.0, force_max, LEVELS)
     groups = loops.by_schedule()
@@ -167,20 +129,7 @@ def midway(members: Sequence[Loop], levels: FloatArray) -> FloatArray:
 
 
 def envelope(members: Sequence[Loop], levels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least and the largest current at levels of the force.
-
-    Parameters
-    ----------
-    members : sequence of Loop
-        Of one gap.
-    levels : ndarray, shape (l,)
-        N, rising.
-
-    Returns
-    -------
-    low, high : ndarray, shape (l,)
-        A; NaN where no loop passes.
-    """
+    """Return the least and the largest current at levels of the force."""
     crossings = [_crossings(loop.input, loop.output, levels) for loop in members]
     low = np.min([least for least, _ in crossings], axis=0)
     high = np.max([largest for _, largest in crossings], axis=0)

@@ -13,22 +13,7 @@ from anhyst.support.errors import InputError
 def bearing_model(
     model: Model, current_max: float, force_max: float, gaps: tuple[float, float]
 ) -> Model:
-    """Return a model that holds for one magnet of a bearing, and no further.
-
-    Parameters
-    ----------
-    model : Model
-        Force over current and gap.
-    current_max, force_max : float
-        Of that magnet, A and N; the least of both is zero.
-    gaps : tuple of float
-        Smallest and largest, m.
-
-    Raises
-    ------
-    InputError
-        It is another actuator's, or does not say that it holds at these gaps.
-    """
+    """Return a model that holds for one magnet of a bearing, and no further."""
     if not is_electromagnet(model):
         raise InputError(
             "model: a bearing needs one from current to force",

@@ -31,18 +31,11 @@ Kind = Literal["full", "simplified", "euler", "cells"]
 
 @dataclass(frozen=True)
 class Scales:
-    """What the fractions 0 and 1.0 of the signals mean, SI.
+    """What the fractions 0 and 1.0 of the signals mean, SI."""
 
-    Parameters
-    ----------
-    demand, current : float
-        Output and drive at 1.0, in units of the model's output and input.
-    gap_low, gap_high : float
-        Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
-    """
-
-    demand: float
+    demand: float  # output and drive at 1.0, in units of the model's output and input
     current: float
+    # Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
     gap_low: float
     gap_high: float
 
@@ -121,13 +114,7 @@ class Block:
 
 
 def as_word(value: float, one: float, name: str) -> int:
-    """Round a number to a word in which `one` counts as 1.0.
-
-    Raises
-    ------
-    InputError
-        It does not fit into 16 bits.
-    """
+    """Round a number to a word in which `one` counts as 1.0."""
     word = round(value * one)
     word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
     if not -32767 <= word <= 32767:
@@ -140,13 +127,7 @@ def as_word(value: float, one: float, name: str) -> int:
 
 
 def mantissa(factor: float, name: str) -> tuple[int, int]:
-    """Split a positive factor into a weight (n/65536, below 0.5) and a shift of 0 to 12.
-
-    Raises
-    ------
-    InputError
-        The factor is above 2047 or too small to count.
-    """
+    """Split a positive factor into a weight (n/65536, below 0.5) and a shift of 0 to 12."""
     shift = 0
     while factor >= 0.4999 * 2.0**shift and shift <= 12:
         shift += 1
@@ -193,13 +174,7 @@ class Packer:
         self._head[at : at + 2] = single_words(value)
 
     def table(self, name: str, values: FloatArray, one: float, least: int = -32767) -> None:
-        """Put a table of numbers, or rows of one, in which `one` counts as 1.0.
-
-        Raises
-        ------
-        InputError
-            An entry does not fit, or neighbours are too far apart.
-        """
+        """Put a table of numbers, or rows of one, in which `one` counts as 1.0."""
         words = np.rint(np.asarray(values) * one).astype(np.int64)
         words = np.maximum(words, least)
         if np.abs(words).max() > 32767 or np.abs(np.diff(words)).max(initial=0) > 32767:
@@ -212,13 +187,7 @@ class Packer:
         self._tables[name] = words.ravel()
 
     def close(self, scales: Scales, limits: DemandLimits, generation: int = 0) -> Block:
-        """Lay everything out.
-
-        Raises
-        ------
-        InputError
-            The block is longer than a controller takes.
-        """
+        """Lay everything out."""
         for name, value in (
             ("SCALE_DEMAND", scales.demand),
             ("SCALE_CURRENT", scales.current),

@@ -43,59 +43,29 @@ MOST_TICKS = 400
 
 @dataclass(frozen=True, slots=True)
 class BudgetPart:
-    """One line of the budget, in units of the output.
+    """One line of the budget, in units of the output."""
 
-    Parameters
-    ----------
-    name, title : str
-        Key, and what a reader sees.
-    worst, rms : float or None
-        Deviations; None where there is nothing to measure.
-    note : str
-        What was switched on, and where it was worst.
-    """
-
-    name: str
+    name: str  # key, and what a reader sees
     title: str
-    worst: float | None
+    worst: float | None  # deviations; None where there is nothing to measure
     rms: float | None
-    note: str
+    note: str  # what was switched on, and where it was worst
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What was measured.
+    """What was measured."""
 
-    Parameters
-    ----------
-    largest : float
-        Output to which per cent refer.
-    unit : str
-        Of the output.
-    wanted : float or None
-        Accuracy that was asked for, in units of the output; None where none was.
-    parts : tuple of BudgetPart
-        Each switched on alone.
-    compiled : BudgetPart
-        Everything that compiling adds, switched on together.
-    total : BudgetPart
-        All parts: worst ones added up, which no path need ever reach; rms as a root of squares.
-    drift : BudgetPart
-        Of an output that is held, in :data:`~anhyst.compensate.holding.SECONDS`.
-    held : tuple of Held
-        What was held for that.
-    runs : tuple of (PathRun, ndarray)
-        The paths with everything switched on, and the deviation along each.
-    """
-
-    largest: float
-    unit: str
-    wanted: float | None
-    parts: tuple[BudgetPart, ...]
-    compiled: BudgetPart
+    largest: float  # output to which per cent refer
+    unit: str  # of the output
+    wanted: float | None  # accuracy that was asked for, in units of the output; None where none was
+    parts: tuple[BudgetPart, ...]  # each switched on alone
+    compiled: BudgetPart  # everything that compiling adds, switched on together
+    # all parts: worst ones added up, which no path need ever reach; rms as a root of squares
     total: BudgetPart
-    drift: BudgetPart
-    held: tuple[Held, ...]
+    drift: BudgetPart  # of an output that is held, in :data:`~anhyst.compensate.holding.SECONDS`
+    held: tuple[Held, ...]  # what was held for that
+    # the paths with everything switched on, and the deviation along each
     runs: tuple[tuple[PathRun, FloatArray], ...]
 
     def part(self, name: str) -> BudgetPart | None:
@@ -104,17 +74,7 @@ class Budget:
 
 
 def measure_budget(plan: Plan) -> Budget:
-    """Measure what a plan costs.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is compiled.
-
-    Returns
-    -------
-    Budget
-    """
+    """Measure what a plan costs."""
     model, block, io = plan.model, plan.block, plan.request.io
     ways = paths(model, block.scales, block.limits, seed=SEED, length=LENGTH)
     everything, runs = against_demand(model, block, io, ways)
@@ -344,15 +304,7 @@ def is_reached(budget: Budget) -> bool:
 
 
 def refusal(budget: Budget, better: str) -> NegativeResult:
-    """Return what is said where it is not: which part of the budget breaks it, and what to change.
-
-    Parameters
-    ----------
-    budget : Budget
-        Of what was asked for.
-    better : str
-        What reaches the accuracy, as options; empty if nothing does.
-    """
+    """Return what is said where it is not: which part of the budget breaks it, and what to change."""
     assert budget.wanted is not None
     reached, part = budget.compiled.worst or 0.0, culprit(budget)
     advice = f"compile with {better}" if better else REASON[part.name]

@@ -43,18 +43,10 @@ ZONES = range(6)
 
 @dataclass(frozen=True)
 class RowGrid:
-    """Where a row has its entries: narrow segments around zero, wide ones beyond.
+    """Where a row has its entries: narrow segments around zero, wide ones beyond."""
 
-    Parameters
-    ----------
-    segments : int
-        2 to this are on each side of zero up to the zone.
-    zone : int
-        It ends at 2**-this of the largest field; segments are 2**this times as wide beyond.
-    """
-
-    segments: int
-    zone: int
+    segments: int  # 2 to this are on each side of zero up to the zone
+    zone: int  # it ends at 2**-this of the largest field; segments are 2**this times as wide beyond
 
     @property
     def inner(self) -> float:
@@ -81,41 +73,18 @@ class RowGrid:
 
 @dataclass(frozen=True)
 class CellRows:
-    """What a compensator of the law of cells looks up; fields in A/m.
+    """What a compensator of the law of cells looks up; fields in A/m."""
 
-    Parameters
-    ----------
-    reach : float
-        Largest field.
-    thresholds : ndarray, shape (n,)
-        Half-widths of the plays that have one, rising.
-    grid : RowGrid
-        Where the entries of a row are.
-    rows : ndarray, shape (n + 1, m)
-        Magnetisation of the first 1, 2, .. plays while they move, over fields of both signs; in
-        parts of the saturation.
-    """
-
-    reach: float
-    thresholds: FloatArray
-    grid: RowGrid
+    reach: float  # largest field
+    thresholds: FloatArray  # half-widths of the plays that have one, rising; shape (n,)
+    grid: RowGrid  # where the entries of a row are
+    # magnetisation of the first 1, 2, .. plays while they move, over fields of both signs; in parts
+    # of the saturation; shape (n + 1, m)
     rows: FloatArray
 
 
 def curves(weights: CellWeights, plays: FloatArray) -> FloatArray:
-    """Return what each cell gives where its play stands, A/m.
-
-    Parameters
-    ----------
-    weights : CellWeights
-        Of the iron.
-    plays : ndarray, shape (n + 1, m)
-        One row a cell, A/m.
-
-    Returns
-    -------
-    ndarray, shape (n + 1, m)
-    """
+    """Return what each cell gives where its play stands, A/m."""
     part = plays[:, None, :] / weights.widths[:, None]
     tanh = weights.shape == "tanh"
     curve = np.tanh(part) if tanh else langevin(part.ravel())[0].reshape(part.shape)
@@ -129,17 +98,7 @@ def risen(weights: CellWeights, field: float) -> float:
 
 
 def largest_field(weights: CellWeights, arms: Arms, current: tuple[float, float]) -> float:
-    """Return the largest ``|x|``, A/m, to which currents within their limits drive the iron.
-
-    Parameters
-    ----------
-    weights : CellWeights
-        Of the iron.
-    arms : Arms
-        Current over flux and field at each place over the gap.
-    current : tuple of float
-        Limits, in units of the input.
-    """
+    """Return the largest ``|x|``, A/m, to which currents within their limits drive the iron."""
 
     def reach(drive: float, arm: float, field_arm: float) -> float:
         def missing(x: float) -> float:
@@ -184,13 +143,7 @@ def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
 def cell_rows(
     weights: CellWeights, arms: Arms, limits: DemandLimits, sizes: TableSizes
 ) -> CellRows:
-    """Return the rows of a law, as far as currents within their limits lead.
-
-    Raises
-    ------
-    InputError
-        No cell moves there.
-    """
+    """Return the rows of a law, as far as currents within their limits lead."""
     reach = MARGIN * largest_field(weights, arms, limits.current)
     few = fewer(weights, sizes.cells, reach / MARGIN)
     if few.thresholds.size < 2:
@@ -230,13 +183,7 @@ def build_cells(
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
 ) -> Block:
-    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`.
-
-    Raises
-    ------
-    InputError
-        The model cannot be compiled, or a number does not fit.
-    """
+    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`."""
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)

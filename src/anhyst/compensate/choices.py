@@ -8,17 +8,7 @@ STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
 
 
 def explain(plan: Plan) -> list[Decision]:
-    """Say what was chosen and why, one entry a choice.
-
-    Parameters
-    ----------
-    plan : Plan
-        What was decided.
-
-    Returns
-    -------
-    list of Decision
-    """
+    """Say what was chosen and why, one entry a choice."""
     choices = [
         *_signals(plan),
         _axis(plan, "gap_segments", "tables over the gap", "straight lines between the gaps"),

@@ -21,24 +21,14 @@ from anhyst.support.fixed_point import q31
 
 @dataclass(frozen=True)
 class CurrentMap:
-    """Current over force and gap without memory.
+    """Current over force and gap without memory."""
 
-    Parameters
-    ----------
-    entries : ndarray, shape (g, f)
-        A, on equal steps over the range of gaps and from zero to the full-scale force; rises along
-        the force. For fixed point both numbers are 2^n + 1.
-    scales : Scales
-        Full scales; no entry is beyond that of the current.
-    limits : tuple of float
-        Of the current, A.
-    numbers : mapping of str to float
-        Constants that the table is made of.
-    """
-
+    # A, on equal steps over the range of gaps and from zero to the full-scale force; rises along
+    # the force. For fixed point both numbers are 2^n + 1; shape (g, f)
     entries: FloatArray
-    scales: Scales
-    limits: tuple[float, float]
+    scales: Scales  # full scales; no entry is beyond that of the current
+    limits: tuple[float, float]  # of the current, A
+    # constants that the table is made of
     numbers: Mapping[str, float] = field(default_factory=dict)
     flux_full_scale = 1.0
 

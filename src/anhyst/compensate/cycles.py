@@ -29,18 +29,10 @@ Answer = Callable[[FloatArray, float], FloatArray]
 
 @dataclass(frozen=True)
 class CycleErrors:
-    """Force less demand, N.
+    """Force less demand, N."""
 
-    Parameters
-    ----------
-    major : ndarray
-        From zero to the largest force and back, after two such cycles.
-    small : ndarray
-        Over small cycles about levels that were come to from above and from below.
-    """
-
-    major: FloatArray
-    small: FloatArray
+    major: FloatArray  # from zero to the largest force and back, after two such cycles
+    small: FloatArray  # over small cycles about levels that were come to from above and from below
 
     def joined(self, other: CycleErrors) -> CycleErrors:
         """Return both."""
@@ -62,19 +54,7 @@ def worst(error: FloatArray) -> float:
 def cycle_errors(
     compensator: Compensator, answer: Answer, gap: float, largest: float
 ) -> CycleErrors:
-    """Run a compensator over a path of demands at one gap; the currents are those it solves for.
-
-    Parameters
-    ----------
-    compensator : Compensator
-        Remembers nothing yet.
-    answer : callable
-        What the magnet does.
-    gap : float
-        m.
-    largest : float
-        Of the demands; within what the current reaches, N.
-    """
+    """Run a compensator over a path of demands at one gap; the currents are those it solves for."""
     turns, counts = [0.0, 1.0, 0.0, 1.0, 0.0], []
     begin = len(turns) - 1
     turns += [1.0, 0.0]

@@ -39,31 +39,16 @@ COLUMNS = ("gain", "offset", "bias", "flux_arm", "field_arm")
 
 @dataclass(frozen=True)
 class RealBlock:
-    """Parameters of a floating-point compensator.
+    """Parameters of a floating-point compensator."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"full"``, ``"cells"`` or ``"simplified"``.
-    scales : Scales
-        Full-scale output (counts as 1 under the root) and the range of the gap; the current needs
-        no scale.
-    limits : DemandLimits
-        Of demand and current.
-    numbers : dict of str to float
-        Fields of the C structures that hold one number, by their names.
-    gaps : ndarray, shape (g, 5)
-        Rows over the gap; columns as :data:`COLUMNS`.
-    tables : dict of str to ndarray
-        Tables of the law, by their names in C.
-    """
-
-    kind: RealKind
+    kind: RealKind  # ``"full"``, ``"cells"`` or ``"simplified"``
+    # full-scale output (counts as 1 under the root) and the range of the gap; the current needs no
+    # scale
     scales: Scales
-    limits: DemandLimits
-    numbers: dict[str, float]
-    gaps: FloatArray
-    tables: dict[str, FloatArray]
+    limits: DemandLimits  # of demand and current
+    numbers: dict[str, float]  # fields of the C structures that hold one number, by their names
+    gaps: FloatArray  # rows over the gap; columns as :data:`COLUMNS`; shape (g, 5)
+    tables: dict[str, FloatArray]  # tables of the law, by their names in C
 
     @property
     def entries(self) -> int:
@@ -90,34 +75,7 @@ def build_real(
     conditioning: Conditioning | None = None,
     law: ClosedForm | None = None,
 ) -> RealBlock:
-    """Make the parameters of a floating-point compensator.
-
-    Parameters
-    ----------
-    model : Model
-        Of the effective-field law, without eddy currents; every gap map but 'free'.
-    kind : str
-        ``"full"``, ``"cells"`` or ``"simplified"``.
-    scales : Scales
-        Full-scale output and range of the gap.
-    limits : DemandLimits
-        Of demand and current.
-    sizes : TableSizes, optional
-        How fine tables and searches are; up to 12 for the exponents of the full law's tables.
-    conditioning : Conditioning, optional
-        Start-up sequence.
-    law : ClosedForm, optional
-        Outcome of `fit_closed_form`, which is called where a simplified law needs it.
-
-    Returns
-    -------
-    RealBlock
-
-    Raises
-    ------
-    InputError
-        The model cannot be compiled.
-    """
+    """Make the parameters of a floating-point compensator."""
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)

@@ -14,28 +14,14 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class FluxCalibration:
-    """A static series with the probe in place, and how fast the current follows.
+    """A static series with the probe in place, and how fast the current follows."""
 
-    Parameters
-    ----------
-    gap, force, flux_density : ndarray, shape (n,)
-        m, N, and T as the probe reads it.
-    delay : float
-        From a sample to the output of the current found from it, s.
-    lag : float
-        Of the flux density that is read behind the current's reference, s: amplifier, eddy
-        currents and probe together.
-
-    Raises
-    ------
-    InputError
-        If the series does not fit together, or a time is out of range.
-    """
-
-    gap: FloatArray
+    gap: FloatArray  # m, N, and T as the probe reads it; shape (n,)
     force: FloatArray
     flux_density: FloatArray
-    delay: float
+    delay: float  # from a sample to the output of the current found from it, s
+    # of the flux density that is read behind the current's reference, s: amplifier, eddy currents
+    # and probe together
     lag: float
 
     def __post_init__(self) -> None:
@@ -63,23 +49,6 @@ class FluxCalibration:
 
         At each measured gap it is the root of the force times the best constant, least squares;
         straight lines between the gaps.
-
-        Parameters
-        ----------
-        force : ndarray, shape (f,)
-            N, not below zero.
-        gap : ndarray, shape (g,)
-            m; beyond the measured gaps as at the nearest one.
-
-        Returns
-        -------
-        ndarray, shape (g, f)
-            T.
-
-        Raises
-        ------
-        InputError
-            A gap without any force above zero.
         """
         nodes = np.unique(self.gap)
         constants = []
@@ -98,27 +67,14 @@ class FluxCalibration:
 
 @dataclass(frozen=True)
 class FluxGains:
-    """How the measured flux density corrects the current.
+    """How the measured flux density corrects the current."""
 
-    Parameters
-    ----------
-    proportional : float
-        A/T.
-    integral : float
-        In a tick, A/T.
-    back : float
-        Share of a current beyond the limits which the integral takes back in a tick.
-    smoothing : float
-        Share of a step of the wanted flux density that is expected to show a tick later.
-    crossover : float
-        Of the flux loop, rad/s.
-    """
-
-    proportional: float
-    integral: float
-    back: float
+    proportional: float  # A/T
+    integral: float  # in a tick, A/T
+    back: float  # share of a current beyond the limits which the integral takes back in a tick
+    # share of a step of the wanted flux density that is expected to show a tick later
     smoothing: float
-    crossover: float
+    crossover: float  # of the flux loop, rad/s
 
     @property
     def row(self) -> FloatArray:
@@ -138,23 +94,6 @@ def design_flux_loop(
     low-passes for that of one, which costs some: 52 degrees are left behind amplifier and probe of
     the bundled bearing, 34 where eddy currents of 100 us come on top. The gain is that of the gap
     where the flux answers most, so that no gap is faster than designed.
-
-    Parameters
-    ----------
-    calibration : FluxCalibration
-        For delay and lag.
-    surface : Surface
-        Best current without memory.
-    density : ndarray, shape (gaps, forces)
-        Flux density over the same steps, T.
-    force : float
-        Operating point, N.
-    rate : float
-        Ticks a second, Hz.
-
-    Returns
-    -------
-    FluxGains
     """
     tick = 1.0 / rate
     column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))

@@ -24,24 +24,12 @@ from anhyst.support.fixed_point import as_factor, as_smoothing
 
 @dataclass(frozen=True)
 class FluxFeedback:
-    """A map, corrected by the measured flux density.
+    """A map, corrected by the measured flux density."""
 
-    Parameters
-    ----------
-    map : CurrentMap
-        Current over force and gap.
-    wanted : ndarray, shape (g, f)
-        Flux density on the same steps, T.
-    gains : FluxGains
-        Of the flux loop.
-    rate : float
-        Ticks a second, Hz.
-    """
-
-    map: CurrentMap
-    wanted: FloatArray
-    gains: FluxGains
-    rate: float
+    map: CurrentMap  # current over force and gap
+    wanted: FloatArray  # flux density on the same steps, T; shape (g, f)
+    gains: FluxGains  # of the flux loop
+    rate: float  # ticks a second, Hz
 
     @property
     def scales(self) -> Scales:

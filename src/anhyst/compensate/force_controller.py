@@ -47,23 +47,12 @@ class MethodParameters(Protocol):
 class ForceController(Compensator):
     """A compensator of one magnet as a controller of its position runs it.
 
-    Parameters
-    ----------
-    method : str
-        How it finds the current.
-    format : str
-        Number format.
-    parameters : MethodParameters
-        What it was fitted to.
-
-    Notes
-    -----
     `native` remembers what was applied to it.
     """
 
-    method: MethodName
-    format: NumberFormat
-    parameters: MethodParameters
+    method: MethodName  # how it finds the current
+    format: NumberFormat  # number format
+    parameters: MethodParameters  # what it was fitted to
 
     @cached_property
     def native(self) -> Native:
@@ -84,22 +73,7 @@ class ForceController(Compensator):
         return {name: value for name, value in self.__dict__.items() if name != "native"}
 
     def solve(self, demand: float, gap: float | None = None, flux: float = math.nan) -> float:
-        """Return the current for a force; the state is not touched.
-
-        Parameters
-        ----------
-        demand : float
-            N.
-        gap : float, optional
-            m.
-        flux : float, optional
-            Measured flux density, T; NaN without.
-
-        Returns
-        -------
-        float
-            A.
-        """
+        """Return the current for a force; the state is not touched."""
         native, scales = self.native, self.scales
         at = scales.gap_low if gap is None else gap
         if not isinstance(native, _core.FixedForceController):

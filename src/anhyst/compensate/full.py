@@ -46,22 +46,14 @@ FURTHEST = 95.0
 
 @dataclass(frozen=True)
 class Normal:
-    """The law in units of its own, and how a current is made up there.
+    """The law in units of its own, and how a current is made up there."""
 
-    Parameters
-    ----------
-    kappa, c, play : float
-        ``k/a``, reversible fraction, ``r_d/a``.
-    air : float
-        ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``.
-    bias, flux_arm, field_arm : ndarray, shape (n,)
-        Current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``.
-    """
-
-    kappa: float
+    kappa: float  # ``k/a``, reversible fraction, ``r_d/a``
     c: float
     play: float
+    # ``h = a/((1-alpha)*M_s)``: flux (over that of saturated iron) for a field ``x = 1``
     air: float
+    # current at each place over the gap, A: ``bias + flux_arm*flux + field_arm*x``; shape (n,)
     bias: FloatArray
     flux_arm: FloatArray
     field_arm: FloatArray
@@ -121,24 +113,13 @@ def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray
 
 @dataclass(frozen=True)
 class FullTables:
-    """What a compensator of the full law looks up; fields in units of ``a``.
+    """What a compensator of the full law looks up; fields in units of ``a``."""
 
-    Parameters
-    ----------
-    reach : float
-        Largest field.
-    curve : ndarray, shape (2**n + 1,)
-        Anhysteretic curve over fields from 0 to the largest.
-    branch : ndarray, shape (2**(n + 1) + 1,)
-        Ascending branch of a fully pinned iron, over fields of both signs.
-    inverse : ndarray, shape (2**m + 1,)
-        Field over the anhysteretic from 0 to 1.
-    """
-
-    reach: float
-    curve: FloatArray
+    reach: float  # largest field
+    curve: FloatArray  # anhysteretic curve over fields from 0 to the largest; shape (2**n + 1,)
+    # ascending branch of a fully pinned iron, over fields of both signs; shape (2**(n + 1)
     branch: FloatArray
-    inverse: FloatArray
+    inverse: FloatArray  # field over the anhysteretic from 0 to 1; shape (2**m + 1,)
 
 
 def full_tables(law: Normal, limits: DemandLimits, sizes: TableSizes) -> FullTables:
@@ -169,33 +150,7 @@ def build_full(
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
 ) -> Block:
-    """Make the parameter block of the full law.
-
-    Parameters
-    ----------
-    model : Model
-        Of the effective-field law, without eddy currents; gap map none, scaling or reluctance.
-    scales : Scales
-        What 1.0 means.
-    limits : DemandLimits
-        Of demand and current.
-    sizes : TableSizes, optional
-        How fine tables and searches are.
-    conditioning : Conditioning, optional
-        Start-up sequence.
-    model_hash : int, optional
-        First 32 bits of the hash of the model, kept in the block.
-
-    Returns
-    -------
-    Block
-        Ready for a controller.
-
-    Raises
-    ------
-    InputError
-        The model cannot be compiled, or a number does not fit.
-    """
+    """Make the parameter block of the full law."""
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)

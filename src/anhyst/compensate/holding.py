@@ -58,24 +58,12 @@ Movement = Callable[[np.random.Generator, int], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """One demand that was held.
+    """One demand that was held."""
 
-    Parameters
-    ----------
-    title : str
-        What moved.
-    demand : float
-        In units of the output.
-    seconds : float
-        For how long.
-    drift : float
-        Largest change of the output at home since its first return, in its unit.
-    """
-
-    title: str
-    demand: float
-    seconds: float
-    drift: float
+    title: str  # what moved
+    demand: float  # in units of the output
+    seconds: float  # for how long
+    drift: float  # largest change of the output at home since its first return, in its unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,19 +76,7 @@ class _Case:
 
 
 def hold(plan: Plan) -> list[Held]:
-    """Hold demands under a plan's compensator and let the model say what becomes of the output.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is compiled.
-
-    Returns
-    -------
-    list of Held
-        At rest, with the gap vibrating and walking (where the model knows one), and under noise of
-        demand and gap; at several levels.
-    """
+    """Hold demands under a plan's compensator and let the model say what becomes of the output."""
     reach = find_reach(plan.model, plan.block.scales, plan.block.limits)
     return [
         _hold(plan, reach, case, level)

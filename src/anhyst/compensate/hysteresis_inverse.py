@@ -19,18 +19,10 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class HysteresisInverse:
-    """The inverse of hysteresis, compiled.
+    """The inverse of hysteresis, compiled."""
 
-    Parameters
-    ----------
-    block : Block or RealBlock
-        For fixed point or for floating point.
-    iterations : int
-        Evaluations of a search.
-    """
-
-    block: Block | RealBlock
-    iterations: int
+    block: Block | RealBlock  # for fixed point or for floating point
+    iterations: int  # evaluations of a search
     flux_full_scale = 1.0
 
     @property

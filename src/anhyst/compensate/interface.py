@@ -31,37 +31,11 @@ class Compensator(ABC):
 
     @abstractmethod
     def solve(self, demand: float, gap: float | None = None) -> float:
-        """Return the current that gives `demand` now; the state is not touched.
-
-        Parameters
-        ----------
-        demand : float
-            Wanted output; beyond the limits of the compensator as at the nearest one.
-        gap : float, optional
-            Scheduling variable at this sample; the least where it does not matter.
-
-        Returns
-        -------
-        float
-            Within the limits of the current.
-        """
+        """Return the current that gives `demand` now; the state is not touched."""
 
     @abstractmethod
     def commit(self, applied: float, gap: float | None = None) -> float:
-        """Advance the state with the current that was applied.
-
-        Parameters
-        ----------
-        applied : float
-            What the amplifier gave, not what was wanted.
-        gap : float, optional
-            As in :meth:`solve`.
-
-        Returns
-        -------
-        float
-            Output to expect.
-        """
+        """Advance the state with the current that was applied."""
 
     @abstractmethod
     def fresh(self) -> Self:
@@ -71,20 +45,7 @@ class Compensator(ABC):
         """
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
-        """Solve and commit sample by sample.
-
-        Parameters
-        ----------
-        demand : array_like, shape (n,)
-            Wanted outputs.
-        gap : array_like, shape (n,) or scalar, optional
-            Scheduling variable.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Currents.
-        """
+        """Solve and commit sample by sample."""
         wanted = np.array(demand, dtype=np.float64, ndmin=1)
         places = np.broadcast_to(np.asarray(gap), wanted.shape).tolist()
         currents = []

@@ -26,24 +26,12 @@ LOSS_SEED = 3
 
 @dataclass(frozen=True)
 class PathRun:
-    """One path under one compensator.
+    """One path under one compensator."""
 
-    Parameters
-    ----------
-    path : Path
-        What was demanded.
-    current : ndarray, shape (n,)
-        What was applied, in units of the input.
-    output : ndarray, shape (n,)
-        What the exact model makes of it.
-    judged : ndarray of bool, shape (n,)
-        Samples at which the current was the compensator's own.
-    """
-
-    path: Path
-    current: FloatArray
-    output: FloatArray
-    judged: NDArray[np.bool_]
+    path: Path  # what was demanded
+    current: FloatArray  # what was applied, in units of the input; shape (n,)
+    output: FloatArray  # what the exact model makes of it; shape (n,)
+    judged: NDArray[np.bool_]  # samples at which the current was the compensator's own; shape (n,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,23 +44,7 @@ class OutputDeviation:
 
 
 def run_twin(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
-    """Run a compensator along a path, and the exact model with its currents.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    block : Block or RealBlock
-        Parameters of the compensator.
-    io : str
-        Format of its signals.
-    path : Path
-        The demand.
-
-    Returns
-    -------
-    PathRun
-    """
+    """Run a compensator along a path, and the exact model with its currents."""
     current = twin_of(block, io).run(path.demand, path.gap)
     return PathRun(
         path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool)
@@ -133,22 +105,7 @@ def exact_output(model: Model, current: FloatArray, path: Path) -> FloatArray:
 
 
 def off_demand(run: PathRun, limits: DemandLimits, resolution: float) -> FloatArray:
-    """Return output minus demand; at a limit of the current only what is on its wrong side.
-
-    Parameters
-    ----------
-    run : PathRun
-        A path under a compensator.
-    limits : DemandLimits
-        Of the current.
-    resolution : float
-        What counts as being at a limit, in units of the input.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In units of the output; 0 where it is not judged.
-    """
+    """Return output minus demand; at a limit of the current only what is on its wrong side."""
     error = run.output - run.path.demand
     low, high = limits.current
     bottom, top = run.current <= low + resolution, run.current >= high - resolution
@@ -173,15 +130,7 @@ def resolution(scales: Scales) -> float:
 def against_demand(
     model: Model, block: AnyBlock, io: Io, paths: Sequence[Path]
 ) -> tuple[OutputDeviation, list[tuple[PathRun, FloatArray]]]:
-    """Run a compensator along all paths, the first of the random ones with losses as well.
-
-    Returns
-    -------
-    OutputDeviation
-        Over all of them.
-    list of (Run, ndarray)
-        Each run with its errors.
-    """
+    """Run a compensator along all paths, the first of the random ones with losses as well."""
     step = resolution(block.scales)
     runs = [run_twin(model, block, io, path) for path in paths]
     lossy = next(path for path in paths if path.name == "reversals")
@@ -227,21 +176,7 @@ def interpolation(
     sizes: TableSizes,
     paths: Sequence[Path],
 ) -> OutputDeviation:
-    """Return what straight lines between the entries over the gap cost, everything else exact.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    scales : Scales
-        Range of the gap.
-    limits : DemandLimits
-        Of the current.
-    sizes : TableSizes
-        How many entries.
-    paths : sequence of Path
-        Demands that lie above what the smallest current may leave.
-    """
+    """Return what straight lines between the entries over the gap cost, everything else exact."""
     if not model.needs_schedule:
         return OutputDeviation(0.0, 0.0, "")
     at = nodes(model, scales, sizes)

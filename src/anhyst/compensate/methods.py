@@ -28,21 +28,13 @@ Role = Literal["baseline", "model", "sensor"]
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One way from a wanted force to a current.
+    """One way from a wanted force to a current."""
 
-    Parameters
-    ----------
-    title : str
-        In words.
-    role : str
-        ``"model"``: with a model of the iron; ``"sensor"``: with another sensor; ``"baseline"``:
-        with neither.
-    fit : callable
-        From what is known of a magnet and a number format to the parameters.
-    """
-
-    title: str
+    title: str  # in words
+    # ``"model"``: with a model of the iron; ``"sensor"``: with another sensor; ``"baseline"``: with
+    # neither
     role: Role
+    # from what is known of a magnet and a number format to the parameters
     fit: Callable[[Sources, NumberFormat], MethodParameters]
 
 
@@ -65,24 +57,5 @@ MODELS = tuple(name for name, method in METHODS.items() if method.role == "model
 def make_compensator(
     method: MethodName, sources: Sources, number_format: NumberFormat
 ) -> ForceController:
-    """Fit a way from force to current.
-
-    Parameters
-    ----------
-    method : str
-        A key of :data:`METHODS`.
-    sources : Sources
-        What is known of the magnet, and where it works.
-    number_format : str
-        ``"f64"``, ``"f32"`` or ``"fixed"``; all three are the same arithmetic.
-
-    Returns
-    -------
-    ForceController
-
-    Raises
-    ------
-    InputError
-        What the method needs is missing or does not fit the operating range.
-    """
+    """Fit a way from force to current."""
     return ForceController(method, number_format, METHODS[method].fit(sources, number_format))

@@ -22,44 +22,24 @@ GAPS = 33
 
 @dataclass(frozen=True)
 class Path:
-    """A demand over a gap, sample by sample.
+    """A demand over a gap, sample by sample."""
 
-    Parameters
-    ----------
-    name : str
-        Key of the path.
-    title : str
-        What it is, for a reader.
-    demand : ndarray, shape (n,)
-        In units of the output.
-    gap : ndarray, shape (n,), or None
-        Scheduling variable, SI; None where the model does not need it.
-    """
-
-    name: str
-    title: str
-    demand: FloatArray
+    name: str  # key of the path
+    title: str  # what it is, for a reader
+    demand: FloatArray  # in units of the output; shape (n,)
+    # scheduling variable, SI; None where the model does not need it; shape (n,)
     gap: FloatArray | None
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What currents within their limits give at each gap.
+    """What currents within their limits give at each gap."""
 
-    Parameters
-    ----------
-    gaps : ndarray, shape (g,)
-        Scheduling variable, SI.
-    low, high : ndarray, shape (g,)
-        Smallest demand that is asked for, and largest, in units of the output.
-    left : ndarray, shape (g,)
-        Output that the smallest current leaves after the largest.
-    """
-
-    gaps: FloatArray
+    gaps: FloatArray  # scheduling variable, SI; shape (g,)
+    # smallest demand that is asked for, and largest, in units of the output; shape (g,)
     low: FloatArray
     high: FloatArray
-    left: FloatArray
+    left: FloatArray  # output that the smallest current leaves after the largest; shape (g,)
 
     def demand(self, part: FloatArray, gap: FloatArray, lifted: bool = False) -> FloatArray:
         """Return demands at parts 0..1 of the range; `lifted` above what a current can leave."""
@@ -69,21 +49,7 @@ class Reach:
 
 
 def find_reach(model: Model, scales: Scales, limits: DemandLimits) -> Reach:
-    """Find out which outputs can be reached over the gap.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    scales : Scales
-        Range of the gap.
-    limits : DemandLimits
-        Of demand and current.
-
-    Returns
-    -------
-    Reach
-    """
+    """Find out which outputs can be reached over the gap."""
     gaps = np.linspace(scales.gap_low, scales.gap_high, GAPS)
     low, high = limits.current
     turns = np.array([high, low, high, low])
@@ -107,28 +73,7 @@ def paths(
     seed: int = 1,
     length: int = 1,
 ) -> list[Path]:
-    """Return everything that a compensator is measured on.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    scales : Scales
-        Range of the gap.
-    limits : DemandLimits
-        Of demand and current.
-    lifted : bool
-        Whether to stay above the outputs that the smallest current may leave.
-    seed : int
-        Of the random demands: what is planned on one path is measured on another.
-    length : int
-        So many times the shortest.
-
-    Returns
-    -------
-    list of Path
-        Each starts demagnetised. Always the same.
-    """
+    """Return everything that a compensator is measured on."""
     reach = find_reach(model, scales, limits)
     found = []
     for name, (title, part, place) in _shapes(model.needs_schedule, seed, 1500 * length).items():

@@ -29,23 +29,6 @@ def plain_map(model: Model, scales: Scales) -> CurrentMap:
 
     The method ``ratio`` around half of the largest force at the middle gap, with loops of the model
     in place of measured ones.
-
-    Parameters
-    ----------
-    model : Model
-        Force over current and gap, within the limits of its controller.
-    scales : Scales
-        Full scales of the controller.
-
-    Returns
-    -------
-    CurrentMap
-        Flat over the gap.
-
-    Raises
-    ------
-    InputError
-        The model does not say where it holds, or hardly reaches the forces.
     """
     if model.valid is None:
         raise InputError(

@@ -33,33 +33,15 @@ RATES = (1.0, 1e6)
 
 @dataclass(frozen=True, slots=True)
 class CompileRequest:
-    """What a user wants compiled.
+    """What a user wants compiled."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks).
-    io : str
-        Format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``.
-    rate : float
-        Ticks a second, 1 to 10^6.
-    accuracy : float or None
-        Largest deviation from the model, per cent of the largest output. None: :data:`ACCURACY`
-        for formats and tables, whatever the law itself is off.
-    name : str or None
-        What the actuator is called in C. None: after the model.
-
-    Raises
-    ------
-    InputError
-        A number that makes no sense.
-    """
-
-    kind: Kind
-    io: Io
-    rate: float
+    kind: Kind  # ``"full"`` or ``"simplified"`` (``"euler"`` is the baseline of the benchmarks)
+    io: Io  # format of the signals: ``"q15"``, ``"q31"`` or ``"f32"``
+    rate: float  # ticks a second, 1 to 10^6
+    # Largest deviation from the model, per cent of the largest output. None: :data:`ACCURACY` for
+    # formats and tables, whatever the law itself is off.
     accuracy: float | None = None
-    name: str | None = None
+    name: str | None = None  # What the actuator is called in C. None: after the model.
 
     def __post_init__(self) -> None:
         if not RATES[0] <= self.rate <= RATES[1]:
@@ -87,33 +69,15 @@ class Decision:
 
 @dataclass(frozen=True)
 class Plan:
-    """How a model is compiled.
+    """How a model is compiled."""
 
-    Parameters
-    ----------
-    request : CompileRequest
-        What was asked for.
-    builder : Builder
-        The model, with scales and limits.
-    sizes : TableSizes
-        Of tables and searches.
-    block : Block or RealBlock
-        The parameters.
-    start : StartUp
-        The start-up sequence.
-    found : FoundBlock
-        What the search tried.
-    allowance : float
-        What formats and tables may cost, in units of the output.
-    """
-
-    request: CompileRequest
-    builder: Builder
-    sizes: TableSizes
-    block: AnyBlock
-    start: StartUp
-    found: FoundBlock
-    allowance: float
+    request: CompileRequest  # what was asked for
+    builder: Builder  # the model, with scales and limits
+    sizes: TableSizes  # of tables and searches
+    block: AnyBlock  # the parameters
+    start: StartUp  # the start-up sequence
+    found: FoundBlock  # what the search tried
+    allowance: float  # what formats and tables may cost, in units of the output
 
     @property
     def model(self) -> Model:
@@ -134,8 +98,6 @@ class Plan:
 def full_scale(largest: float) -> float:
     """Return the next round value above the largest magnitude of a signal.
 
-    Examples
-    --------
     >>> full_scale(291.5), full_scale(3.01), full_scale(0.1)
     (300.0, 4.0, 0.12)
     """
@@ -164,32 +126,7 @@ def make_plan(
     share: float = 1.0,
     scales: Scales | None = None,
 ) -> Plan:
-    """Decide how a model is compiled.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    request : CompileRequest
-        What is wanted.
-    model_hash : int
-        First 32 bits of the hash of the model file.
-    share : float, optional
-        Of the allowance that the plan may use up on its own path.
-    scales : Scales, optional
-        Of a board that the block is for, which hold all that the model does; round values above
-        that if left out.
-
-    Returns
-    -------
-    Plan
-        The smallest found that meets the wanted accuracy, or else the best.
-
-    Raises
-    ------
-    InputError
-        The model cannot be compiled.
-    """
+    """Decide how a model is compiled."""
     refuse_uncompilable(model)
     limits = find_limits(model)
     scales = scales or find_scales(model, limits)
@@ -221,13 +158,7 @@ def not_computed(error: InputError | NegativeResult) -> InputError:
 
 
 def find_limits(model: Model) -> DemandLimits:
-    """Return the limits of demand and current: where the model was seen to hold.
-
-    Raises
-    ------
-    InputError
-        The model does not say, or leaves no room between them.
-    """
+    """Return the limits of demand and current: where the model was seen to hold."""
     if model.valid is None:
         raise InputError(
             "the model does not say where it holds: without [valid] there are no limits of demand "

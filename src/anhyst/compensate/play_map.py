@@ -41,22 +41,13 @@ _LARGEST = 2.0**15 - 1.0
 
 @dataclass(frozen=True)
 class PlayMap:
-    """A map of the current with one play.
+    """A map of the current with one play."""
 
-    Parameters
-    ----------
-    map : CurrentMap
-        Without memory.
-    half : ndarray, shape (g, f)
-        Half the width of the loop on the same steps, A; along the force it changes by no more than
-        the map.
-    radius : float
-        Half-width of the play, A.
-    """
-
-    map: CurrentMap
+    map: CurrentMap  # without memory
+    # half the width of the loop on the same steps, A; along the force it changes by no more than
+    # the map; shape (g, f)
     half: FloatArray
-    radius: float
+    radius: float  # half-width of the play, A
     flux_full_scale = 1.0
 
     @property
@@ -114,18 +105,6 @@ def half_widths(surface: Surface, loops: Loops) -> FloatArray:
     At a force it is half of what lies between the least and the largest current of a gap's loops,
     smoothed; over the gap runs a monotone cubic. Along the force it changes no faster than the
     surface: no branch of a loop falls.
-
-    Parameters
-    ----------
-    surface : Surface
-        Best current without memory.
-    loops : Loops
-        Current to force, with gaps.
-
-    Returns
-    -------
-    ndarray, shape (g, f)
-        A, not negative.
     """
     from scipy.signal import savgol_filter  # slow to load, and used for maps alone
 
@@ -157,20 +136,6 @@ def best_radius(surface: Surface, loops: Loops, operating: Operating) -> float:
 
     Every record counts, minor cycles as the others; where there are none, hardly anything sets the
     radius.
-
-    Parameters
-    ----------
-    surface : Surface
-        Best current without memory, over all gaps of the loops.
-    loops : Loops
-        Current to force, with gaps.
-    operating : Operating
-        Limits; forces beyond the largest one wanted do not count.
-
-    Returns
-    -------
-    float
-        A; least mean square of the expected force less the measured one.
     """
     half = half_widths(surface, loops)
     wide = replace(operating, gap_range=(float(surface.gap[0]), float(surface.gap[-1])))
@@ -190,19 +155,7 @@ def best_radius(surface: Surface, loops: Loops, operating: Operating) -> float:
 
 
 def expected_forces(play: PlayMap, loop: Loop) -> FloatArray:
-    """Return the forces that a map expects of the measured currents of a record.
-
-    Parameters
-    ----------
-    play : PlayMap
-    loop : Loop
-        With gaps; its history comes first, and a settled record goes round once before it counts.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        N.
-    """
+    """Return the forces that a map expects of the measured currents of a record."""
     native, history = play.native("f64"), loop.history
     assert loop.schedule is not None
     gaps = loop.schedule.tolist()

@@ -59,13 +59,7 @@ def unit_codes(model: Model) -> int:
 
 
 def flux_shift(gain: FloatArray) -> int:
-    """Return by how many bits gains of the flux are shifted to fit into their table.
-
-    Raises
-    ------
-    InputError
-        The full-scale demand is so far beyond saturation that no table holds it.
-    """
+    """Return by how many bits gains of the flux are shifted to fit into their table."""
     if not gain.max() <= LARGEST_WEIGHT * 2.0**MOST_FLUX_SHIFT:
         raise InputError(
             "flux: the full-scale demand is far beyond saturation; narrow the output in the "
@@ -118,18 +112,11 @@ def pack_common(
 
 @dataclass(frozen=True)
 class Arms:
-    """How a current is made up at places over the gap: ``bias + flux_arm*flux + field_arm*x``.
+    """How a current is made up at places over the gap: ``bias + flux_arm*flux + field_arm*x``."""
 
-    Parameters
-    ----------
-    air : float
-        Flux, in parts of that of saturated iron, for an effective field ``x`` of 1 A/m without
-        iron.
-    bias, flux_arm, field_arm : ndarray, shape (n,)
-        In units of the input; for a flux of 1, and for an effective field of 1 A/m.
-    """
-
+    # flux, in parts of that of saturated iron, for an effective field ``x`` of 1 A/m without iron
     air: float
+    # in units of the input; for a flux of 1, and for an effective field of 1 A/m; shape (n,)
     bias: FloatArray
     flux_arm: FloatArray
     field_arm: FloatArray

@@ -126,33 +126,16 @@ class Builder:
 
 @dataclass(frozen=True)
 class FoundBlock:
-    """Outcome of the search.
+    """Outcome of the search."""
 
-    Parameters
-    ----------
-    sizes : TableSizes
-        What was chosen.
-    reached : float
-        What they cost on the path of the plan, in units of the output.
-    tried : mapping of str to list
-        For each axis the sizes tried alone, and what each costs.
-    """
-
-    sizes: TableSizes
-    reached: float
+    sizes: TableSizes  # what was chosen
+    reached: float  # what they cost on the path of the plan, in units of the output
+    # for each axis the sizes tried alone, and what each costs
     tried: Mapping[str, list[tuple[int, float]]]
 
 
 class BlockSearch:
-    """Looks at each axis alone, then takes the smallest block of which the total is good enough.
-
-    Parameters
-    ----------
-    builder : Builder
-        Makes the blocks.
-    wanted : float
-        Accuracy, in units of the output; of a simplified law, what may come on top of the law.
-    """
+    """Looks at each axis alone, then takes the smallest block of which the total is good enough."""
 
     def __init__(self, builder: Builder, wanted: float) -> None:
         self.builder = builder
@@ -168,13 +151,7 @@ class BlockSearch:
         return next((k for k in knees if full * 4.0 ** -(k + 1) <= KNEE_SHARE * self.wanted), 8)
 
     def run(self) -> FoundBlock:
-        """Search.
-
-        Returns
-        -------
-        FoundBlock
-            Of the sizes tried the smallest that are good enough, or else the best.
-        """
+        """Search."""
         axes = self._axes()
         enough = SPARE * self.wanted
         best: tuple[float, TableSizes] | None = None

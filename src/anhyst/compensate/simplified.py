@@ -63,33 +63,20 @@ WORST_CASE_ROUNDS = 6
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """The five numbers of the simplified law.
+    """The five numbers of the simplified law."""
 
-    Parameters
-    ----------
-    rate : float
-        Distance ``z`` for each unit of flux (that of saturated iron).
-    nu : float
-        In [0, 1).
-    at : ndarray, shape (g,)
-        Scheduling variable at which the arms hold, SI.
-    bias, flux_arm, lag_arm : ndarray, shape (g,)
-        In units of the input.
-    worst, mean : float
-        What is left against the full model over the fitted demands, in units of the output.
-    offset : ndarray, shape (g,), or None
-        Output at zero flux there; None: that of the model. Below it, the root of the demand bends
-        less, and so straightens what a straight anhysteretic curve cannot follow near saturation.
-    """
-
-    rate: float
-    nu: float
-    at: FloatArray
-    bias: FloatArray
+    rate: float  # distance ``z`` for each unit of flux (that of saturated iron)
+    nu: float  # in [0, 1)
+    at: FloatArray  # scheduling variable at which the arms hold, SI; shape (g,)
+    bias: FloatArray  # in units of the input; shape (g,)
     flux_arm: FloatArray
     lag_arm: FloatArray
+    # what is left against the full model over the fitted demands, in units of the output
     worst: float
     mean: float
+    # Output at zero flux there; None: that of the model. Below it, the root of the demand bends
+    # less, and so straightens what a straight anhysteretic curve cannot follow near saturation;
+    # shape (g,)
     offset: FloatArray | None = None
 
     def over(self, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -282,32 +269,7 @@ def fit_closed_form(
     sizes: TableSizes | None = None,
     room: float = 0.0,
 ) -> ClosedForm:
-    """Fit the simplified law to a model over its working range, in force.
-
-    Parameters
-    ----------
-    model : Model
-        Of the effective-field law.
-    limits : DemandLimits
-        Of demand and current.
-    at : ndarray, shape (g,)
-        Scheduling variable at which arms are wanted, SI.
-    sizes : TableSizes, optional
-        How fine the table of the closed form is.
-    room : float, optional
-        So far above its largest demand the format reaches, in units of the output: as far may the
-        offset of a force be lowered. Without room it is that of the model.
-
-    Returns
-    -------
-    ClosedForm
-        The five numbers, the arms at each place.
-
-    Raises
-    ------
-    InputError
-        The model cannot be compiled.
-    """
+    """Fit the simplified law to a model over its working range, in force."""
     refuse_uncompilable(model)
     sizes = sizes or TableSizes()
     places = np.unique(at)

@@ -14,35 +14,14 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class Operating:
-    """Where a bearing works, and within which limits.
+    """Where a bearing works, and within which limits."""
 
-    Parameters
-    ----------
-    gap : float
-        Around which the constants are fitted, m.
-    force : float
-        Likewise, N.
-    rate : float
-        Ticks a second, Hz.
-    gap_range : tuple of float
-        Least and largest gap of the controller, m.
-    force_max : float
-        Largest force that is asked for, N.
-    current_max : float
-        Largest current; the least is zero. A.
-
-    Raises
-    ------
-    InputError
-        The operating point is not within the limits.
-    """
-
-    gap: float
-    force: float
-    rate: float
-    gap_range: tuple[float, float]
-    force_max: float
-    current_max: float
+    gap: float  # around which the constants are fitted, m
+    force: float  # likewise, N
+    rate: float  # ticks a second, Hz
+    gap_range: tuple[float, float]  # least and largest gap of the controller, m
+    force_max: float  # largest force that is asked for, N
+    current_max: float  # Largest current; the least is zero. A.
 
     def __post_init__(self) -> None:
         low, high = self.gap_range
@@ -64,33 +43,16 @@ class Operating:
 
 @dataclass(frozen=True)
 class Sources:
-    """What is known of a magnet; a method takes what it needs.
+    """What is known of a magnet; a method takes what it needs."""
 
-    Parameters
-    ----------
-    operating : Operating
-        Operating point and limits.
-    loops : Loops, optional
-        Current to force; needed by every method without a model.
-    model : Model, optional
-        Identified from the same loops; needed by methods with a model.
-    flux_calibration : FluxCalibration, optional
-        Needed by a method that measures the flux density.
-    """
-
-    operating: Operating
-    loops: Loops | None = None
-    model: Model | None = None
+    operating: Operating  # operating point and limits
+    loops: Loops | None = None  # current to force; needed by every method without a model
+    model: Model | None = None  # identified from the same loops; needed by methods with a model
+    # needed by a method that measures the flux density
     flux_calibration: FluxCalibration | None = None
 
     def surface(self) -> Surface:
-        """Return the best current without memory that the loops show.
-
-        Raises
-        ------
-        InputError
-            There are no loops, or they do not span what is asked for.
-        """
+        """Return the best current without memory that the loops show."""
         if self.loops is None:
             raise InputError("this method needs the measured loops; give them", code="no-loops")
         where = self.operating

@@ -28,47 +28,18 @@ STARTS = (-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0)
 
 @dataclass(frozen=True, slots=True)
 class StartUp:
-    """The sequence, and what is left of an unknown start after it.
+    """The sequence, and what is left of an unknown start after it."""
 
-    Parameters
-    ----------
-    conditioning : Conditioning
-        As it stands in the parameter block.
-    seconds : float
-        How long it takes.
-    remaining : float
-        Largest difference of the output afterwards between any two starts, in its unit.
-    """
-
-    conditioning: Conditioning
-    seconds: float
+    conditioning: Conditioning  # as it stands in the parameter block
+    seconds: float  # how long it takes
+    # largest difference of the output afterwards between any two starts, in its unit
     remaining: float
 
 
 def plan_start(
     model: Model, scales: Scales, limits: DemandLimits, rate: float, wanted: float
 ) -> StartUp:
-    """Choose the sequence.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    scales : Scales
-        Range of the gap.
-    limits : DemandLimits
-        Of the current.
-    rate : float
-        Ticks a second.
-    wanted : float
-        Accuracy in units of the output.
-
-    Returns
-    -------
-    StartUp
-        With the fewest cycles that leave less than a tenth of the wanted accuracy; at most
-        :data:`MOST_CYCLES`.
-    """
+    """Choose the sequence."""
     ticks = int(np.clip(round(rate * RAMP_SECONDS), 2, 32767))
     cycles, remaining = 1, left_after(model, scales, limits, 1)
     while remaining > SHARE * wanted and cycles < MOST_CYCLES:

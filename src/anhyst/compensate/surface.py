@@ -36,37 +36,14 @@ FLATTEST = 0.01
 
 @dataclass(frozen=True)
 class Surface:
-    """Current over force and gap, on equal steps.
+    """Current over force and gap, on equal steps."""
 
-    Parameters
-    ----------
-    force : ndarray, shape (f,)
-        From zero on, N.
-    gap : ndarray, shape (g,)
-        m.
-    current : ndarray, shape (g, f)
-        A; rises along the force.
-    """
-
-    force: FloatArray
-    gap: FloatArray
-    current: FloatArray
+    force: FloatArray  # from zero on, N; shape (f,)
+    gap: FloatArray  # m; shape (g,)
+    current: FloatArray  # A; rises along the force; shape (g, f)
 
     def at(self, force: FloatArray, gap: float) -> FloatArray:
-        """Return the current for forces at one gap; straight lines between the steps.
-
-        Parameters
-        ----------
-        force : ndarray, shape (n,)
-            N; beyond the steps as at the nearest one.
-        gap : float
-            m; likewise.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            A.
-        """
+        """Return the current for forces at one gap; straight lines between the steps."""
         row = [np.interp(gap, self.gap, column) for column in self.current.T]
         return np.asarray(np.interp(force, self.force, row))
 
@@ -78,21 +55,6 @@ def fit_surface(loops: Loops, force_high: float, gap_range: tuple[float, float])
     of a gap show there. Nothing single-valued has a smaller worst error than that; smoothing it,
     which takes the noise away, costs a little of it. Beyond what the loops of a gap reach it goes
     on straight. Over the gap runs a monotone cubic.
-
-    Parameters
-    ----------
-    loops : Loops
-        Current to force, with gaps.
-    force_high : float
-        Largest force of the surface, N.
-    gap_range : tuple of float
-        m; within the gaps that were measured.
-
-    Raises
-    ------
-    InputError
-        The loops are no loops of force over current, do not span the gaps, or do not reach the
-        forces at all.
     """
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError(
@@ -156,21 +118,11 @@ def rising(table: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Tangent:
-    """A plane through the surface at an operating point.
+    """A plane through the surface at an operating point."""
 
-    Parameters
-    ----------
-    current : float
-        At the operating point, A.
-    per_force : float
-        A/N.
-    per_gap : float
-        At constant force, A/m.
-    """
-
-    current: float
-    per_force: float
-    per_gap: float
+    current: float  # at the operating point, A
+    per_force: float  # A/N
+    per_gap: float  # at constant force, A/m
 
     @property
     def k_i(self) -> float:
@@ -184,39 +136,14 @@ class Tangent:
 
 
 def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
-    """Fit a constant force-current ratio around a force at one gap, least squares.
-
-    Parameters
-    ----------
-    surface : Surface
-        Best current without memory.
-    force, gap : float
-        Operating point, N and m.
-    force_max : float
-        Largest force that is wanted, N.
-
-    Returns
-    -------
-    Tangent
-        Flat over the gap.
-    """
+    """Fit a constant force-current ratio around a force at one gap, least squares."""
     forces = _around(force, WINDOW * force_max, (0.0, force_max))
     slope, current = np.polyfit(forces - force, surface.at(forces, gap), 1)
     return Tangent(float(current), float(slope), 0.0)
 
 
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
-    """Fit the two constants of a magnet around an operating point, least squares.
-
-    Parameters
-    ----------
-    surface : Surface
-        Best current without memory.
-    force, gap : float
-        Operating point, N and m.
-    force_max : float
-        Largest force that is wanted, N.
-    """
+    """Fit the two constants of a magnet around an operating point, least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
     forces = _around(force, WINDOW * force_max, (0.0, force_max))
     gaps = _around(gap, WINDOW * (high - low), (low, high))

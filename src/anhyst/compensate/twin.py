@@ -59,15 +59,6 @@ class Twin(Compensator):
 class FixedTwin(Twin):
     """A compensator in fixed point.
 
-    Parameters
-    ----------
-    block : Block
-        Its parameters.
-    io : str, optional
-        Format of the signals, ``"q15"`` or ``"q31"``.
-
-    Notes
-    -----
     Demands, currents and gaps are rounded to the format on the way in, as an interface to a
     converter would; what lies beyond the format is saturated.
     """
@@ -138,15 +129,7 @@ class FixedTwin(Twin):
 
 
 class RealTwin(Twin):
-    """A compensator in floating point.
-
-    Parameters
-    ----------
-    block : RealBlock
-        Its parameters.
-    io : str, optional
-        ``"f32"`` or ``"f64"``.
-    """
+    """A compensator in floating point."""
 
     def __init__(self, block: RealBlock, io: RealIo = "f32") -> None:
         self.block = block
@@ -177,13 +160,7 @@ class RealTwin(Twin):
         return self._core.output()
 
     def start_from(self, memory: ArrayLike) -> None:
-        """Set what the iron remembers: x, y, p, turn, level.
-
-        Raises
-        ------
-        ValueError
-            Not five numbers, or a level beyond -1..1.
-        """
+        """Set what the iron remembers: x, y, p, turn, level."""
         self._core.set_memory(np.array(memory, dtype=np.float64))
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:

@@ -40,43 +40,21 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """One word of the block.
+    """One word of the block."""
 
-    Parameters
-    ----------
-    at : int
-        Its number in the block.
-    name : str
-        As in ``layout.h``, without ``ANHYST_WORD_``.
-    format : str
-        Of the word; of the entries, if it names a table.
-    doc : str
-        What it is.
-    low, high : int
-        Range that the controller accepts; of the entries, if it names a table.
-    size : int
-        How many words it takes; a table is named by one.
-    axis : str
-        For a table: what it runs over, ``"gap"``, ``"field"``, ``"field, both signs"``,
-        ``"magnetisation"`` or ``"distance"``.
-    of : str
-        Signal whose full scale 1.0 is worth, times `factor` and 2 to the word `shift`:
-        ``"demand"``, ``"current"``; none for a pure number.
-    factor : float
-    shift : str
-    unit : str
-        Of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit.
-    """
-
-    at: int
-    name: str
-    format: Format
-    doc: str
-    low: int
+    at: int  # its number in the block
+    name: str  # as in ``layout.h``, without ``ANHYST_WORD_``
+    format: Format  # of the word; of the entries, if it names a table
+    doc: str  # what it is
+    low: int  # range that the controller accepts; of the entries, if it names a table
     high: int
-    size: int = 1
+    size: int = 1  # how many words it takes; a table is named by one
+    # for a table: what it runs over, ``"gap"``, ``"field"``, ``"field, both signs"``,
+    # ``"magnetisation"`` or ``"distance"``
     axis: str = ""
+    # signal whose full scale 1.0 is worth, times `factor` and 2 to the word `shift`: ``"demand"``,
+    # ``"current"``; none for a pure number
     of: Literal["", "demand", "current"] = ""
     factor: float = 1.0
     shift: str = ""
-    unit: str = ""
+    unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit

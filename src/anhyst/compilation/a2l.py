@@ -91,19 +91,7 @@ class _Methods:
 
 
 def a2l(manifest: Mapping[str, Any]) -> str:
-    """Return the description of a controller in ASAM MCD-2 MC, version 1.6.
-
-    Parameters
-    ----------
-    manifest : mapping
-        Of the compiled folder that the firmware is built around, in fixed point.
-
-    Returns
-    -------
-    str
-        Signals, settings, inputs and the words of the parameter block, with addresses, units,
-        scales and limits as the firmware has them, and how it is connected to.
-    """
+    """Return the description of a controller in ASAM MCD-2 MC, version 1.6."""
     rate = float(manifest["rate_Hz"])
     methods = _Methods()
     measurements = [

@@ -34,15 +34,9 @@ BEYOND = 1.01
 
 @dataclass(frozen=True)
 class Controller:
-    """A controller file, read and found to fit what is asked for.
+    """A controller file, read and found to fit what is asked for."""
 
-    Parameters
-    ----------
-    file : ControllerFile
-        Where it stands, and what it says.
-    """
-
-    file: ControllerFile
+    file: ControllerFile  # where it stands, and what it says
 
     @property
     def table(self) -> ControllerTable:
@@ -60,13 +54,7 @@ class Controller:
         return hashlib.sha256(self.file.path.read_bytes()).hexdigest()
 
     def narrowed(self, model: Model) -> Model:
-        """Return the model for forces, currents and gaps of this controller alone.
-
-        Raises
-        ------
-        InputError
-            It is not one of a bearing.
-        """
+        """Return the model for forces, currents and gaps of this controller alone."""
         table = self.table
         seen = None if model.valid is None else model.valid.schedule
         limits = table.limits.gap_low_m, table.limits.gap_high_m
@@ -75,13 +63,7 @@ class Controller:
         return bearing_model(model, table.limits.current_high_A, force_max, gaps)
 
     def check_current(self, model: Model) -> None:
-        """Refuse currents that the model was never seen at.
-
-        Raises
-        ------
-        InputError
-            With line and key of the file.
-        """
+        """Refuse currents that the model was never seen at."""
         highest = self.table.limits.current_high_A
         if model.valid is not None and highest > BEYOND * model.valid.input[1]:
             seen = model.valid.input[1]
@@ -91,13 +73,7 @@ class Controller:
             )
 
     def around(self, plan: Plan) -> ControllerPlan:
-        """Return the controller around the compensator of a plan.
-
-        Raises
-        ------
-        InputError
-            It does not fit into fixed point; with line and key of the file.
-        """
+        """Return the controller around the compensator of a plan."""
         table = self.table
         assert isinstance(plan.block, Block)
         with error_at_key(self.file):
@@ -116,27 +92,13 @@ class Controller:
 
 @dataclass(frozen=True)
 class ControllerPlan:
-    """A position controller in fixed point.
+    """A position controller in fixed point."""
 
-    Parameters
-    ----------
-    source : Controller
-        What it was made from.
-    control : PositionControl
-        In SI units.
-    block : Block
-        Of the compensator.
-    settings : mapping of str to float
-        As the core takes them, by name.
-    plain : CurrentMap
-        Drives while the compensation is switched off.
-    """
-
-    source: Controller
-    control: PositionControl
-    block: Block
-    settings: Settings
-    plain: CurrentMap
+    source: Controller  # what it was made from
+    control: PositionControl  # in SI units
+    block: Block  # of the compensator
+    settings: Settings  # as the core takes them, by name
+    plain: CurrentMap  # drives while the compensation is switched off
 
     @property
     def magnets(self) -> int:
@@ -158,22 +120,7 @@ class ControllerPlan:
 
 
 def read_fitting(path: PathLike, request: CompileRequest, model_path: PathLike) -> Controller:
-    """Read a controller file for a folder.
-
-    Parameters
-    ----------
-    path : path-like
-        ``controller.toml``.
-    request : CompileRequest
-        What is compiled.
-    model_path : path-like
-        From which model.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or asks for something else than the request.
-    """
+    """Read a controller file for a folder."""
     file = read_controller(path)
     faults = [*_faults(file.settings, request), *_model_faults(file, model_path)]
     if faults:

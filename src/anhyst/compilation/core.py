@@ -47,18 +47,7 @@ def read_core(name: str) -> str:
 
 
 def core_files(sources: Iterable[str]) -> dict[str, str]:
-    """Return sources of the core with every header that they include, as they are.
-
-    Parameters
-    ----------
-    sources : iterable of str
-        C files below ``src``.
-
-    Returns
-    -------
-    dict of str to str
-        Content by path below the core: ``src/compensator/full.c``, ``include/anhyst/numeric/fixed.h``.
-    """
+    """Return sources of the core with every header that they include, as they are."""
     files: dict[str, str] = {}
     waiting = [f"{SRC}/{name}" for name in sources]
     while waiting:

@@ -72,25 +72,7 @@ TABLES = {
 
 
 def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quantity | None) -> str:
-    """Return the definitions of a compensator's parameters in single precision.
-
-    Parameters
-    ----------
-    name : str
-        What the actuator is called in C.
-    block : RealBlock
-        The parameters.
-    names : Names
-        Units of output and input.
-    schedule : Quantity or None
-        What the rows over the gap run over.
-
-    Returns
-    -------
-    str
-        C for behind the include of its header: tables and structures, all static but
-        ``const anhyst_parameters_f32 NAME_parameters``.
-    """
+    """Return the definitions of a compensator's parameters in single precision."""
     parts = [_table(block, table) for table in block.tables]
     parts += [_gaps(block, names, schedule), _law(block)]
     parts.append(_parameters(name, block, names, schedule))
@@ -100,8 +82,6 @@ def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quanti
 def literal(value: float) -> str:
     """Return the shortest literal that C reads as this number in single precision.
 
-    Examples
-    --------
     >>> literal(0.1), literal(2.0), literal(1e-7)
     ('0.1f', '2.0f', '1e-07f')
     """

@@ -20,14 +20,7 @@ REPORTS = ("verify.json", "verify.md")
 
 
 def check_folder(out: PathLike) -> None:
-    """Find out before the work whether a folder may be written.
-
-    Raises
-    ------
-    InputError
-        Something stands there that ``anhyst compile`` has not written, or the place cannot be
-        written.
-    """
+    """Find out before the work whether a folder may be written."""
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
@@ -56,22 +49,7 @@ def _is_ours(folder: Path) -> bool:
 
 
 def write_folder(out: PathLike, files: Mapping[str, str], manifest: Mapping[str, object]) -> None:
-    """Write all files of a folder, or none.
-
-    Parameters
-    ----------
-    out : path-like
-        The folder; one that ``anhyst compile`` has written is replaced.
-    files : mapping of str to str
-        Content by path below the folder.
-    manifest : mapping
-        What the folder is; hashes of the files are added.
-
-    Raises
-    ------
-    InputError
-        As :func:`check_folder`, or the disk refuses.
-    """
+    """Write all files of a folder, or none."""
     check_folder(out)
     hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     complete = {"product": FORMAT, **manifest, "files": dict(sorted(hashes.items()))}

@@ -51,18 +51,6 @@ def levitation_vectors(plan: Plan, controller: ControllerPlan) -> list[Row]:
     """Levitate a simulated armature and write down what the controller was given and answered.
 
     Power on, lift-off, a step, a sample that is missing and one that cannot be, landing.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the compensator.
-    controller : ControllerPlan
-        Around it.
-
-    Returns
-    -------
-    list of tuple of int
-        A row a tick, as :data:`COLUMNS`.
     """
     return _LevitationRun(plan, controller).run()
 

@@ -28,26 +28,7 @@ def manifest(
     version: str,
     controller: ControllerPlan | None = None,
 ) -> dict[str, Any]:
-    """Return the manifest without the list of files.
-
-    Parameters
-    ----------
-    plan : Plan
-        What was compiled.
-    budget : Budget
-        How accurate it is.
-    sha256 : str
-        Of the model file.
-    version : str
-        Of anhyst.
-    controller : ControllerPlan, optional
-        Of the position, around the compensator.
-
-    Returns
-    -------
-    dict
-        To be written as JSON.
-    """
+    """Return the manifest without the list of files."""
     block, request = plan.block, plan.request
     return {
         "format": VERSION,

@@ -126,34 +126,7 @@ def compile_model(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Compiled:
-    """Compile a model into a folder of C, with a controller of the position or without.
-
-    Parameters
-    ----------
-    model_path : path-like
-        A model file.
-    out : path-like
-        The folder to write; one that was compiled before is replaced, any other is left alone.
-    request : CompileRequest
-        What is wanted.
-    controller_path : path-like, optional
-        A controller file.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Compiled
-
-    Raises
-    ------
-    InputError
-        The model cannot be read or compiled, the controller is another one than what is wanted, or
-        the folder cannot be written.
-    NegativeResult
-        The wanted accuracy cannot be reached, or is not kept by an output that is held although a
-        dead band of the model would hold it.
-    """
+    """Compile a model into a folder of C, with a controller of the position or without."""
     check_folder(out)
     model = read_model(model_path)
     late = not_compiled(model)

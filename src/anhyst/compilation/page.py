@@ -23,22 +23,7 @@ POINTS = 1200
 
 
 def budget_page(plan: Plan, budget: Budget, version: str) -> str:
-    """Return the page of a budget.
-
-    Parameters
-    ----------
-    plan : Plan
-        What was compiled.
-    budget : Budget
-        What it costs.
-    version : str
-        Of anhyst.
-
-    Returns
-    -------
-    str
-        HTML that needs nothing else; the same for the same plan.
-    """
+    """Return the page of a budget."""
     head = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
         what=_verdict(budget),

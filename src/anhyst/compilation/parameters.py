@@ -19,22 +19,7 @@ WIDTH = 100
 
 
 def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> str:
-    """Return the rows of the initialiser of ``NAME_parameters[]``, commented.
-
-    Parameters
-    ----------
-    block : Block
-        The parameters.
-    names : Names
-        Units of output and input.
-    schedule : Quantity or None
-        What the tables over the gap run over.
-
-    Returns
-    -------
-    str
-        Lines indented by four blanks, without the braces.
-    """
+    """Return the rows of the initialiser of ``NAME_parameters[]``, commented."""
     lines = list(_head(block))
     tables: dict[int, list[Word]] = {}
     place = HEAD[-1].at + HEAD[-1].size

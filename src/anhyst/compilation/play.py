@@ -105,27 +105,7 @@ class CompiledPlay(Result):
 def compile_play(
     model_path: PathLike, out: PathLike, rate: float, io: str, name: str | None
 ) -> CompiledPlay:
-    """Compile a map with one play into a folder of C.
-
-    Parameters
-    ----------
-    model_path : path-like
-        A model file of a magnet; its loops, minor cycles among them, are what the map is fitted to.
-    out : path-like
-        The folder to write; one that was compiled before is replaced, any other is left alone.
-    rate : float
-        Ticks a second; nothing in the map depends on it.
-    io : str
-        ``"q31"``.
-    name : str, optional
-        What the actuator is called in C.
-
-    Raises
-    ------
-    InputError
-        The model cannot be read, is of no magnet with a gap or does not say where it holds, or the
-        folder cannot be written.
-    """
+    """Compile a map with one play into a folder of C."""
     if io != "q31":
         raise InputError(
             f"--io: {io} is not for --kind play, whose signals have 32 bits; give q31",

@@ -32,26 +32,7 @@ def sources(
     version: str,
     controller: ControllerPlan | None = None,
 ) -> dict[str, str]:
-    """Return the C files and what helps to build them.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is compiled.
-    accuracy : mapping of str to str
-        Per cent of the largest output while it is ``travelling``, and its ``drift`` while held.
-    sha256 : str
-        Of the model file.
-    version : str
-        Of anhyst.
-    controller : ControllerPlan, optional
-        Of the position, around the compensator.
-
-    Returns
-    -------
-    dict of str to str
-        Content by file name; the same for the same plan.
-    """
+    """Return the C files and what helps to build them."""
     real = isinstance(plan.block, RealBlock)
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
     parts = ("parameters",) if controller is None else ("parameters", "controller")

@@ -22,13 +22,7 @@ TIME_LIMIT = 300.0
 
 
 def zig_cc(wanted_by: str) -> list[str]:
-    """Return the command of the C compiler inside the PyPI package ziglang.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
+    """Return the command of the C compiler inside the PyPI package ziglang."""
     for missing in missing_modules(wanted_by, ["ziglang"]):
         raise InputError(f"target {missing.text()}", code="tool-missing", key=missing.tool)
     return [sys.executable, "-m", "ziglang", "cc"]
@@ -36,27 +30,13 @@ def zig_cc(wanted_by: str) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """What is compiled, and how.
+    """What is compiled, and how."""
 
-    Parameters
-    ----------
-    sources : tuple of Path
-        C files.
-    include : tuple of Path
-        Folders of headers.
-    defines : mapping
-        Macros and their values.
-    flags : tuple of str
-        Everything else.
-    libraries : tuple of str
-        What to link with, behind the sources.
-    """
-
-    sources: tuple[Path, ...]
-    include: tuple[Path, ...] = ()
-    defines: Mapping[str, str] = field(default_factory=dict)
-    flags: tuple[str, ...] = ()
-    libraries: tuple[str, ...] = ()
+    sources: tuple[Path, ...]  # C files
+    include: tuple[Path, ...] = ()  # folders of headers
+    defines: Mapping[str, str] = field(default_factory=dict)  # macros and their values
+    flags: tuple[str, ...] = ()  # everything else
+    libraries: tuple[str, ...] = ()  # what to link with, behind the sources
 
     def arguments(self) -> list[str]:
         """Return the compiler's arguments, without compiler and output."""
@@ -72,59 +52,13 @@ class Build:
 
 
 def compile_c(compiler: Sequence[str], build: Build, output: Path, wanted_by: str) -> int:
-    """Compile and link.
-
-    Parameters
-    ----------
-    compiler : sequence of str
-        Command of the compiler.
-    build : Build
-        What, and how.
-    output : Path
-        File to make.
-    wanted_by : str
-        Target, for the message.
-
-    Returns
-    -------
-    int
-        Warnings.
-
-    Raises
-    ------
-    NegativeResult
-        The compiler refuses the sources.
-    """
+    """Compile and link."""
     said = run_tool([*compiler, *build.arguments(), "-o", str(output)], wanted_by)
     return sum(": warning:" in line for line in said.splitlines())
 
 
 def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) -> int:
-    """Compile and link a program for a Cortex-M, with ziglang alone.
-
-    Parameters
-    ----------
-    cpu : str
-        As the compiler calls it: ``cortex_m4``; with a floating-point unit ``cortex_m4+...``.
-    build : Build
-        What, and how; the entry is in the linker script.
-    linker_script : Path
-        Where everything goes.
-    output : Path
-        ELF file to make.
-
-    Returns
-    -------
-    int
-        Warnings.
-
-    Raises
-    ------
-    InputError
-        ziglang is not installed.
-    NegativeResult
-        The compiler refuses the sources.
-    """
+    """Compile and link a program for a Cortex-M, with ziglang alone."""
     name, _, float_unit = cpu.replace("_", "-").partition("+")
     compiler = [
         *zig_cc(name),
@@ -141,13 +75,7 @@ def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) 
 
 
 def run_tool(command: Sequence[str], wanted_by: str) -> str:
-    """Run a compiler or linker and return what it complains about.
-
-    Raises
-    ------
-    NegativeResult
-        It refuses, or does not end.
-    """
+    """Run a compiler or linker and return what it complains about."""
     try:
         done = subprocess.run(
             command,

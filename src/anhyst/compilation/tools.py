@@ -10,21 +10,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """A tool that a target would need and that is not there.
+    """A tool that a target would need and that is not there."""
 
-    Parameters
-    ----------
-    target : str
-        Who needs it.
-    tool : str
-        What it is: a program, a Python package, a library.
-    install : str
-        The command that brings it.
-    """
-
-    target: str
-    tool: str
-    install: str
+    target: str  # who needs it
+    tool: str  # what it is: a program, a Python package, a library
+    install: str  # the command that brings it
 
     def text(self) -> str:
         """Say it in a few words."""
@@ -32,15 +22,7 @@ class Missing:
 
 
 def missing_programs(target: str, packages: Mapping[str, str]) -> tuple[Missing, ...]:
-    """Return the programs that are not installed.
-
-    Parameters
-    ----------
-    target : str
-        Who needs them.
-    packages : mapping of str to str
-        The Debian packages of each program, separated by spaces.
-    """
+    """Return the programs that are not installed."""
     return tuple(
         Missing(target, name, f"apt install {package}")
         for name, package in packages.items()

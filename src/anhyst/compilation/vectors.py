@@ -26,19 +26,6 @@ def golden_vectors(plan: Plan, rows: int = ROWS) -> list[Row]:
 
     Steps of all sizes, full-range jumps, gaps at rest and moving, codes beyond the limits, and
     currents that the amplifier did not give.
-
-    Parameters
-    ----------
-    plan : Plan
-        What was compiled.
-    rows : int, optional
-        How many.
-
-    Returns
-    -------
-    list of tuple
-        Demand, gap and applied current as given, current as answered, as :data:`COLUMNS`: codes,
-        or numbers in SI units.
     """
     inputs = _inputs(plan, rows)
     lost = np.random.default_rng(SEED + 1).random(rows)
@@ -78,17 +65,7 @@ def _inputs(plan: Plan, rows: int) -> NDArray[Any]:
 
 
 def codes_of_inputs(ends: tuple[float, float], one: int, rows: int = ROWS) -> NDArray[np.int32]:
-    """Return demands and gaps as fixed point takes them, shape (rows, 2).
-
-    Parameters
-    ----------
-    ends : tuple of float
-        Of the demand, in parts of full scale.
-    one : int
-        Code of 1.0.
-    rows : int, optional
-        How many.
-    """
+    """Return demands and gaps as fixed point takes them, shape (rows, 2)."""
     codes = np.rint(np.stack(_walk(ends, rows), axis=1) * one)
     return np.asarray(np.clip(codes, -one, one - 1), dtype=np.int32)
 

@@ -199,13 +199,7 @@ class ControllerTable(Table):
     pair: PairTable | None = None
 
     def pidd2_gains(self) -> Gains:
-        """Return the gains, designed or as they stand.
-
-        Raises
-        ------
-        InputError
-            If there are none.
-        """
+        """Return the gains, designed or as they stand."""
         if self.gains is not None:
             gains = self.gains
             return Gains(
@@ -247,13 +241,7 @@ class ControllerTable(Table):
         return ReferenceConverter(self.converter.low_A, self.converter.high_A, self.converter.bits)
 
     def force_max(self, pair: PairTable | None) -> float:
-        """Return the largest force of one magnet, N.
-
-        Parameters
-        ----------
-        pair : PairTable or None
-            What is to know of a second magnet.
-        """
+        """Return the largest force of one magnet, N."""
         high = self.limits.force_high_N
         return high if pair is None else pair.bias_force_N + 0.5 * high
 
@@ -263,18 +251,6 @@ class ControllerTable(Table):
         """Return the gaps of either magnet for which its compensator is made.
 
         Beyond the gaps that were measured a compensator goes on as at the last one.
-
-        Parameters
-        ----------
-        pair : PairTable or None
-            What is to know of a second magnet.
-        measured : tuple of float
-            Least and largest gap that was measured, m.
-
-        Returns
-        -------
-        low, high : float
-            m.
         """
         low, high = self.limits.gap_low_m, self.limits.gap_high_m
         if pair is not None:
@@ -288,29 +264,7 @@ class ControllerTable(Table):
         pair: PairTable | None,
         flux_full_scale: float = 1.0,
     ) -> PositionControl:
-        """Return the controller of the position around its compensators.
-
-        Parameters
-        ----------
-        scales : Scales
-            Of the compensators.
-        converter : ReferenceConverter
-            Of the current references.
-        pair : PairTable or None
-            What is to know of a second magnet.
-        flux_full_scale : float, optional
-            Flux density that counts as 1.0 in fixed point, T.
-
-        Returns
-        -------
-        PositionControl
-            In SI units.
-
-        Raises
-        ------
-        InputError
-            What the file says does not fit together, or the scales.
-        """
+        """Return the controller of the position around its compensators."""
         limits = self.limits
         return PositionControl(
             pidd2=self.pidd2(),
@@ -342,18 +296,10 @@ class ControllerTable(Table):
 
 @dataclass(frozen=True, slots=True)
 class ControllerFile:
-    """A controller as its file describes it.
+    """A controller as its file describes it."""
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    settings : ControllerTable
-        What it says.
-    """
-
-    path: Path
-    settings: ControllerTable
+    path: Path  # the file
+    settings: ControllerTable  # what it says
 
     @property
     def model(self) -> Path | None:
@@ -363,23 +309,7 @@ class ControllerFile:
 
 
 def read_controller(path: PathLike) -> ControllerFile:
-    """Read a controller file.
-
-    Parameters
-    ----------
-    path : path-like
-        ``controller.toml``; other files are named relative to it.
-
-    Returns
-    -------
-    ControllerFile
-        Its keys fit the schema and each other.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or does not fit; with file, line and key.
-    """
+    """Read a controller file."""
     place = Path(path)
     settings = read_toml(place, ControllerTable, RENAMED)
     faults = _own_faults(settings)
@@ -444,18 +374,7 @@ _KEYS: Mapping[str, tuple[str, str]] = {
 
 @contextmanager
 def error_at_key(file: ControllerFile) -> Iterator[None]:
-    """Name file, line and key where a controller cannot be made from a file.
-
-    Parameters
-    ----------
-    file : ControllerFile
-        What the controller is made from.
-
-    Raises
-    ------
-    InputError
-        In place of one that names nothing of the file.
-    """
+    """Name file, line and key where a controller cannot be made from a file."""
     try:
         yield
     except InputError as error:
@@ -484,22 +403,7 @@ HEADS = {
 
 
 def write_controller(path: PathLike, settings: ControllerTable, note: str) -> None:
-    """Write a controller file, whole or not at all, for a person to read and edit.
-
-    Parameters
-    ----------
-    path : path-like
-        Where.
-    settings : ControllerTable
-        What it is to say.
-    note : str
-        First comment of the file: where it comes from. Several lines are allowed.
-
-    Raises
-    ------
-    InputError
-        The place cannot be written, or the disk is full.
-    """
+    """Write a controller file, whole or not at all, for a person to read and edit."""
     text = controller_text(settings, note)
     with atomic_writer(path) as stream:
         stream.write(text)

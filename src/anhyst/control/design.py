@@ -26,51 +26,17 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class Gains:
-    """Gains of a PIDD2 in SI units, named as in :class:`anhyst.control.Pidd2`.
+    """Gains of a PIDD2 in SI units, named as in :class:`anhyst.control.Pidd2`."""
 
-    Parameters
-    ----------
-    K_p : float
-        N/m.
-    K_i : float
-        N/(m s).
-    K_d : float
-        N s/m.
-    K_dd : float
-        N s^2/m.
-    """
-
-    K_p: float
-    K_i: float
-    K_d: float
-    K_dd: float
+    K_p: float  # n/m
+    K_i: float  # n/(m s)
+    K_d: float  # N s/m
+    K_dd: float  # N s^2/m
 
 
 def design(mass: float, bandwidth: float, damping: float, virtual_mass: float = 0.0) -> Gains:
     """Place the poles of a mass under PIDD2.
 
-    Parameters
-    ----------
-    mass : float
-        What moves, kg, > 0.
-    bandwidth : float
-        Distance of all three poles from the origin, Hz, > 0.
-    damping : float
-        Of the pair of poles, > 0; 1 for three equal real ones.
-    virtual_mass : float, optional
-        Added to the mass by the second derivative, kg; above ``-mass``.
-
-    Returns
-    -------
-    Gains
-
-    Raises
-    ------
-    InputError
-        If a value is out of its range.
-
-    Examples
-    --------
     >>> gains = design(mass=2.0, bandwidth=120.0, damping=1.0)
     >>> f"{gains.K_p:.4g} N/m, {gains.K_i:.4g} N/(m s), {gains.K_d:.4g} N s/m"
     '3.411e+06 N/m, 8.573e+08 N/(m s), 4524 N s/m'

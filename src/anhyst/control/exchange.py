@@ -32,24 +32,7 @@ _W = Polynomial([0.0, 1.0])  # z - 1
 
 
 def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
-    """Return what the core computes between its limits.
-
-    Parameters
-    ----------
-    controller : Pidd2 or FixedPidd2
-        In fixed point the gains are those that the words stand for.
-
-    Returns
-    -------
-    control.TransferFunction
-        Discrete, from ``reference`` (m), ``position`` (m) and ``load`` to ``demand`` (N). The
-        controller that a loop closes over is minus the one of ``position``.
-
-    Raises
-    ------
-    InputError
-        If python-control is not installed.
-    """
+    """Return what the core computes between its limits."""
     library = control_library()
     p, k, d, e, load, _, s, t, weight = (float(x) for x in controller.per_tick[:9])
     integrates, first, second = k != 0.0, d != 0.0 or e != 0.0, e != 0.0
@@ -74,30 +57,7 @@ def to_control(controller: Pidd2 | FixedPidd2) -> TransferFunction:
 
 
 def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -> Pidd2:
-    """Read the gains of a PIDD2 from its transfer function.
-
-    Parameters
-    ----------
-    transfer : control.TransferFunction
-        Discrete. Either of one input, the controller C of a loop (``u = -C p``, no more than an
-        integrator and two real poles), or of the three inputs of :func:`to_control`, whose weight
-        and gain of the load are read too.
-    rate : float
-        Ticks a second, Hz.
-    weight : float, optional
-        Of the set point, 0..1, where the transfer function has one input.
-
-    Returns
-    -------
-    Pidd2
-        Without limits. Its derivatives may share the two poles either way; the faster one becomes
-        the filter of the first derivative.
-
-    Raises
-    ------
-    InputError
-        If the function is no PIDD2 of this rate, or python-control is not installed.
-    """
+    """Read the gains of a PIDD2 from its transfer function."""
     control_library()
     _check_time(transfer, rate)
     if (transfer.noutputs, transfer.ninputs) == (1, 1):
@@ -128,13 +88,7 @@ def from_control(transfer: TransferFunction, rate: float, weight: float = 1.0) -
 
 
 def control_library() -> Any:
-    """Import python-control.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
+    """Import python-control."""
     try:
         import control
     except ImportError as error:

@@ -28,21 +28,11 @@ _Q31 = 2.0**31
 
 @dataclass(frozen=True)
 class FullScales:
-    """What 1.0 of each signal means.
+    """What 1.0 of each signal means."""
 
-    Parameters
-    ----------
-    position : float
-        Metres from the middle of the range to its end, > 0.
-    output : float
-        Newtons, > 0.
-    load : float
-        In the unit of the load that is fed forward, > 0.
-    """
-
-    position: float
-    output: float
-    load: float = 1.0
+    position: float  # metres from the middle of the range to its end, > 0
+    output: float  # newtons, > 0
+    load: float = 1.0  # in the unit of the load that is fed forward, > 0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -57,25 +47,15 @@ class FullScales:
 
 @dataclass(frozen=True)
 class FixedPidd2:
-    """Gains as the words of ``anhyst_pidd2_gains_q31``, and what they stand for.
+    """Gains as the words of ``anhyst_pidd2_gains_q31``, and what they stand for."""
 
-    Parameters
-    ----------
-    factors : mapping of str to (int, int)
-        Mantissa and shift of every factor, in the order of the structure.
-    unweighted, low, high : int
-        As in the structure.
-    scales : FullScales
-    rate : float
-        Ticks a second.
-    """
-
+    # mantissa and shift of every factor, in the order of the structure
     factors: Mapping[str, tuple[int, int]]
-    unweighted: int
+    unweighted: int  # as in the structure
     low: int
     high: int
     scales: FullScales
-    rate: float
+    rate: float  # ticks a second
 
     @property
     def words(self) -> NDArray[np.int32]:
@@ -96,48 +76,21 @@ class FixedPidd2:
 
 @dataclass(frozen=True)
 class Pidd2:
-    """A controller in SI units.
+    """A controller in SI units."""
 
-    Parameters
-    ----------
-    rate : float
-        Ticks a second, Hz.
-    K_p : float
-        N/m.
-    K_i : float
-        N/(m s); of the sign of K_p.
-    K_d : float
-        N s/m.
-    K_dd : float
-        N s^2/m.
-    K_load : float
-        Output for each unit of the load that is fed forward.
-    cutoff, cutoff_2 : float
-        Of the filters of the first and of the second derivative, Hz; infinite: no filter.
-    weight : float
-        Of the set point in the proportional part, 0..1.
-    low, high : float
-        Limits of the output, N.
-    tracking : float, optional
-        Time in which the integral follows an output that was limited, s; K_p/K_i if not given.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its range.
-    """
-
-    rate: float
-    K_p: float
-    K_i: float = 0.0
-    K_d: float = 0.0
-    K_dd: float = 0.0
-    K_load: float = 0.0
+    rate: float  # ticks a second, Hz
+    K_p: float  # n/m
+    K_i: float = 0.0  # n/(m s); of the sign of K_p
+    K_d: float = 0.0  # N s/m
+    K_dd: float = 0.0  # N s^2/m
+    K_load: float = 0.0  # output for each unit of the load that is fed forward
+    # of the filters of the first and of the second derivative, Hz; infinite: no filter
     cutoff: float = math.inf
     cutoff_2: float = math.inf
-    weight: float = 1.0
-    low: float = -math.inf
+    weight: float = 1.0  # of the set point in the proportional part, 0..1
+    low: float = -math.inf  # limits of the output, N
     high: float = math.inf
+    # time in which the integral follows an output that was limited, s; K_p/K_i if not given
     tracking: float | None = None
 
     def __post_init__(self) -> None:
@@ -199,23 +152,7 @@ class Pidd2:
         return np.array([*gains, *shares, self.low, self.high])
 
     def fixed(self, scales: FullScales) -> FixedPidd2:
-        """Turn the gains into words for these full scales.
-
-        Parameters
-        ----------
-        scales : FullScales
-            The limits of the output may not lie beyond its full scale, unless infinite.
-
-        Returns
-        -------
-        FixedPidd2
-            Every gain within 0.1 % (2e-5 where its mantissa is normalised).
-
-        Raises
-        ------
-        InputError
-            If a gain is too large or too small for the full scales, or a limit beyond them.
-        """
+        """Turn the gains into words for these full scales."""
         row = self.per_tick
         units = _units(scales)
         factors = {

@@ -31,35 +31,18 @@ _COARSEST_STEP = 500  # codes of one step of the converter: its rounding stays b
 
 @dataclass(frozen=True)
 class PositionLimits:
-    """What holds whatever the gains are.
+    """What holds whatever the gains are."""
 
-    Parameters
-    ----------
-    gap_low, gap_high : float
-        Gaps that can be, m.
-    step : float
-        Largest change of the gap from one tick to the next, m.
-    current_low, current_high : float
-        Of the amplifiers' references, A; zero lies within.
-    release : float
-        At which a current goes to zero when nothing is controlled, A/s.
-    max_missing_samples : int
-        Samples in a row that may be missing or implausible; the last one stands in for them.
-    hold : int
-        Ticks for which the currents stay when the position is lost in the air.
-    selftest : int
-        Plausible samples in a row until the self-test has passed.
-    """
-
-    gap_low: float
+    gap_low: float  # gaps that can be, m
     gap_high: float
-    step: float
-    current_low: float
+    step: float  # largest change of the gap from one tick to the next, m
+    current_low: float  # of the amplifiers' references, A; zero lies within
     current_high: float
-    release: float
+    release: float  # at which a current goes to zero when nothing is controlled, A/s
+    # samples in a row that may be missing or implausible; the last one stands in for them
     max_missing_samples: int
-    hold: int
-    selftest: int = 20
+    hold: int  # ticks for which the currents stay when the position is lost in the air
+    selftest: int = 20  # plausible samples in a row until the self-test has passed
 
     def __post_init__(self) -> None:
         _above_zero(self, "step", "release", "selftest")
@@ -86,22 +69,12 @@ class PositionLimits:
 
 @dataclass(frozen=True)
 class Levitation:
-    """How an armature is lifted and set down.
+    """How an armature is lifted and set down."""
 
-    Parameters
-    ----------
-    detect : float
-        Distance from the rest that counts as having left it, m.
-    rise_speed, descend_speed : float
-        Of the reference, m/s.
-    lift_rate, set_down_rate : float
-        Of the force before and after control, N/s.
-    """
-
-    detect: float
-    rise_speed: float
+    detect: float  # distance from the rest that counts as having left it, m
+    rise_speed: float  # of the reference, m/s
     descend_speed: float
-    lift_rate: float
+    lift_rate: float  # of the force before and after control, N/s
     set_down_rate: float
 
     def __post_init__(self) -> None:
@@ -110,19 +83,11 @@ class Levitation:
 
 @dataclass(frozen=True)
 class ReferenceConverter:
-    """Converter of the references to the amplifiers.
+    """Converter of the references to the amplifiers."""
 
-    Parameters
-    ----------
-    low, high : float
-        Its ends, A.
-    bits : int
-        Of a word.
-    """
-
-    low: float
+    low: float  # its ends, A
     high: float
-    bits: int
+    bits: int  # of a word
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
@@ -144,25 +109,7 @@ class ReferenceConverter:
         return (self.high - self.low) / float(2**self.bits - 1)
 
     def within(self, low: float, high: float) -> tuple[float, int]:
-        """Return where the steps within a range begin, and how many follow.
-
-        Parameters
-        ----------
-        low, high : float
-            Range of the current, A.
-
-        Returns
-        -------
-        least : float
-            Current of the first step, A.
-        steps : int
-            From there to the largest current.
-
-        Raises
-        ------
-        InputError
-            Not even one step fits.
-        """
+        """Return where the steps within a range begin, and how many follow."""
         first = math.ceil((max(low, self.low) - self.low) / self.step - 1e-6)
         last = math.floor((min(high, self.high) - self.low) / self.step + 1e-6)
         if last <= first:
@@ -176,44 +123,19 @@ class ReferenceConverter:
 
 @dataclass(frozen=True)
 class PositionControl:
-    """A controller of the position, in SI units.
+    """A controller of the position, in SI units."""
 
-    Parameters
-    ----------
-    pidd2 : Pidd2
-        Gains; its output is the net force. Its rate is that of the ticks.
-    levitation : Levitation
-    limits : PositionLimits
-    converter : ReferenceConverter
-    scales : Scales
-        Of the compensators; both of a pair have the same.
-    bias : float
-        Force of either magnet of a pair without a net force, N.
-    gap_total : float, optional
-        Sum of both gaps of a pair, m; a single magnet has none.
-    measured : bool
-        Whether currents count as applied as they were measured, and not as they were driven.
-    flux_full_scale : float
-        Flux density that counts as 1.0 in fixed point, T.
-    load_full_scale : float
-        Load fed forward that counts as 1.0, in its unit.
-
-    Raises
-    ------
-    InputError
-        If what is given does not fit together.
-    """
-
-    pidd2: Pidd2
+    pidd2: Pidd2  # Gains; its output is the net force. Its rate is that of the ticks.
     levitation: Levitation
     limits: PositionLimits
     converter: ReferenceConverter
-    scales: Scales
-    bias: float = 0.0
-    gap_total: float | None = None
+    scales: Scales  # of the compensators; both of a pair have the same
+    bias: float = 0.0  # force of either magnet of a pair without a net force, N
+    gap_total: float | None = None  # sum of both gaps of a pair, m; a single magnet has none
+    # whether currents count as applied as they were measured, and not as they were driven
     measured: bool = False
-    flux_full_scale: float = 1.0
-    load_full_scale: float = 1.0
+    flux_full_scale: float = 1.0  # flux density that counts as 1.0 in fixed point, T
+    load_full_scale: float = 1.0  # load fed forward that counts as 1.0, in its unit
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.bias <= self.scales.demand:
@@ -248,47 +170,14 @@ class PositionControl:
         return _POSITION_REACH * (self.limits.gap_high - self.limits.gap_low)
 
     def gains(self, number_format: NumberFormat) -> FloatArray | NDArray[np.int32]:
-        """Return the gains as the core takes them.
-
-        Parameters
-        ----------
-        number_format : str
-            ``"f64"``, ``"f32"`` or ``"fixed"``.
-
-        Returns
-        -------
-        ndarray
-            A gain a tick each, in SI units; in fixed point the words of the structure.
-
-        Raises
-        ------
-        InputError
-            In fixed point, a gain is too large or too small for the full scales.
-        """
+        """Return the gains as the core takes them."""
         if number_format != "fixed":
             return self.pidd2.per_tick
         scales = FullScales(self.position_full, self.scales.demand, self.load_full_scale)
         return self.pidd2.fixed(scales).words
 
     def settings(self, number_format: NumberFormat) -> Settings:
-        """Return everything else as the core takes it.
-
-        Parameters
-        ----------
-        number_format : str
-            ``"f64"``, ``"f32"`` or ``"fixed"``.
-
-        Returns
-        -------
-        mapping of str to float
-            By name: positions and demands of the levitation are q31 in every format; the rest is
-            in SI units, or q31 in fixed point.
-
-        Raises
-        ------
-        InputError
-            A setting is too small to be told from zero, or does not fit the number format.
-        """
+        """Return everything else as the core takes it."""
         common = self._levitation() | {"measured": self.measured}
         return common | (self._fixed() if number_format == "fixed" else self._real())
 

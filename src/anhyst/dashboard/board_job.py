@@ -28,22 +28,7 @@ class Seat(DrivenBoard, Protocol):
 
 
 class BoardJob:
-    """A measurement under way.
-
-    Parameters
-    ----------
-    work : callable
-        Called with a progress and the seat.
-    seat : callable
-        Takes the seat.
-    ended : callable
-        Called with the result, or with the reason why there is none.
-
-    Attributes
-    ----------
-    share : float
-        Done so far, 0 to 1.
-    """
+    """A measurement under way."""
 
     def __init__(
         self,

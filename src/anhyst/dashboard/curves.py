@@ -17,34 +17,16 @@ _LOOPS = 60
 
 
 class DrawnLoop(NamedTuple):
-    """A loop as it is drawn.
+    """A loop as it is drawn."""
 
-    Attributes
-    ----------
-    kind : str
-        ``measured`` or ``model``.
-    gap : float or None
-        At which it was measured, m.
-    current, force : list of float
-        A and N.
-    """
-
-    kind: str
-    gap: float | None
-    current: list[float]
+    kind: str  # ``measured`` or ``model``
+    gap: float | None  # at which it was measured, m
+    current: list[float]  # A and N
     force: list[float]
 
 
 def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
-    """Return loops of force over current, thinned; and those of a model along the same currents.
-
-    Parameters
-    ----------
-    loops : Loops
-        Others than of force over current give nothing.
-    model : Model, optional
-        Identified from them.
-    """
+    """Return loops of force over current, thinned; and those of a model along the same currents."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
     found = []

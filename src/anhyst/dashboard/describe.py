@@ -15,16 +15,7 @@ from anhyst.dashboard.session import LiveSession
 
 
 def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
-    """Return the first message to a page.
-
-    Parameters
-    ----------
-    session : LiveSession
-    title : str
-        What the rig is called.
-    you : int
-        Number of the browser.
-    """
+    """Return the first message to a page."""
     bench = session.bench
     return {
         "kind": "bench",

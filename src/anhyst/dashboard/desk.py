@@ -9,15 +9,7 @@ ASKED_S = 10.0
 
 
 class Desk:
-    """The one seat from which the bench is operated.
-
-    Attributes
-    ----------
-    operator : int
-        Number of the browser that operates; 0 for none.
-    asking : int
-        Number of the browser that asks to take over; 0 for none.
-    """
+    """The one seat from which the bench is operated."""
 
     def __init__(self) -> None:
         self.operator = 0

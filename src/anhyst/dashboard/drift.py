@@ -20,22 +20,7 @@ true force is taken."""
 
 
 class BenchWatch:
-    """Watches one model over the rows of a bench, from its first row on.
-
-    Parameters
-    ----------
-    model : Model
-        In force.
-    signals : sequence of Signal
-        Of the bench.
-    rate : float
-        Ticks a second.
-
-    Raises
-    ------
-    InputError
-        The bench does not say what is needed.
-    """
+    """Watches one model over the rows of a bench, from its first row on."""
 
     def __init__(self, model: Model, signals: Sequence[Signal], rate: float) -> None:
         names = [signal.name for signal in signals]

@@ -17,25 +17,7 @@ _STRETCH_S = 0.001
 
 
 class DrivenBench:
-    """A :class:`anhyst.rig.bench.protocol.Bench` around another: generator, target and load kept.
-
-    Parameters
-    ----------
-    bench : Bench
-        What does the work.
-    refused : callable
-        Called with the reason where the bench takes no more of a generator, which is off then.
-    happened : callable
-        Called with what happened to the controller: it was lost, or is back. A generator is off
-        then, and the target what the controller says.
-
-    Attributes
-    ----------
-    target : float
-        Last target, m or N.
-    pulled : float or None
-        Last force commanded to the load drive, N; None before the first.
-    """
+    """A :class:`anhyst.rig.bench.protocol.Bench` around another: generator, target and load kept."""
 
     def __init__(
         self, bench: Bench, refused: Callable[[str], None], happened: Callable[[str], None]
@@ -106,13 +88,7 @@ class DrivenBench:
             self._refused(str(refused))
 
     def generate(self, generator: Wave | None) -> None:
-        """Start a generator around the target, or stop it and go back to the target.
-
-        Raises
-        ------
-        InputError
-            It goes beyond what may be demanded, or the bench refuses it.
-        """
+        """Start a generator around the target, or stop it and go back to the target."""
         if generator is not None:
             self._check(self.target, generator)
         elif self._generator is None:

@@ -28,38 +28,16 @@ _TAIL = struct.Struct("<I")
 
 
 class Run(NamedTuple):
-    """Rows between whose ticks none is missing.
+    """Rows between whose ticks none is missing."""
 
-    Parameters
-    ----------
-    first, last : int
-        Ticks that they cover.
-    rows : ndarray, shape (n, 1 + signals)
-        Column 0 is the tick.
-    thinned : bool
-        Whether rows are the smallest and largest values of stretches.
-    """
-
-    first: int
+    first: int  # ticks that they cover
     last: int
-    rows: FloatArray
-    thinned: bool
+    rows: FloatArray  # column 0 is the tick; shape (n, 1 + signals)
+    thinned: bool  # whether rows are the smallest and largest values of stretches
 
 
 def thin(rows: FloatArray, most: int) -> FloatArray:
-    """Return the smallest and the largest of every column, stretch by stretch.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n, m)
-    most : int
-        Rows wanted at most, 2 or more.
-
-    Returns
-    -------
-    ndarray, shape (k, m)
-        Pairs of rows, ``k <= most``; the rows themselves where they are few enough.
-    """
+    """Return the smallest and the largest of every column, stretch by stretch."""
     if len(rows) <= most:
         return rows
     stretch = -(-len(rows) // (most // 2))
@@ -80,15 +58,7 @@ def encode(run: Run) -> bytes:
 
 
 class Outbox:
-    """What waits for one page: bounded, and whoever puts rows in never waits.
-
-    Parameters
-    ----------
-    most : int, optional
-        Rows that may wait.
-    every : int, optional
-        Ticks from one row to the next where none is missing.
-    """
+    """What waits for one page: bounded, and whoever puts rows in never waits."""
 
     def __init__(self, most: int = MOST, every: int = 1) -> None:
         self._most = most

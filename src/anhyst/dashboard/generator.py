@@ -43,29 +43,12 @@ class Wave(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Generator:
-    """A shape around the target.
+    """A shape around the target."""
 
-    Parameters
-    ----------
-    shape : str
-        One of :data:`SHAPES`.
-    amplitude : float
-        From the target to the peak, m or N as the target is; 0 or more.
-    frequency : float
-        Hz, 0.01 to 50.
-    begin : int
-        Tick at which the first period begins.
-
-    Raises
-    ------
-    InputError
-        No such shape, or a number out of its range.
-    """
-
-    shape: str
-    amplitude: float
-    frequency: float
-    begin: int
+    shape: str  # one of :data:`SHAPES`
+    amplitude: float  # from the target to the peak, m or N as the target is; 0 or more
+    frequency: float  # Hz, 0.01 to 50
+    begin: int  # tick at which the first period begins
 
     lasts: ClassVar[float] = math.inf
 

@@ -28,20 +28,7 @@ _HEADERS = (
 
 
 def read_address(text: str, token: bool) -> tuple[str, int]:
-    """Read an address to listen on.
-
-    Parameters
-    ----------
-    text : str
-        ``HOST:PORT`` with the address in digits, or ``PORT`` on this machine only.
-    token : bool
-        Whether browsers have to show a token.
-
-    Raises
-    ------
-    InputError
-        Not an address; every address at once; or one beyond this machine without a token.
-    """
+    """Read an address to listen on."""
     host, colon, port = text.rpartition(":")
     host = host.strip("[]") if colon else "127.0.0.1"
     try:
@@ -88,13 +75,6 @@ class Guard:
 
     A name that leads to this machine by somebody else's name server is not among the names; a
     request from another site's page carries its origin. A WebSocket without origin is refused too.
-
-    Parameters
-    ----------
-    app : ASGI application
-        What is guarded.
-    names : frozenset of str
-        From :func:`names_of`.
     """
 
     def __init__(self, app: ASGIApp, names: frozenset[str]) -> None:
@@ -119,15 +99,7 @@ class Guard:
 
 
 class Allowance:
-    """So many messages a second, and a few at once.
-
-    Parameters
-    ----------
-    rate : float
-        Messages a second in the long run.
-    most : int
-        At once.
-    """
+    """So many messages a second, and a few at once."""
 
     def __init__(self, rate: float, most: int) -> None:
         self._rate = rate

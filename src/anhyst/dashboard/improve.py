@@ -15,13 +15,7 @@ _Act = Callable[[LiveSession, Improver, str, Fields], Fields]
 
 
 def improve(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
-    """Do a step, as ``step`` of a message says.
-
-    Raises
-    ------
-    InputError
-        No such step, not its turn, or refused by the controller, which says why.
-    """
+    """Do a step, as ``step`` of a message says."""
     step = str(fields.get("step"))
     act = _STEPS.get(step)
     if act is None:

@@ -41,25 +41,7 @@ _ORDERS = (*STEPS, "back", "cancel", "files", "watch")
 
 
 class Improver:
-    """What has been measured and found beside a bench, and the one job that may be under way.
-
-    Parameters
-    ----------
-    prepared : Improvable
-        What the bench was opened from.
-    bench : BlockHolder
-        Touched within :meth:`swap` and :meth:`back` alone, which are called in its thread.
-
-    Attributes
-    ----------
-    model : Model
-        Of the compensator in force.
-    curves : tuple of DrawnLoop
-        The loops it was identified from, and what it makes of them.
-    results : mapping of str to mapping
-        What each step left, by its name; another mapping after each step. Steps after one that was
-        done again are gone.
-    """
+    """What has been measured and found beside a bench, and the one job that may be under way."""
 
     def __init__(self, prepared: Improvable, bench: BlockHolder) -> None:
         self.model = prepared.model
@@ -91,20 +73,7 @@ class Improver:
         return isinstance(self._job, BoardJob)
 
     def measure(self, tighter: Mapping[str, float], seat: Callable[[], Seat]) -> None:
-        """Begin to measure loops, with some limits drawn tighter.
-
-        Parameters
-        ----------
-        tighter : mapping of str to float
-            By their names.
-        seat : callable
-            Takes a seat at the controller that runs, where the rig is no virtual one.
-
-        Raises
-        ------
-        InputError
-            A limit that is none, or wider than that of the rig file; or other work is under way.
-        """
+        """Begin to measure loops, with some limits drawn tighter."""
         prepared, place = self._prepared, self.place
         within(prepared.specimen(), tighter)
         if not isinstance(prepared, PreparedBoard):
@@ -125,18 +94,7 @@ class Improver:
         self._begin("compile", compile_block)
 
     def swap(self) -> int:
-        """Put the new model in force; in the thread of the bench.
-
-        Returns
-        -------
-        int
-            The first tick that uses it.
-
-        Raises
-        ------
-        InputError
-            Nothing is compiled, or the controller refuses it.
-        """
+        """Put the new model in force; in the thread of the bench."""
         self._check("swap")
         assert self._found is not None
         tick = self._exchange(self._words, *self._found)
@@ -144,25 +102,13 @@ class Improver:
         return tick
 
     def back(self) -> int:
-        """Put in force what was before the last swap; in the thread of the bench.
-
-        Raises
-        ------
-        InputError
-            There is nothing before.
-        """
+        """Put in force what was before the last swap; in the thread of the bench."""
         self._check("back")
         assert self._before is not None
         return self._exchange(*self._before)
 
     def to_watch(self) -> Model:
-        """Return the model that the rows of the bench can be held against.
-
-        Raises
-        ------
-        InputError
-            Two magnets pull, and the rows say no more than the sum of their forces.
-        """
+        """Return the model that the rows of the bench can be held against."""
         self._check("watch")
         return self.model
 

@@ -24,23 +24,7 @@ _NICE = 10
 
 
 class Job:
-    """A piece of work under way.
-
-    Parameters
-    ----------
-    work : callable
-        Of a module, so that another process finds it.
-    *given
-        What it is called with, after the progress.
-    ended : callable
-        Called with the result, or with the reason why there is none, in a thread of the job's own;
-        never once :meth:`cancel` was called.
-
-    Attributes
-    ----------
-    share : float
-        Done so far, 0 to 1.
-    """
+    """A piece of work under way."""
 
     def __init__(self, work: Work, *given: Any, ended: Ended) -> None:
         self.share = 0.0

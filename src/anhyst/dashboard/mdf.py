@@ -26,26 +26,6 @@ class MdfRecorder:
 
     Blocks are appended first and linked then, so that a reader at any moment finds whole ones.
     Every signal is a channel of 64-bit floats; a note is a marker at its tick.
-
-    Parameters
-    ----------
-    path : Path
-        To write; must not be there yet.
-    signals : sequence of Signal
-        Of the bench.
-    rate : float
-        Ticks a second.
-
-    Attributes
-    ----------
-    path : Path
-    rows : int
-        Written so far.
-
-    Raises
-    ------
-    FileExistsError
-        The file is there already.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:

@@ -24,26 +24,7 @@ _SWITCHES_MOST = 200
 
 
 def perform(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
-    """Do what a message asks for; to be called in the thread of the bench.
-
-    Parameters
-    ----------
-    session : LiveSession
-    who : str
-        For the log.
-    fields : mapping
-        The message; ``do`` says what.
-
-    Returns
-    -------
-    mapping
-        The answer.
-
-    Raises
-    ------
-    InputError
-        Not known, not of the right form, or refused by the bench, which says why.
-    """
+    """Do what a message asks for; to be called in the thread of the bench."""
     act = _ACTS.get(str(fields.get("do")))
     if act is None:
         raise InputError(f"no order '{str(fields.get('do'))[:40]}'", code="unknown-order", key="do")

@@ -45,27 +45,6 @@ class CsvRecorder:
 
     Every number is written so that it reads back as it was, bit for bit, and whole ones without a
     point; what is not finite is written as ``nan``.
-
-    Parameters
-    ----------
-    path : Path
-        To write; must not be there yet.
-    signals : sequence of Signal
-        Of the bench.
-    rate : float
-        Ticks a second.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    rows : int
-        Written so far.
-
-    Raises
-    ------
-    FileExistsError
-        The file is there already.
     """
 
     def __init__(self, path: Path, signals: Sequence[Signal], rate: float) -> None:
@@ -106,22 +85,7 @@ _KINDS: Mapping[str, type[CsvRecorder] | type[MdfRecorder]] = {
 
 
 def start_recording(path: Path, signals: Sequence[Signal], rate: float) -> RecordingFile:
-    """Begin a recording in a new file, of the kind that its name says.
-
-    Parameters
-    ----------
-    path : Path
-        ``.csv`` or ``.mf4``; must not be there yet.
-    signals : sequence of Signal
-        Of the bench.
-    rate : float
-        Ticks a second.
-
-    Raises
-    ------
-    InputError
-        Another kind of file, one that is there already, or that cannot be written.
-    """
+    """Begin a recording in a new file, of the kind that its name says."""
     kind = _KINDS.get(path.suffix.lower())
     if kind is None:
         raise InputError(

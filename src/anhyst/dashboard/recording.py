@@ -31,20 +31,7 @@ _PATIENCE_S = 0.1
 
 
 class Ring:
-    """The last rows, at full rate.
-
-    Parameters
-    ----------
-    rows : int
-        That it holds.
-    columns : int
-        The first is the tick.
-
-    Attributes
-    ----------
-    total : int
-        Rows that came so far; the last of them are held.
-    """
+    """The last rows, at full rate."""
 
     def __init__(self, rows: int, columns: int) -> None:
         self.total = 0
@@ -72,19 +59,10 @@ class Ring:
 
 
 class Crossing(NamedTuple):
-    """A signal that crosses a level.
+    """A signal that crosses a level."""
 
-    Attributes
-    ----------
-    column : int
-        Of a row.
-    level : float
-        SI unit of the signal.
-    rising : bool
-    """
-
-    column: int
-    level: float
+    column: int  # of a row
+    level: float  # SI unit of the signal
     rising: bool
 
     def find(self, values: FloatArray) -> int | None:
@@ -95,43 +73,16 @@ class Crossing(NamedTuple):
 
 
 class Span(NamedTuple):
-    """From when until when a recording lasts.
+    """From when until when a recording lasts."""
 
-    Attributes
-    ----------
-    before : float
-        Of what has been, s before now or before the crossing; 0 to :data:`KEPT_S`.
-    lasts : float
-        From there on, s; infinite until it is stopped.
-    crossing : Crossing or None
-        That it waits for.
-    """
-
+    # of what has been, s before now or before the crossing; 0 to :data:`KEPT_S`
     before: float = 0.0
-    lasts: float = math.inf
-    crossing: Crossing | None = None
+    lasts: float = math.inf  # from there on, s; infinite until it is stopped
+    crossing: Crossing | None = None  # that it waits for
 
 
 class TickRecorder:
-    """Keeps the last seconds of every tick, and writes recordings into one folder.
-
-    Parameters
-    ----------
-    signals : sequence of Signal
-        Of the bench.
-    rate : float
-        Ticks a second.
-    folder : Path
-        Nothing is written elsewhere.
-    said : callable
-        Called with what is to be logged.
-
-    Attributes
-    ----------
-    folder : Path
-    trouble : str
-        Why the last recording broke off; empty where it did not.
-    """
+    """Keeps the last seconds of every tick, and writes recordings into one folder."""
 
     def __init__(
         self,
@@ -153,13 +104,7 @@ class TickRecorder:
         self._first, self._last = 0, math.inf  # ticks
 
     def crossing(self, signal: str, level: float, rising: bool) -> Crossing:
-        """Return the crossing of a signal.
-
-        Raises
-        ------
-        InputError
-            No such signal.
-        """
+        """Return the crossing of a signal."""
         names = [one.name for one in self._signals]
         if signal not in names:
             raise InputError(
@@ -168,21 +113,7 @@ class TickRecorder:
         return Crossing(1 + names.index(signal), level, rising)
 
     def start(self, name: str, span: Span, tick: int) -> None:
-        """Begin a recording in a new file of the folder.
-
-        Parameters
-        ----------
-        name : str
-            ``.csv`` or ``.mf4``, without a folder.
-        span : Span
-        tick : int
-            The last of the bench.
-
-        Raises
-        ------
-        InputError
-            Not such a name, a file that is there, a span out of its range, or a recording runs.
-        """
+        """Begin a recording in a new file of the folder."""
         if not _NAME.fullmatch(name):
             raise InputError(
                 "record: a name is of letters, digits, blanks, points, _ and -, without a folder",
@@ -217,13 +148,7 @@ class TickRecorder:
                 self._frame(tick + 1)
 
     def stop(self, tick: int) -> None:
-        """End the recording with a tick; one that still waits leaves no file.
-
-        Raises
-        ------
-        InputError
-            None runs.
-        """
+        """End the recording with a tick; one that still waits leaves no file."""
         with self._lock:
             if self._file is None:
                 raise InputError("record: no recording runs", code="no-recording", key="record")

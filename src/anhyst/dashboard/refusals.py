@@ -28,18 +28,7 @@ def all_refused(bench: Bench, why: str) -> dict[str, str]:
 
 
 def refusals(bench: Bench, now: Standing | None, ended: str, measured: str) -> Mapping[str, str]:
-    """Return the reason of every order that would be refused.
-
-    Parameters
-    ----------
-    bench : Bench
-    now : Standing or None
-        How its controller stands; None before the first sample.
-    ended : str
-        Why it goes on no more; empty while it does.
-    measured : str
-        Why nothing may be moved; empty where it may.
-    """
+    """Return the reason of every order that would be refused."""
     if ended:
         return all_refused(bench, ended)
     if bench.lost or now is None:

@@ -24,13 +24,7 @@ _GO_S = 2
 
 
 def listen_on(host: str, port: int) -> socket.socket:
-    """Take an address.
-
-    Raises
-    ------
-    InputError
-        It is taken, or not of this machine.
-    """
+    """Take an address."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     taken = socket.socket(family, socket.SOCK_STREAM)
     taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -50,18 +44,7 @@ def listen_on(host: str, port: int) -> socket.socket:
 def make_server(
     session: LiveSession, title: str, address: tuple[str, int], token: str = ""
 ) -> uvicorn.Server:
-    """Return the server of a page for a session.
-
-    Parameters
-    ----------
-    session : LiveSession
-    title : str
-        What the page calls the rig.
-    address : tuple of str and int
-        That it will listen on.
-    token : str, optional
-        That browsers have to show; empty for none.
-    """
+    """Return the server of a page for a session."""
     return uvicorn.Server(
         uvicorn.Config(
             LiveServer(session, title, names_of(*address), token).app,
@@ -92,19 +75,7 @@ def serve(
     token: str = "",
     started: Callable[[str], None] | None = None,
 ) -> None:
-    """Serve a page for a session until ctrl-C; the session is ended then.
-
-    Parameters
-    ----------
-    session : LiveSession
-        Not started yet.
-    title, token : str
-        As of :func:`make_server`.
-    taken : socket
-        From :func:`listen_on`; closed at the end.
-    started : callable, optional
-        Called with the address of the page before it is served.
-    """
+    """Serve a page for a session until ctrl-C; the session is ended then."""
     host, port = taken.getsockname()[:2]
     server = make_server(session, title, (host, port), token)
     settle()

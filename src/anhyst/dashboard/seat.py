@@ -24,11 +24,6 @@ class SessionSeat:
     """The bench of a session as who measures needs it: all is done between its chunks.
 
     A :class:`anhyst.dashboard.board_job.Seat`.
-
-    Parameters
-    ----------
-    session : LiveSession
-        Running.
     """
 
     def __init__(self, session: LiveSession) -> None:
@@ -46,13 +41,7 @@ class SessionSeat:
         return self._session.bench.lost
 
     def advance(self, ticks: int) -> FloatArray:
-        """Return what came; mostly as much as was asked for, and nothing of a lost controller.
-
-        Raises
-        ------
-        InputError
-            It was cancelled (said once), or the bench goes on no more.
-        """
+        """Return what came; mostly as much as was asked for, and nothing of a lost controller."""
         parts = [np.empty((0, 1 + len(self.signals)))]
         while sum(map(len, parts)) * self.every < ticks:
             if self._cancelled.is_set():

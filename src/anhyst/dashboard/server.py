@@ -47,16 +47,7 @@ _Result = TypeVar("_Result")
 
 
 class Client:
-    """A browser: what waits for it, and who it is.
-
-    Parameters
-    ----------
-    number : int
-        From 1 on, in the order in which they came.
-    socket : WebSocket
-    every : int
-        Ticks from one row to the next.
-    """
+    """A browser: what waits for it, and who it is."""
 
     def __init__(self, number: int, socket: WebSocket, every: int) -> None:
         self.number = number
@@ -90,19 +81,7 @@ class Client:
 
 
 class LiveServer:
-    """Brings browsers and a session together.
-
-    Parameters
-    ----------
-    session : LiveSession
-        Running.
-    title : str
-        What the page calls the rig.
-    names : frozenset of str
-        What browsers may call the server; :func:`anhyst.dashboard.guard.names_of`.
-    token : str, optional
-        That browsers have to show first; empty for none.
-    """
+    """Brings browsers and a session together."""
 
     def __init__(
         self, session: LiveSession, title: str, names: frozenset[str], token: str = ""

@@ -47,42 +47,6 @@ class LiveSession:
     """Runs a bench until it is closed.
 
     Methods that touch the bench are to be called within :meth:`do`.
-
-    Parameters
-    ----------
-    bench : Bench
-        Closed with the session.
-    recording : RecordingFile, optional
-        Gets every row from the first tick on.
-    folder : Path, optional
-        Where recordings and parameter sets are written; the working folder if left out.
-    improver : Improver, optional
-        Finds a better model beside the bench. Closed with the session.
-    curves : sequence of DrawnLoop, optional
-        Drawn below the loop that it runs.
-
-    Attributes
-    ----------
-    bench : DrivenBench
-        The bench.
-    paced : PacedBench
-        What runs it.
-    sets : ParameterSets
-    curves : tuple of DrawnLoop
-        Another tuple after each change.
-    recorder : TickRecorder
-        The bench waits for it.
-    improver : Improver or None
-    watched : BenchWatch or None
-        Whether its model still fits, where that is watched.
-    log : deque of LogEntry
-        What was changed of late.
-    logged : int
-        Entries since the start.
-    parameters : tuple of Parameter
-        With the values in force; another tuple after each change.
-    applied : int
-        Number of the first tick at which they were in force.
     """
 
     def __init__(
@@ -157,13 +121,7 @@ class LiveSession:
         return leave
 
     def do(self, act: Callable[[], _Result]) -> _Result:
-        """Do something between two chunks of ticks, and return what it returned.
-
-        Raises
-        ------
-        InputError
-            What it raised, or the bench does not go on any more.
-        """
+        """Do something between two chunks of ticks, and return what it returned."""
         return self.paced.do(lambda _: act())
 
     def note(self, who: str, text: str) -> None:
@@ -195,13 +153,7 @@ class LiveSession:
         self.bench.generate(generator)
 
     def watch(self, model: Model | None) -> None:
-        """Hold the rows from now on against a model, or no more.
-
-        Raises
-        ------
-        InputError
-            The bench does not say what is needed.
-        """
+        """Hold the rows from now on against a model, or no more."""
         watched = None
         if model is not None:
             watched = BenchWatch(model, self.bench.signals, self.bench.rate)
@@ -300,13 +252,7 @@ def _begin(
 
 
 def finite(fields: Mapping[str, Any], key: str) -> float:
-    """Return a number of a message.
-
-    Raises
-    ------
-    InputError
-        It is missing, or no finite number.
-    """
+    """Return a number of a message."""
     value = fields.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{key}: is no number", code="not-a-number", key=key)

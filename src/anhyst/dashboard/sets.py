@@ -24,18 +24,7 @@ _LARGEST = 1 << 20
 
 
 class ParameterSets:
-    """The sets of a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Nothing is read or written elsewhere.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of all sets, in order; another tuple after each change.
-    """
+    """The sets of a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -43,13 +32,7 @@ class ParameterSets:
         self._look()
 
     def save(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Write the values in force under a new name.
-
-        Raises
-        ------
-        InputError
-            Not a name, one that is taken, or the file cannot be written.
-        """
+        """Write the values in force under a new name."""
         path = self._path(name)
         self._look()
         if name in self.names:
@@ -70,13 +53,7 @@ class ParameterSets:
         self._look()
 
     def read(self, name: str) -> dict[str, dict[str, Any]]:
-        """Return a set: value and unit of each parameter, by name.
-
-        Raises
-        ------
-        InputError
-            No such set, or its file is none of a set.
-        """
+        """Return a set: value and unit of each parameter, by name."""
         path = self._path(name)
         try:
             with path.open(encoding="utf-8") as file:
@@ -120,20 +97,7 @@ def _entry(file: str, key: object, one: object) -> dict[str, Any]:
 def values_for(
     parameters: Sequence[Parameter], held: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, float]:
-    """Return those values of a set that differ from what is in force.
-
-    Parameters
-    ----------
-    parameters : sequence of Parameter
-        Of the bench.
-    held : mapping
-        From :meth:`ParameterSets.read`.
-
-    Raises
-    ------
-    InputError
-        The set names a parameter that the bench does not have, or one in another unit.
-    """
+    """Return those values of a set that differ from what is in force."""
     here = {one.name: one for one in parameters}
     for name, one in held.items():
         if name not in here:

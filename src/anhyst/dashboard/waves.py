@@ -18,30 +18,13 @@ _ROWS_LEAST = 2
 
 @dataclass(frozen=True, slots=True)
 class Chirp:
-    """A sine around the target whose frequency goes from one to another, in equal times per octave.
+    """A sine around the target whose frequency goes from one to another, in equal times per octave."""
 
-    Parameters
-    ----------
-    amplitude : float
-        m or N as the target is; 0 or more.
-    low, high : float
-        Frequency at its begin and its end, Hz; 0.01 to 50, either may be the larger one.
-    lasts : float
-        s, up to 3600.
-    begin : int
-        Tick at which it begins.
-
-    Raises
-    ------
-    InputError
-        A number out of its range.
-    """
-
-    amplitude: float
-    low: float
+    amplitude: float  # m or N as the target is; 0 or more
+    low: float  # frequency at its begin and its end, Hz; 0.01 to 50, either may be the larger one
     high: float
-    lasts: float
-    begin: int
+    lasts: float  # s, up to 3600
+    begin: int  # tick at which it begins
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
@@ -88,21 +71,11 @@ class Chirp:
 
 @dataclass(frozen=True, slots=True)
 class WaveTable:
-    """Values over time that are added to the target, straight between its rows.
+    """Values over time that are added to the target, straight between its rows."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        s; from 0 on, rising.
-    values : ndarray, shape (n,)
-        m or N as the target is.
-    begin : int
-        Tick at which it begins.
-    """
-
-    times: FloatArray
-    values: FloatArray
-    begin: int
+    times: FloatArray  # s; from 0 on, rising; shape (n,)
+    values: FloatArray  # m or N as the target is; shape (n,)
+    begin: int  # tick at which it begins
 
     @property
     def lasts(self) -> float:
@@ -124,22 +97,7 @@ class WaveTable:
 
 
 def read_table(text: str, unit: str, begin: int) -> WaveTable:
-    """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers.
-
-    Parameters
-    ----------
-    text : str
-        The file. Lines that begin with ``#`` are left out.
-    unit : str
-        Of the target, SI; the second column is a length or a force as this is.
-    begin : int
-        Tick at which it begins.
-
-    Raises
-    ------
-    InputError
-        Not of this form; names the line.
-    """
+    """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers."""
     lines = [
         (number, [cell.strip() for cell in line.split(",")])
         for number, line in enumerate(text.splitlines(), 1)

@@ -35,13 +35,7 @@ class Branch:
 
 
 def branches(drive: FloatArray) -> list[Branch]:
-    """Cut a record at its reversals; neighbours share the turning point.
-
-    Parameters
-    ----------
-    drive
-        Input of shape (n,).
-    """
+    """Cut a record at its reversals; neighbours share the turning point."""
     wobble = _WOBBLE * float(np.ptp(drive))
     turns = turning_points(drive, wobble).tolist()
     # A record that wobbles before it sets out, or after it has come home, has no branch there.
@@ -65,19 +59,7 @@ def repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch
 
 
 def smooth(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[FloatArray, FloatArray]:
-    """Average one branch in equal bins of the input.
-
-    Parameters
-    ----------
-    drive, answer
-        The samples of a branch, shape (m,).
-    bins
-        Most points to return; bins without samples are left out.
-
-    Returns
-    -------
-    Input, ascending, and output.
-    """
+    """Average one branch in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
     place = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)

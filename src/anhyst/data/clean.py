@@ -168,13 +168,6 @@ def thin(loopset: Loops, most: int = MOST_POINTS) -> Loops:
     """Average long loops down to ``most`` samples along their path, reversals kept as measured.
 
     What creeps keeps its samples: there the clock counts.
-
-    Parameters
-    ----------
-    loopset
-        The loops.
-    most
-        Samples to leave of a loop at most (more only if it has more reversals).
     """
     counts = [loop.n for loop in loopset.loops if loop.n > most]
     if not counts or output_map(loopset.output).creeps:

@@ -21,19 +21,7 @@ def is_frame(given: object) -> bool:
 
 
 def table_of(frame: Any) -> MemoryTable:
-    """Return the columns of a frame as a table whose headers are their names.
-
-    Parameters
-    ----------
-    frame
-        A mapping of names to arrays of one length; a frame whose ``columns`` are names, as those of
-        pandas and polars; or any with ``__arrow_c_stream__`` or ``__dataframe__``.
-
-    Raises
-    ------
-    InputError
-        If pyarrow is needed to read it and not installed.
-    """
+    """Return the columns of a frame as a table whose headers are their names."""
     if not isinstance(frame, Mapping) and not _has_names(frame):
         frame = _through_arrow(frame)
         names = list(frame.column_names)

@@ -31,23 +31,7 @@ def mapping(
     skip: Collection[int] = (),
     least: int = -8,
 ) -> str:
-    """Advise how to map the likeliest columns to what is missing.
-
-    Parameters
-    ----------
-    headers
-        The headers of the table.
-    wanted
-        For each missing column the quantities that it may hold, first choice first.
-    skip
-        Indices of columns that hold no numbers.
-    least
-        How much a column must look like what is missing: below 0 it looks like something else.
-
-    Returns
-    -------
-    Clause such as ``; or map it: --columns "Strom=I_A"``, empty if no column is left to map.
-    """
+    """Advise how to map the likeliest columns to what is missing."""
     found = likely(headers, wanted, skip, least)
     pairs = [(headers[place].text, _target(headers[place], name)) for place, name in found]
     if not pairs:

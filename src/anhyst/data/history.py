@@ -67,13 +67,6 @@ class History:
     def parse(cls, text: str) -> History:
         """Read a history from its text form, such as ``settled`` or ``conditioned:0,2,0``.
 
-        Raises
-        ------
-        InputError
-            If the text is none of the three.
-
-        Examples
-        --------
         >>> str(History.parse("conditioned: 0, 2, 0"))
         'conditioned:0.0,2.0,0.0'
         >>> History.parse("settled:0,3,0@0.0003;0,2,0").schedule

@@ -26,56 +26,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """Figures of one loop, SI units of its input and output; ``None`` where it cannot be found.
-
-    Attributes
-    ----------
-    cycles
-        Up-and-down pairs of the input.
-    step, uneven
-        Median time step in s, and the largest deviation from it, relative.
-    input_offset, output_offset
-        Centre of a symmetric loop of an odd output.
-    drift
-        Linear drift of the output over the record.
-    closure
-        Output at the end of the last full cycle minus output at its start.
-    noise
-        Standard deviation of the noise of the output.
-    skew
-        Delay of the output behind the input, in samples.
-    saturation
-        Slope at the largest input over the largest slope: 1 none, near 0 saturated.
-    width, height
-        Largest distance of neighbouring branches in input and in output.
-    single_mean, single_worst
-        Mean and worst deviation from the best single-valued curve.
-    history, proposed, reason
-        Past as declared, as proposed from the record, and why.
-    """
+    """Figures of one loop, SI units of its input and output; ``None`` where it cannot be found."""
 
     label: str
     schedule: float | None
     samples: int
-    cycles: float
+    cycles: float  # up-and-down pairs of the input
     input_low: float
     input_high: float
     output_low: float
     output_high: float
-    step: float | None
+    step: float | None  # median time step in s, and the largest deviation from it, relative
     uneven: float | None
-    input_offset: float | None
+    input_offset: float | None  # centre of a symmetric loop of an odd output
     output_offset: float | None
-    drift: float | None
-    closure: float | None
-    noise: float
-    skew: float | None
+    drift: float | None  # linear drift of the output over the record
+    closure: float | None  # output at the end of the last full cycle minus output at its start
+    noise: float  # standard deviation of the noise of the output
+    skew: float | None  # delay of the output behind the input, in samples
+    # slope at the largest input over the largest slope: 1 none, near 0 saturated
     saturation: float | None
-    width: float
+    width: float  # largest distance of neighbouring branches in input and in output
     height: float
-    single_mean: float
+    single_mean: float  # mean and worst deviation from the best single-valued curve
     single_worst: float
-    history: History
+    history: History  # past as declared, as proposed from the record, and why
     proposed: History
     reason: str
 
@@ -184,6 +159,15 @@ def inspect(loops: Loops) -> Inspection:
     """Look at loops: figures of each, warnings, and whether a hysteresis model is worth it.
 
     Noise and delay are those of the record as it is: inspect before thinning it.
+
+    Parameters
+    ----------
+    loops : Loops
+        As measured.
+
+    Returns
+    -------
+    Inspection
 
     Raises
     ------

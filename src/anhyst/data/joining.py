@@ -37,11 +37,6 @@ def join(parts: Sequence[LoopPart]) -> Loops:
 
     A loop that comes twice with the same data is taken once. Loops of several files that are called
     alike are named after their files. Scheduling values that differ by rounding become one.
-
-    Raises
-    ------
-    InputError
-        If the sources hold different quantities, or contradict each other.
     """
     first = parts[0]
     for part in parts[1:]:

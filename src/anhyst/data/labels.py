@@ -40,26 +40,6 @@ def find_label(
 
     Each of its values must hold one run of rows at each value of the schedule, in which the input
     reverses; and the loops must differ in size, or they are cycles of one record.
-
-    Parameters
-    ----------
-    place
-        File name, for messages.
-    headers
-        The headers of the table.
-    idle
-        Columns without a part, as text.
-    drive, answer, schedule
-        What was measured, shape (n,).
-
-    Returns
-    -------
-    Index of the column, ``None`` if there is none.
-
-    Raises
-    ------
-    InputError
-        If the column may as well be a gap or a temperature, or several contradict each other.
     """
     found: dict[int, list[Rows]] = {}
     for index, column in idle.items():

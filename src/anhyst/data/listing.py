@@ -43,13 +43,7 @@ class ChannelFigures:
 
 
 def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> list[ChannelFigures]:
-    """List the channels of a file in any format, one at a time in memory.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read.
-    """
+    """List the channels of a file in any format, one at a time in memory."""
     table = open_table(path, least=1)
     headers = map_headers(table, columns or {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]

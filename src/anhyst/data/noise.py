@@ -15,11 +15,6 @@ def noise(values: FloatArray) -> float:
 
     Differences of any order (2 to 5 are taken) hold the noise and what is left of the signal, so
     that the smallest of the estimates is the nearest. Robust against spikes and steps (median).
-
-    Parameters
-    ----------
-    values
-        Evenly sampled signal of shape (n,); below 12 samples the answer is 0.
     """
     if values.size < 12:
         return 0.0

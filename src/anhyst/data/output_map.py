@@ -11,32 +11,19 @@ from anhyst.support.units import QUANTITIES, Quantity
 
 @dataclass(frozen=True, slots=True)
 class OutputMap:
-    """Output over flux density, ``c_out * B**power + out_0``.
+    """Output over flux density, ``c_out * B**power + out_0``."""
 
-    Attributes
-    ----------
-    quantity
-        Name of the output.
-    power
-        Power of the flux density; an even one does not depend on the sign of the input.
-    of_flux
-        Whether the output grows with the flux of the iron, and encloses energy with the input.
-    absolute
-        Whether the output is the flux density itself, ``c_out = 1``.
-    from_zero
-        Whether the output has a natural zero; else deviations refer to its range.
-    creeps
-        Whether a body that deforms by itself gives it, with lag and creep and no iron in it.
-    magnetised
-        Name of the quantity that it is where a current or a field drives, if that is another one.
-    """
-
-    quantity: str
+    quantity: str  # name of the output
+    # power of the flux density; an even one does not depend on the sign of the input
     power: int = 1
+    # whether the output grows with the flux of the iron, and encloses energy with the input
     of_flux: bool = False
-    absolute: bool = False
+    absolute: bool = False  # whether the output is the flux density itself, ``c_out = 1``
+    # whether the output has a natural zero; else deviations refer to its range
     from_zero: bool = True
+    # whether a body that deforms by itself gives it, with lag and creep and no iron in it
     creeps: bool = False
+    # name of the quantity that it is where a current or a field drives, if that is another one
     magnetised: str = ""
 
     @property

@@ -14,19 +14,6 @@ LARGEST = 1e50
 def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
     """Find the first sample, every reversal larger than the threshold, and the last sample.
 
-    Parameters
-    ----------
-    values
-        Signal of shape (n,), n >= 1.
-    threshold
-        A reversal counts once the signal has come back by more than this, in its own unit.
-
-    Returns
-    -------
-    Indices, strictly ascending; of equal extremes the first.
-
-    Examples
-    --------
     >>> turning_points(np.array([0.0, 1.0, 0.99, 2.0, 1.0, 0.0]), 0.1).tolist()
     [0, 3, 5]
     """
@@ -55,17 +42,7 @@ def reversal_count(values: FloatArray, threshold: float) -> int:
 
 
 def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
-    """Interpolate ``other`` where ``values`` crosses a level in one direction.
-
-    Parameters
-    ----------
-    values, other
-        Two signals of shape (n,), sampled together.
-    level
-        The level of ``values`` to cross.
-    rising
-        Whether to take the upward or the downward crossings.
-    """
+    """Interpolate ``other`` where ``values`` crosses a level in one direction."""
     below = values < level if rising else values > level
     place = np.flatnonzero(below[:-1] & ~below[1:])
     share = (level - values[place]) / (values[place + 1] - values[place])

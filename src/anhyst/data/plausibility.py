@@ -43,15 +43,6 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     The attraction of an electromagnet grows with the square of the flux: force falls nowhere as
     the size of the current grows, and starts flat. Flux grows with its field, and energy is lost,
     not won.
-
-    Returns
-    -------
-    Warnings, one sentence each.
-
-    Raises
-    ------
-    InputError
-        If the sign of the output is flipped, or input and output are swapped.
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
     for loop in loopset.loops:

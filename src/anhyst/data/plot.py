@@ -17,15 +17,7 @@ if TYPE_CHECKING:
 
 
 def plot_inspection(inspection: Inspection, loopset: Loops) -> Figure:
-    """Draw the loops, the residuals of the best single-valued curve, and the verdict.
-
-    Parameters
-    ----------
-    inspection
-        What `anhyst.data.inspection.inspect` found.
-    loopset
-        The loops it looked at.
-    """
+    """Draw the loops, the residuals of the best single-valued curve, and the verdict."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")

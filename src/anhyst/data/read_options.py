@@ -18,52 +18,20 @@ PREFIX = "read_"
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """How measurements are read, where their headers and sidecars do not say it all.
+    """How measurements are read, where their headers and sidecars do not say it all."""
 
-    Parameters
-    ----------
-    columns : mapping of str to str
-        Column of the file to our column.
-    constants : mapping of str to float or str
-        Our column to what it is throughout.
-    schedule, loop : str or None
-        The scheduling variable; the column that distinguishes loops.
-    history : str or None
-        What happened before the first sample.
-    sidecar : str or None
-        TOML file that describes all the files.
-    clean : tuple of str
-        Cleaning steps, in their order.
-    """
-
-    columns: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)  # column of the file to our column
+    # our column to what it is throughout
     constants: Mapping[str, float | str] = field(default_factory=dict)
-    schedule: str | None = None
+    schedule: str | None = None  # the scheduling variable; the column that distinguishes loops
     loop: str | None = None
-    history: str | None = None
-    sidecar: str | None = None
-    clean: tuple[str, ...] = DEFAULT_STEPS
+    history: str | None = None  # what happened before the first sample
+    sidecar: str | None = None  # TOML file that describes all the files
+    clean: tuple[str, ...] = DEFAULT_STEPS  # cleaning steps, in their order
 
     @classmethod
     def from_text(cls, **texts: str | None) -> ReadOptions:
-        """Read the options from texts, as on the command line and in a model file.
-
-        Parameters
-        ----------
-        **texts : str or None
-            One for each field: ``columns="U_M_V=psi_Wb"``, ``constants="gap_mm=0.4"``,
-            ``clean="dedupe,drift"`` or ``"none"``. None leaves the default.
-
-        Returns
-        -------
-        ReadOptions
-            The options.
-
-        Raises
-        ------
-        InputError
-            A text that is not of the right form.
-        """
+        """Read the options from texts, as on the command line and in a model file."""
         given = {name: text for name, text in texts.items() if text is not None}
         columns = _pairs(given.pop("columns", ""), "columns")
         constants = _pairs(given.pop("constants", ""), "constants")
@@ -90,25 +58,7 @@ class ReadOptions:
         return settings
 
     def read(self, paths: Sequence[PathLike], progress: Progress | None = None) -> Loops:
-        """Read and clean loops.
-
-        Parameters
-        ----------
-        paths : sequence of path-like
-            Files and folders.
-        progress : callable, optional
-            Called with bytes read and file size.
-
-        Returns
-        -------
-        Loops
-            With notes and repairs.
-
-        Raises
-        ------
-        InputError
-            As :func:`anhyst.data.reading.read_loops`, or an unknown cleaning step.
-        """
+        """Read and clean loops."""
         clean_steps = tuple(self.clean)
         loops = read_loops(
             paths,

@@ -114,13 +114,7 @@ def read_loops(
 
 
 def files_read(paths: PathLike | Sequence[PathLike], sidecar: PathLike | None = None) -> list[Path]:
-    """Files that `read_loops` reads for these arguments, sidecars included.
-
-    Raises
-    ------
-    InputError
-        If a folder holds no table, or a sidecar is no TOML.
-    """
+    """Files that `read_loops` reads for these arguments, sidecars included."""
     files = _expand(paths)
     if sidecar is not None:
         return [*files, Path(sidecar)]

@@ -34,17 +34,6 @@ def reversal_share(loopset: Loops) -> float | None:
     Without hysteresis it is one; an iron that is all pinned does not answer at all at first. The
     static slope is that of all branches together around the same input. Reversals of all loops are
     taken together, by least squares. A falling input that is turned leaves more of the slope.
-
-    Returns
-    -------
-    float or None
-        ``None`` where the loops have too few reversals, or too few samples just after them, for a
-        standard error below 0.05.
-
-    Raises
-    ------
-    InputError
-        The scheduling variable moves within a loop.
     """
     even = is_even(loopset)
     reach = _REACH * max(loop_width(loop, even=even).width for loop in loopset.loops)

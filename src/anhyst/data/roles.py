@@ -60,25 +60,7 @@ class Roles:
 def find_roles(
     place: str, headers: Sequence[Header], given: FileDescription, skip: Collection[int] = ()
 ) -> Roles:
-    """Decide what each column is.
-
-    Parameters
-    ----------
-    place
-        File name, for messages.
-    headers
-        The headers, mapped.
-    given
-        Names of the label column and the scheduling variable, constants.
-    skip
-        Indices of columns that hold no numbers.
-
-    Raises
-    ------
-    InputError
-        If input or output are missing, one comes twice, or a column that matters has no usable
-        unit.
-    """
+    """Decide what each column is."""
     drive, answer = _pair(place, headers, skip)
     time = _only(place, headers, "time")
     label = _label(place, headers, given)
@@ -100,13 +82,7 @@ def find_roles(
 
 
 def find_column(place: str, headers: Sequence[Header], name: str) -> int:
-    """Index of a column by the header as it stands in the file.
-
-    Raises
-    ------
-    InputError
-        If there is no such column.
-    """
+    """Index of a column by the header as it stands in the file."""
     for index, header in enumerate(headers):
         if header.text == name:
             return index
@@ -116,13 +92,7 @@ def find_column(place: str, headers: Sequence[Header], name: str) -> int:
 
 
 def with_file_name(path: Path, given: FileDescription) -> FileDescription:
-    """Add the constants that the file's name holds, by the pattern ``file_name``.
-
-    Raises
-    ------
-    InputError
-        If the name does not fit the pattern, or holds text where a number should be.
-    """
+    """Add the constants that the file's name holds, by the pattern ``file_name``."""
     if given.file_name is None:
         return given
     pieces = re.split(r"\{([^{}]+)\}", given.file_name)

@@ -46,19 +46,6 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
     from there says whether the iron remembers that one: it is then a part of the larger one's.
     Without such an end, or where branches lie apart, nothing is taken to have been before, as if the
     iron had been demagnetised.
-
-    Parameters
-    ----------
-    loops
-        Of one file, whose clock shows the order in which they were run.
-    over_gaps
-        Whether the scheduling variable is a gap, which leaves the iron as it is: then what was run
-        at other gaps was before, too.
-
-    Returns
-    -------
-    list of Loop
-        In the same order.
     """
     order = _order(loops)
     before = {

@@ -38,13 +38,7 @@ class FileDescription:
         select: Mapping[str, object] | None = None,
         file_name: str | None = None,
     ) -> FileDescription:
-        """Collect keyword arguments.
-
-        Raises
-        ------
-        InputError
-            If a history or a selection makes no sense.
-        """
+        """Collect keyword arguments."""
         return cls(
             columns=dict(columns or {}),
             loop=loop,
@@ -63,11 +57,6 @@ class FileDescription:
         ``schedule``, ``history`` (text, or a table: label = text), ``constants`` (table:
         ``T_C = -15``), ``select`` (table: column = value or list of values), ``file_name``
         (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name).
-
-        Raises
-        ------
-        InputError
-            If the file is missing, no TOML, or a key is unknown or of the wrong type.
         """
         path = Path(path)
         return cls._from_keys(path, _load(path))
@@ -122,13 +111,7 @@ class FileDescription:
 
 
 def is_sidecar(path: Path) -> bool:
-    """Whether there is a TOML file that describes measurements, and not a model made from them.
-
-    Raises
-    ------
-    InputError
-        If the file is no valid TOML.
-    """
+    """Whether there is a TOML file that describes measurements, and not a model made from them."""
     return path.is_file() and "format" not in _load(path)
 
 

@@ -62,17 +62,6 @@ def propose_histories(loops: Sequence[Loop], *, even: bool) -> list[Proposal]:
     input takes both signs: a first rise that lies there, by more than noise, began demagnetised; so
     did a record that starts at rest and does not come back to its start. Where noise hides it, a
     record is taken for what all the others that start at rest are, and else for settled.
-
-    Parameters
-    ----------
-    loops
-        The loops.
-    even
-        Whether the output does not depend on the sign of the input.
-
-    Returns
-    -------
-    One history a loop, with a clause that gives the reason.
     """
     seen = [_rises(loop, even=even) for loop in loops]
     alike = _all_virgin([parts for parts in seen if parts])

@@ -45,14 +45,7 @@ class DataTable:
         )
 
     def get(self, name: str) -> FloatArray | None:
-        """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent.
-
-        Raises
-        ------
-        InputError
-            If the column is there but its unit is missing or unknown, it holds text, time goes
-            backwards, or a gap is negative.
-        """
+        """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
         found = [place for place, other in enumerate(self.names) if other == name]
         healthy = [place for place in found if self.headers[place].problem is None]
         if len(healthy) > 1:
@@ -96,13 +89,7 @@ class DataTable:
         return values
 
     def need(self, name: str, example: str) -> FloatArray:
-        """SI values of a quantity that must be there; ``example`` is a header to advise.
-
-        Raises
-        ------
-        InputError
-            If no column holds the quantity.
-        """
+        """SI values of a quantity that must be there; ``example`` is a header to advise."""
         values = self.get(name)
         if values is None:
             have = ", ".join(header.text for header in self.headers)
@@ -137,22 +124,7 @@ def read_columns(
     columns: Mapping[str, str] | None = None,
     progress: Progress | None = None,
 ) -> DataTable:
-    """Read every column of a table, such as a drive or a demand.
-
-    Parameters
-    ----------
-    path
-        The file.
-    columns
-        What the file's columns are, where their headers do not say: ``{"U_M_V": "psi_Wb"}``.
-    progress
-        Called with bytes read and file size.
-
-    Raises
-    ------
-    InputError
-        As `read_raw`; also if ``columns`` names a column that is not there.
-    """
+    """Read every column of a table, such as a drive or a demand."""
     opened = open_table(path, least=1)
     headers = map_headers(opened, columns or {})
     (first,) = opened.first_rows(1)
@@ -182,21 +154,7 @@ def read_columns(
 
 
 def map_headers(table: OpenTable, columns: Mapping[str, str]) -> tuple[Header, ...]:
-    """Understand the headers of a table, as given by ``columns`` where it says something.
-
-    Parameters
-    ----------
-    table
-        The table.
-    columns
-        What some of its columns mean. A target without a unit (``psi``) keeps the unit of the
-        file's header; an empty target leaves the column out.
-
-    Raises
-    ------
-    InputError
-        If a mapped column is not there, or is mapped to another unit of the same kind.
-    """
+    """Understand the headers of a table, as given by ``columns`` where it says something."""
     rows = table.units or (None,) * len(table.header)
     headers = [parse_header(text, unit) for text, unit in zip(table.header, rows, strict=True)]
     for source, target in columns.items():

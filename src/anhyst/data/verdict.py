@@ -42,36 +42,22 @@ class Verdict:
 
     All figures of the output are in its SI unit; relative ones refer to `largest_output`, those
     of the input to its largest range.
-
-    Attributes
-    ----------
-    level
-        ``yes``, ``little`` or ``no``.
-    width, height
-        Largest loop width (input) and height (output) of all loops.
-    single_mean, single_worst
-        Mean and worst deviation of the best monotone curve, one a scheduling value.
-    noise_mean
-        Mean deviation that the noise alone causes: no model gets below.
-    gain
-        Share of the mean deviation that a perfect hysteresis model takes away at most.
-    sentences
-        The same in words.
     """
 
-    level: Level
-    width: float
+    level: Level  # ``yes``, ``little`` or ``no``
+    width: float  # largest loop width (input) and height (output) of all loops
     width_relative: float
     height: float
     height_relative: float
+    # mean and worst deviation of the best monotone curve, one a scheduling value
     single_mean: float
     single_mean_relative: float
     single_worst: float
     single_worst_relative: float
-    noise_mean: float
+    noise_mean: float  # mean deviation that the noise alone causes: no model gets below
     noise_relative: float
-    gain: float
-    sentences: tuple[str, ...]
+    gain: float  # share of the mean deviation that a perfect hysteresis model takes away at most
+    sentences: tuple[str, ...]  # the same in words
 
     @property
     def worthwhile(self) -> bool:
@@ -82,13 +68,6 @@ class Verdict:
 def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Best non-decreasing sequence in the weighted least-squares sense (pool adjacent violators).
 
-    Parameters
-    ----------
-    values, weights
-        Shape (n,); weights positive.
-
-    Examples
-    --------
     >>> monotone_fit(np.array([1.0, 3.0, 2.0]), np.ones(3)).tolist()
     [1.0, 2.5, 2.5]
     """
@@ -109,12 +88,7 @@ def monotone_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def single_valued(loopset: Loops) -> list[tuple[Loop, FloatArray]]:
-    """Deviation of each loop's output from the best monotone curve of its scheduling value.
-
-    Returns
-    -------
-    Each loop with its residual, shape (n,), in the output's unit.
-    """
+    """Deviation of each loop's output from the best monotone curve of its scheduling value."""
     even = is_even(loopset)
     groups: dict[float | None, list[Loop]] = {}
     for loop in loopset.loops:

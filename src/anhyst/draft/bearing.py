@@ -19,12 +19,7 @@ PACE = (0.01, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class BearingDraft:
-    """The two files.
-
-    Parameters
-    ----------
-    rig, controller : Draft
-    """
+    """The two files."""
 
     rig: Draft
     controller: Draft
@@ -38,23 +33,7 @@ def draft_bearing(
     machine: Machine,
     numbers: Numbers,
 ) -> BearingDraft:
-    """Write the files of a bearing.
-
-    Parameters
-    ----------
-    name : str
-        Of the magnet.
-    loops : str or list of str
-        Files with the loops, relative to the rig file.
-    reading : mapping of str to object
-        How they are read, where not by default.
-    reach : MeasuredMagnet
-        What the loops say about the magnet.
-    machine : Machine
-        What moves.
-    numbers : Numbers
-        What the rules make of both.
-    """
+    """Write the files of a bearing."""
     rig = Draft(
         f"A magnetic bearing with the magnet of {name}. Drafted by anhyst init: what is marked\n"
         "'guess' is one, the rest follows from the loops or was given. Write your own numbers\n"

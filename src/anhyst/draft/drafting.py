@@ -154,31 +154,7 @@ def init_bearing(
     options: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
-    """Write rig and controller file of a bearing, with a copy of the loops beside them.
-
-    Parameters
-    ----------
-    paths : sequence of path-like
-        Loops of its magnet: files, folders.
-    out : path-like
-        Folder to write; made where it is not there.
-    wanted : Wanted
-        Mass, load and gap, as far as they are known.
-    options : ReadOptions, optional
-        How the loops are read; goes into the rig file.
-    progress : callable, optional
-        Called with bytes read and file size.
-
-    Returns
-    -------
-    Drafted
-
-    Raises
-    ------
-    InputError
-        The loops cannot be read or are none of a bearing's magnet; mass, load or gap do not fit
-        them; or one of the files is there already.
-    """
+    """Write rig and controller file of a bearing, with a copy of the loops beside them."""
     check_new(out, [RIG, CONTROLLER, LOOPS])
     options = options or ReadOptions()
     source = _Source(paths, options)
@@ -200,23 +176,7 @@ def init_force_control(
     options: ReadOptions | None = None,
     progress: Progress | None = None,
 ) -> Drafted:
-    """Write the rig file of a magnet whose force is controlled, with its loops beside it.
-
-    Parameters
-    ----------
-    paths, out, options, progress
-        As of :func:`init_bearing`.
-
-    Returns
-    -------
-    Drafted
-
-    Raises
-    ------
-    InputError
-        The loops cannot be read or are none of force over current and gap; or one of the files is
-        there already.
-    """
+    """Write the rig file of a magnet whose force is controlled, with its loops beside it."""
     check_new(out, [RIG, LOOPS])
     options = options or ReadOptions()
     source = _Source(paths, options)
@@ -230,20 +190,7 @@ def init_force_control(
 
 
 def init_example(name: str, out: PathLike) -> Drafted:
-    """Copy a bundled example.
-
-    Parameters
-    ----------
-    name : str
-        Which one.
-    out : path-like
-        Folder to write; made where it is not there.
-
-    Raises
-    ------
-    InputError
-        There is no such example, or one of its files is there already.
-    """
+    """Copy a bundled example."""
     files = example_files(name)
     put(out, {}, files)
     return Drafted(Path(out), tuple(files), _commands(NEXT[name], out))

@@ -38,6 +38,15 @@ def example_files(name: str) -> dict[str, Path]:
 
     In a source tree they are those that are edited, otherwise the copies inside the package.
 
+    Parameters
+    ----------
+    name : str
+        Of the example, as ``anhyst init --example`` takes it.
+
+    Returns
+    -------
+    dict of str to Path
+
     Raises
     ------
     InputError

@@ -12,20 +12,7 @@ from anhyst.support.folder import whole_folder, write_texts
 
 
 def check_new(out: PathLike, names: Sequence[str]) -> None:
-    """Find out before the work whether files can be put into a folder.
-
-    Parameters
-    ----------
-    out : path-like
-        The folder; need not be there.
-    names : sequence of str
-        Files and folders that are to appear in it.
-
-    Raises
-    ------
-    InputError
-        One of them is there already: somebody may have edited it. Or the folder is a file.
-    """
+    """Find out before the work whether files can be put into a folder."""
     target = Path(out)
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
@@ -38,22 +25,7 @@ def check_new(out: PathLike, names: Sequence[str]) -> None:
 
 
 def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
-    """Write texts and copies of files into a folder, all of them or none.
-
-    Parameters
-    ----------
-    out : path-like
-        The folder; made where it is not there.
-    texts : mapping of str to str
-        Content by name.
-    copies : mapping of str to Path
-        Files to copy, by name; a name may lie in one folder below.
-
-    Raises
-    ------
-    InputError
-        As :func:`check_new`, or the disk refuses.
-    """
+    """Write texts and copies of files into a folder, all of them or none."""
     check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
     with whole_folder(out) as draft:
         write_texts(draft, texts)

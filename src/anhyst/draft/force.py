@@ -30,24 +30,7 @@ POSITIONS = 7
 def draft_force_control(
     name: str, loops: str | list[str], reading: Mapping[str, object], reach: MeasuredMagnet
 ) -> Draft:
-    """Write the rig file of a magnet whose force is controlled.
-
-    Parameters
-    ----------
-    name : str
-        Of the magnet.
-    loops : str or list of str
-        Files with the loops, relative to the rig file.
-    reading : mapping of str to object
-        How they are read, where not by default.
-    reach : MeasuredMagnet
-        What the loops say about the magnet.
-
-    Raises
-    ------
-    InputError
-        A loop was measured without any gap.
-    """
+    """Write the rig file of a magnet whose force is controlled."""
     if not reach.gaps[0] > 0.0:
         raise InputError(
             "a gap of 0 m is none in which an armature is held; leave its loops out",

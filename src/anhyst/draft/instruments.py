@@ -22,17 +22,7 @@ def magnet_section(*entries: Entry) -> FileSection:
 
 
 def range_entries(unit: str, high: float, room: float) -> list[Entry]:
-    """Return both ends of the range of a sensor of what goes from 0 to a largest value.
-
-    Parameters
-    ----------
-    unit : str
-        At the end of the keys.
-    high : float
-        Largest value.
-    room : float
-        Share of it that the range goes beyond, on both sides.
-    """
+    """Return both ends of the range of a sensor of what goes from 0 to a largest value."""
     beyond = f"{100.0 * room:.0f} % of the largest beyond it"
     return [
         Entry(f"low_{unit}", -up(room * high), "range: least", beyond),

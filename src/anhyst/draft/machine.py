@@ -24,21 +24,11 @@ ROOM = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a user says of a machine; None for what is to be guessed.
+    """What a user says of a machine; None for what is to be guessed."""
 
-    Parameters
-    ----------
-    mass : float or None
-        Of what moves, kg.
-    load : float or None
-        Force that pulls the gap open, N.
-    gap : float or None
-        Where it works, m.
-    """
-
-    mass: float | None = None
-    load: float | None = None
-    gap: float | None = None
+    mass: float | None = None  # of what moves, kg
+    load: float | None = None  # force that pulls the gap open, N
+    gap: float | None = None  # where it works, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,20 +41,12 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """What moves, what pulls at it and where.
+    """What moves, what pulls at it and where."""
 
-    Parameters
-    ----------
-    mass, load, gap : Value
-        kg, N, m.
-    stops : tuple of float
-        Least and largest gap, m.
-    """
-
-    mass: Value
+    mass: Value  # kg, N, m
     load: Value
     gap: Value
-    stops: tuple[float, float]
+    stops: tuple[float, float]  # least and largest gap, m
 
     @property
     def clearance(self) -> float:
@@ -83,26 +65,7 @@ class Machine:
 
 
 def machine_of(wanted: Wanted, reach: MeasuredMagnet) -> Machine:
-    """Complete what a user says of a machine.
-
-    Parameters
-    ----------
-    wanted : Wanted
-        What the user says.
-    reach : MeasuredMagnet
-        What the magnet can do.
-
-    Returns
-    -------
-    Machine
-        Its stops are the ends of the measured gaps.
-
-    Raises
-    ------
-    InputError
-        A number is none that can be, the gap is not well within those that were measured, or the
-        magnet cannot lift the load off the largest one.
-    """
+    """Complete what a user says of a machine."""
     for name, number, unit in (
         ("mass", wanted.mass, "kg"),
         ("load", wanted.load, "N"),

@@ -35,24 +35,12 @@ LEAST_BRANCH = 12
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMagnet:
-    """A magnet as its loops show it.
+    """A magnet as its loops show it."""
 
-    Parameters
-    ----------
-    loops : Loops
-        Force over current, at one gap or several.
-    gaps : ndarray, shape (g,)
-        Measured ones, m, rising.
-    current_high : float
-        Largest current that was measured at every gap, A.
-    forces : ndarray, shape (g,)
-        Force at that current, N.
-    """
-
-    loops: Loops
-    gaps: FloatArray
-    current_high: float
-    forces: FloatArray
+    loops: Loops  # force over current, at one gap or several
+    gaps: FloatArray  # measured ones, m, rising; shape (g,)
+    current_high: float  # largest current that was measured at every gap, A
+    forces: FloatArray  # force at that current, N; shape (g,)
 
     def force_at(self, gap: float) -> float:
         """Return the force that the largest current makes at a gap within the measured ones, N.
@@ -70,13 +58,7 @@ class MeasuredMagnet:
         return min(RESERVE * self.force_at(gap), WEAKEST * float(self.forces.min()))
 
     def slopes(self, force: float, gap: float) -> Tangent:
-        """Return the slopes of the force over current and gap at an operating point.
-
-        Raises
-        ------
-        InputError
-            The force does not rise with the current there, or the loops hardly show it.
-        """
+        """Return the slopes of the force over current and gap at an operating point."""
         force_high = self.usable(gap)
         if force < RESOLVED * force_high:
             raise InputError(
@@ -125,13 +107,7 @@ class MeasuredMagnet:
 
 
 def reach_of(loops: Loops) -> MeasuredMagnet:
-    """Look at the loops of a magnet.
-
-    Raises
-    ------
-    InputError
-        They are none of force over current and gap, or no current above 0 was measured.
-    """
+    """Look at the loops of a magnet."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     groups = loops.by_schedule()

@@ -57,54 +57,23 @@ LIFT_S = 36.0
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """What the rules give; SI units.
+    """What the rules give; SI units."""
 
-    Parameters
-    ----------
-    tangent : Tangent
-        Slopes of the magnet at the operating point.
-    pole : float
-        Unstable pole of the bearing at constant current, or what takes its place, Hz.
-    bandwidth : float
-        Of the position control: distance of its poles from the origin, Hz.
-    rate : float
-        Ticks a second.
-    inductance : float
-        Of the winding at the operating point without its leakage, H.
-    amplifier_bandwidth, supply : float
-        Hz, V.
-    force_high : float
-        Largest wanted force, N.
-    heights : tuple of float
-        Of steps, m, rising.
-    sensor_step : float
-        Of the position sensor, m.
-    gap_step : float
-        Largest change of the gap in one tick, m.
-    """
-
-    tangent: Tangent
-    pole: float
-    bandwidth: float
-    rate: float
-    inductance: float
-    amplifier_bandwidth: float
+    tangent: Tangent  # slopes of the magnet at the operating point
+    pole: float  # unstable pole of the bearing at constant current, or what takes its place, Hz
+    bandwidth: float  # of the position control: distance of its poles from the origin, Hz
+    rate: float  # ticks a second
+    inductance: float  # of the winding at the operating point without its leakage, H
+    amplifier_bandwidth: float  # Hz, V
     supply: float
-    force_high: float
-    heights: tuple[float, ...]
-    sensor_step: float
-    gap_step: float
+    force_high: float  # largest wanted force, N
+    heights: tuple[float, ...]  # of steps, m, rising
+    sensor_step: float  # of the position sensor, m
+    gap_step: float  # largest change of the gap in one tick, m
 
 
 def numbers_of(machine: Machine, reach: MeasuredMagnet) -> Numbers:
-    """Apply the rules.
-
-    Raises
-    ------
-    InputError
-        The magnet gives no slope to work with, or what moves is too light for any sample rate, or
-        too heavy for its load.
-    """
+    """Apply the rules."""
     mass, load, gap = machine.mass.number, machine.load.number, machine.gap.number
     tangent = reach.slopes(load, gap)
     stiffness = max(tangent.k_s, load / gap)

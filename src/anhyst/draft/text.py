@@ -16,24 +16,12 @@ SMALL = 1e-2
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A key of a file.
+    """A key of a file."""
 
-    Parameters
-    ----------
-    key : str
-        With its unit.
-    value : object
-        Anything that TOML has.
-    says : str
-        What it is.
-    guess : str, optional
-        From what the value was guessed; empty where it is known.
-    """
-
-    key: str
-    value: object
-    says: str
-    guess: str = ""
+    key: str  # with its unit
+    value: object  # anything that TOML has
+    says: str  # what it is
+    guess: str = ""  # from what the value was guessed; empty where it is known
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of it."""
@@ -49,37 +37,19 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class FileSection:
-    """A table of a file.
+    """A table of a file."""
 
-    Parameters
-    ----------
-    name : str
-        With those above it, separated by points.
-    says : str
-        What it is.
-    entries : sequence of Entry
-    """
-
-    name: str
-    says: str
+    name: str  # with those above it, separated by points
+    says: str  # what it is
     entries: Sequence[Entry] = field(default_factory=tuple)
 
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A file that a person edits.
+    """A file that a person edits."""
 
-    Parameters
-    ----------
-    head : str
-        First comment: what it is and where it comes from; several lines are allowed.
-    entries : sequence of Entry
-        Above all tables.
-    sections : sequence of FileSection
-    """
-
-    head: str
-    entries: Sequence[Entry]
+    head: str  # first comment: what it is and where it comes from; several lines are allowed
+    entries: Sequence[Entry]  # above all tables
     sections: Sequence[FileSection]
 
     def text(self) -> str:
@@ -105,8 +75,6 @@ class Draft:
 def written(value: object) -> str:
     """Write a value as TOML; small numbers in milli, micro and nano, and still to the last bit.
 
-    Examples
-    --------
     >>> written([0.45e-3, 50e-9, 20.0])
     '[0.45e-3, 50e-9, 20.0]'
     """

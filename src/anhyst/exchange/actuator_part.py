@@ -27,15 +27,6 @@ def actuator_part(model: Model) -> Part:
 
     Each step of the tool is one sample, as :meth:`anhyst.model.stepper.Stepper.commit` takes them,
     from demagnetised iron. A lag of the model is not in it.
-
-    Parameters
-    ----------
-    model : Model
-
-    Raises
-    ------
-    InputError
-        The core does not have its law, or the iron itself varies with the scheduling variable.
     """
     if model.fixed_gap_only:
         raise InputError(

@@ -40,16 +40,6 @@ def bearing_part(rig_path: PathLike) -> Part:
     """Return a bearing with its position controller: wanted gap and load in; gap, force, currents out.
 
     It ticks at the rate of the controller, whose file lies beside the rig's.
-
-    Parameters
-    ----------
-    rig_path : path-like
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read or does not fit the others; an iron that is not of cells; a
-        controller that is no compensator in fixed point.
     """
     rig, controller = read_files(rig_path, None)
     ready = make_ready(rig, controller)

@@ -17,21 +17,7 @@ Kind = Literal["full", "simplified"]
 
 
 def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
-    """Return a compensator that ticks at its own rate: demand and gap in, current out.
-
-    Parameters
-    ----------
-    model : Model or path-like
-    rate : float
-        Ticks a second.
-    kind : str
-        ``"full"`` or ``"simplified"``.
-
-    Raises
-    ------
-    InputError
-        The model cannot be read or compiled.
-    """
+    """Return a compensator that ticks at its own rate: demand and gap in, current out."""
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")

@@ -30,18 +30,7 @@ _UNITS = {
 
 
 def model_description(version: FmiVersion, part: Part, token: str, sources: Sequence[str]) -> bytes:
-    """Return modelDescription.xml.
-
-    Parameters
-    ----------
-    version : str
-        Of the standard.
-    part : Part
-    token : str
-        Distinguishes this FMU from any other.
-    sources : sequence of str
-        C files in ``sources/``.
-    """
+    """Return modelDescription.xml."""
     second = version == "2.0"
     root = Xml.Element(
         "fmiModelDescription",

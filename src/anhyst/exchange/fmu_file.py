@@ -45,36 +45,6 @@ def export_fmu(
     An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
     model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) is plant
     and controller of ``anhyst simulate``. States can be read, set and serialised.
-
-    Parameters
-    ----------
-    model : Model or path-like
-        The model, its file, or the rig file of a bearing.
-    out : path-like
-        The file, ``.fmu``; with sources, and binaries for Linux, Windows and macOS.
-    of : str, optional
-        Of a model: ``"compensator"`` (if left out) or ``"actuator"``.
-    rate : float, optional
-        Ticks a second of a compensator.
-    kind : str, optional
-        Of a compensator, ``"full"`` (if left out) or ``"simplified"``.
-    fmi : str
-        Version of the standard, ``"2.0"`` or ``"3.0"``.
-    platforms : sequence of str
-        Of :data:`~anhyst.exchange.binaries.PLATFORMS`; all of them take seconds, the first time too.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Path
-        The file, written whole or not at all.
-
-    Raises
-    ------
-    InputError
-        The model cannot be compiled or run alone, a rate is missing or of no use, the file cannot
-        be written, or ziglang (extra ``verify``) is not installed.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -104,13 +74,7 @@ def export_fmu(
 
 
 def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
-    """Return the part of a model that is asked for.
-
-    Raises
-    ------
-    InputError
-        As :func:`export_fmu`.
-    """
+    """Return the part of a model that is asked for."""
     if not isinstance(model, Model) and take_kind(model, TAKES["export"]) is FileKind.BEARING:
         for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if given is not None:

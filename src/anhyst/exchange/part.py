@@ -15,71 +15,34 @@ Causality = Literal["input", "output", "constant"]
 
 @dataclass(frozen=True)
 class Variable:
-    """A real variable of a component.
-
-    Parameters
-    ----------
-    name : str
-    causality : str
-        ``input``, ``output`` or ``constant``: a parameter, to be read.
-    unit : str or None
-        SI; None where the name says it.
-    text : str
-        What it is.
-    start : float
-        Of an input; what a constant is; of an output nothing.
-    low, high : float, optional
-        Range.
-    """
+    """A real variable of a component."""
 
     name: str
-    causality: Causality
-    unit: str | None
-    text: str
-    start: float = 0.0
-    low: float | None = None
+    causality: Causality  # ``input``, ``output`` or ``constant``: a parameter, to be read
+    unit: str | None  # SI; None where the name says it
+    text: str  # what it is
+    start: float = 0.0  # of an input; what a constant is; of an output nothing
+    low: float | None = None  # range
     high: float | None = None
 
 
 @dataclass(frozen=True)
 class Part:
-    """A component: its variables, and the C that computes them.
+    """A component: its variables, and the C that computes them."""
 
-    Parameters
-    ----------
-    name, text : str
-        Of the model, and what it is.
-    rate : float
-        Ticks a second; 0 where each step of the tool is one.
-    variables : sequence of Variable
-        Inputs, then outputs, then constants; the reference of each is its place, from 1.
-    sources : mapping of str to bytes
-        C files and headers by their path.
-    """
-
-    name: str
+    name: str  # of the model, and what it is
     text: str
-    rate: float
+    rate: float  # ticks a second; 0 where each step of the tool is one
+    # inputs, then outputs, then constants; the reference of each is its place, from 1
     variables: Sequence[Variable]
-    sources: Mapping[str, bytes]
+    sources: Mapping[str, bytes]  # C files and headers by their path
 
     def named(self, causality: Causality) -> list[Variable]:
         """Return the variables of one kind."""
         return [one for one in self.variables if one.causality == causality]
 
     def complete(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
-        """Return the token that tells this component from any other, and everything to compile.
-
-        Parameters
-        ----------
-        wrapper : iterable of str
-            Files of :data:`WRAPPER` through which a tool reaches the component.
-
-        Returns
-        -------
-        token : str
-        sources : dict of str to bytes
-        """
+        """Return the token that tells this component from any other, and everything to compile."""
         common = ("part.h", "component.h", "component.c", *wrapper)
         found = dict(self.sources) | {name: (WRAPPER / name).read_bytes() for name in common}
         content = b"".join(found[name] for name in sorted(found))

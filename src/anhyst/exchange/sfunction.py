@@ -28,23 +28,6 @@ def export_sfunction(
     It holds what :func:`~anhyst.exchange.fmu_file.export_fmu` puts into an FMU: outputs that follow
     from the inputs of a sample are there at the next one. An actuator gets its sample time, s, as
     the parameter of the block.
-
-    Parameters
-    ----------
-    model, of, rate, kind
-        As for an FMU.
-    out : path-like
-        The folder; what stands there goes.
-
-    Returns
-    -------
-    Path
-        The folder, written whole or not at all.
-
-    Raises
-    ------
-    InputError
-        As for an FMU, or the folder holds something else than an S-function.
     """
     folder = Path(out)
     if folder.is_dir() and any(folder.iterdir()) and not [*folder.glob("build_sfun_*.m")]:

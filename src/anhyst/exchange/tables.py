@@ -19,23 +19,6 @@ def export_tables(model: Model, out: PathLike) -> Path:
     """Write the settled loop of a model over its valid range as tables.
 
     A table holds the major loop alone: inner loops, and so hysteresis in use, need the model.
-
-    Parameters
-    ----------
-    model : Model
-        With a valid range.
-    out : path-like
-        ``.csv``: rows of scheduling variable, input, output rising and falling; ``.json``: the axes
-        and two matrices, a row for each value of the scheduling variable. SI units.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        Another ending, the model does not say where it holds, or the place cannot be written.
     """
     path = Path(out)
     if path.suffix not in {".csv", ".json"}:

@@ -212,30 +212,7 @@ class _Problem:
 def fit_any(
     loopset: Loops, records: FitRecords, law: str, wanted: str, seed: int, offsets: bool
 ) -> Fitted:
-    """Fit a law through its iron alone.
-
-    Parameters
-    ----------
-    loopset, records
-        Loops at constant scheduling values, and the same made ready.
-    law : str
-        Its name.
-    wanted : str
-        A gap map; ``auto`` takes the better of a scaling and, over a gap, a reluctance.
-    seed : int
-        Of the spread.
-    offsets : bool
-        Whether offsets of input and output are fitted.
-
-    Returns
-    -------
-    Fitted
-
-    Raises
-    ------
-    InputError
-        No set comes near the loops at all.
-    """
+    """Fit a law through its iron alone."""
     over_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
     maps: tuple[GapMap, ...] = ("scaling", "reluctance") if over_gap else ("scaling",)
     if wanted != "auto":

@@ -24,19 +24,7 @@ _BETWEEN = 4
 
 
 def model_of(found: FoundModel, loopset: Loops) -> Model:
-    """Bare model of a fit: parameters and gap map, no records of how it was found.
-
-    Parameters
-    ----------
-    found : FoundModel
-        The fit.
-    loopset : Loops
-        For the quantities.
-
-    Returns
-    -------
-    Model
-    """
+    """Bare model of a fit: parameters and gap map, no records of how it was found."""
     space = found.space
     places, sets = _between(found)
     nodes = tuple(float(node) for node in places)
@@ -93,18 +81,7 @@ def _between(found: FoundModel) -> tuple[FloatArray, list[Local]]:
 
 
 def valid_range(loopset: Loops) -> ValidRange:
-    """Give the range of what was measured.
-
-    Parameters
-    ----------
-    loopset : Loops
-        All loops.
-
-    Returns
-    -------
-    ValidRange
-        From zero on where the drive comes to rest.
-    """
+    """Give the range of what was measured."""
 
     def span(values: list[FloatArray]) -> tuple[float, float]:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)

@@ -21,30 +21,16 @@ _STEP = 10
 
 @dataclass(frozen=True)
 class ModelCandidate:
-    """A law and a gap map, and what they may vary.
+    """A law and a gap map, and what they may vary."""
 
-    Parameters
-    ----------
-    gap_map
-        The map.
-    held
-        Parameters that are zero and not fitted.
-    common
-        Parameters that are the same at every gap although the map lets them differ.
-    rank
-        Complexity: one of a higher rank is taken only where it is better by more than its scatter.
-    cells
-        Play cells, in how many populations; None: the law of the run.
-    polished
-        Whether every weight of the cells has moved by itself at the end.
-    """
-
-    gap_map: str
-    held: frozenset[str]
+    gap_map: str  # the map
+    held: frozenset[str]  # parameters that are zero and not fitted
+    # parameters that are the same at every gap although the map lets them differ
     common: frozenset[str] = frozenset()
+    # complexity: one of a higher rank is taken only where it is better by more than its scatter
     rank: int = 0
-    cells: CellKernel | None = None
-    polished: bool = False
+    cells: CellKernel | None = None  # play cells, in how many populations; None: the law of the run
+    polished: bool = False  # whether every weight of the cells has moved by itself at the end
 
     def title(self, law: str) -> str:
         """Name it to a reader, beside its map; of a run with this law."""
@@ -56,13 +42,7 @@ class ModelCandidate:
 
 
 def require_gaps(records: FitRecords, wanted: str) -> None:
-    """Refuse a gap map where there is nothing to see of it.
-
-    Raises
-    ------
-    InputError
-        A gap map is wanted and there is one gap only.
-    """
+    """Refuse a gap map where there is nothing to see of it."""
     if wanted != "auto" and records.gaps < 2:
         raise InputError(
             f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "

@@ -58,20 +58,11 @@ def _further(place: int) -> tuple[FitNumber, ...]:
 
 @dataclass(frozen=True)
 class CellKernel:
-    """Play cells as a fit sees them.
+    """Play cells as a fit sees them."""
 
-    Parameters
-    ----------
-    shape
-        The curve that cells follow.
-    populations
-        How many: 1 to 3.
-    aim
-        Error of their tables, in parts of the saturation; tables that aim at less are made faster.
-    """
-
-    shape: Shape
-    populations: int
+    shape: Shape  # the curve that cells follow
+    populations: int  # how many: 1 to 3
+    # error of their tables, in parts of the saturation; tables that aim at less are made faster
     aim: float = EXACT
 
     differentiated = True
@@ -141,15 +132,9 @@ def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
 
 @dataclass(frozen=True)
 class WeightKernel:
-    """Play cells by their weights: what populations leave over, near to them.
+    """Play cells by their weights: what populations leave over, near to them."""
 
-    Parameters
-    ----------
-    populations
-        The cells to begin with.
-    """
-
-    populations: CellWeights
+    populations: CellWeights  # the cells to begin with
 
     differentiated = True
     coupled = False

@@ -34,21 +34,11 @@ class CellPath(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CellPaths:
-    """Demagnetised cells ready to be driven.
+    """Demagnetised cells ready to be driven."""
 
-    Parameters
-    ----------
-    cells
-        Thresholds, widths, weights.
-    tangents
-        Derivatives of weights, widths and thresholds by the numbers of the law.
-    aim
-        Error of the tables, in parts of the saturation.
-    """
-
-    cells: CellWeights
-    tangents: Tangents
-    aim: float = EXACT
+    cells: CellWeights  # thresholds, widths, weights
+    tangents: Tangents  # derivatives of weights, widths and thresholds by the numbers of the law
+    aim: float = EXACT  # error of the tables, in parts of the saturation
 
     @cached_property
     def _operator(self) -> CellOperator:
@@ -66,11 +56,6 @@ class CellPaths:
         """Return effective field and magnetisation where ``x + omega*M(x) = r``, all of shape (n,).
 
         Drives stand one after the other; at each begin the cells are demagnetised.
-
-        Raises
-        ------
-        NoResponseError
-            The magnetisation may jump.
         """
         self._refuse_jumps(omega)
         x, m, status = self._operator.run(omega, r, np.array(begins, dtype=np.int64))
@@ -85,21 +70,7 @@ class CellPaths:
         r_t: FloatArray,
         begins: Sequence[int],
     ) -> CellPath:
-        """Return them with derivatives: by the numbers of the law, omega, and what moves r.
-
-        Parameters
-        ----------
-        omega : ndarray, shape (n,)
-            Weight of the magnetisation.
-        r : ndarray, shape (n,)
-            Right side.
-        own : ndarray, shape (n,)
-            1 where the weight is the one by which is differentiated, else 0.
-        r_t : ndarray, shape (n, k)
-            Its derivatives.
-        begins : sequence of int
-            Where each drive begins.
-        """
+        """Return them with derivatives: by the numbers of the law, omega, and what moves r."""
         self._refuse_jumps(omega)
         law = self.tangents.widths.shape[-1]
         directions = law + 1 + r_t.shape[1]

@@ -28,12 +28,6 @@ def field_step(model: Model, loops: Loops) -> float:
 
     The median over all reversals; 0 where there is none. Just there the iron hardly answers, and
     the field moves farther for a step of the drive than anywhere else.
-
-    Parameters
-    ----------
-    model : Model
-        Identified from the loops.
-    loops : Loops
     """
     steps = []
     for loop in loops.loops:
@@ -48,20 +42,7 @@ def field_step(model: Model, loops: Loops) -> float:
 
 
 def resolved(model: Model, loops: Loops) -> Model:
-    """Count cells as free that no sample shows to be pinned, the finest first.
-
-    Parameters
-    ----------
-    model : Model
-        Identified from the loops.
-    loops : Loops
-
-    Returns
-    -------
-    Model
-        The very model where its law has no cells, or all of them are wide enough, or the loops say
-        that they are pinned.
-    """
+    """Count cells as free that no sample shows to be pinned, the finest first."""
     law = model.operator_law
     if law.cells is None:
         return model

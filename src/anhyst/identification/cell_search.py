@@ -119,21 +119,7 @@ def search_cells(
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
 ) -> dict[ModelCandidate, Fits]:
-    """Fit play cells of every curve, until a population more gains next to nothing.
-
-    Parameters
-    ----------
-    base : FoundModel
-        Fit of a law of Jiles and Atherton, with its offsets free.
-    records : FitRecords
-        What is fitted.
-    wanted : sequence of ModelCandidate
-        By populations, ascending; of one gap map.
-    seed : int
-        Of the starts.
-    leaves_something : callable
-        Whether a fit leaves more than noise.
-    """
+    """Fit play cells of every curve, until a population more gains next to nothing."""
     ends: dict[ModelCandidate, list[FoundModel]] = {}
     last: dict[Shape, list[FoundModel]] = {}
     shapes = {one.cells.shape for one in wanted if one.cells}

@@ -58,17 +58,7 @@ class CellStart(NamedTuple):
 
 
 def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list[CellStart]:
-    """Draw starts evenly over the logarithms of their ranges (:func:`.screening.evenly`).
-
-    Parameters
-    ----------
-    kernel : CellKernel
-        The curve, and how many populations.
-    count, seed : int
-        Starts drawn, and seed of the drawing.
-    gapped : bool
-        Whether a gap takes part of the drive.
-    """
+    """Draw starts evenly over the logarithms of their ranges (:func:`.screening.evenly`)."""
     one = [_REVERSIBLE, _REVERSIBLE_WIDTH, _PINNED, _SPREAD]
     further = [_SHARE, _WIDTH, _PINNED, _SPREAD]
     ranges = [_REACH, _BEHIND_GAP if gapped else _CLOSED, *one, *further * (kernel.populations - 1)]
@@ -83,15 +73,7 @@ def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list
 
 
 def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
-    """Return the sets at each gap that pass through the largest output there.
-
-    Parameters
-    ----------
-    space : CoordinateSpace
-        Of play cells.
-    start : CellStart
-        What was drawn.
-    """
+    """Return the sets at each gap that pass through the largest output there."""
     form = space.form
     field, curve = _ascending(space, start)
     drives, outputs = _largest(space)

@@ -75,57 +75,22 @@ CARRIED = 24
 
 @dataclass(frozen=True, eq=False)
 class ModelChoice:
-    """The fit chosen, and why.
+    """The fit chosen, and why."""
 
-    Parameters
-    ----------
-    found
-        The fit.
-    why
-        The reason, as a sentence.
-    dead_band
-        How wide the dead band of the law is, and why.
-    left_out
-        Cross-validation error of each map tried, relative to the largest output; empty below three
-        gaps, and without those maps that cannot be computed at a gap left out.
-    promised
-        What the whole choice misses at gaps it has not seen; None below three gaps.
-    candidates
-        All that were compared, where laws were.
-    why_law
-        Why this law; empty where none was compared.
-    """
-
-    found: FoundModel
-    why: str
-    dead_band: str = "none"
+    found: FoundModel  # the fit
+    why: str  # the reason, as a sentence
+    dead_band: str = "none"  # how wide the dead band of the law is, and why
+    # cross-validation error of each map tried, relative to the largest output; empty below three
+    # gaps, and without those maps that cannot be computed at a gap left out
     left_out: dict[str, float] = field(default_factory=dict)
+    # what the whole choice misses at gaps it has not seen; None below three gaps
     promised: CrossValidation | None = None
-    candidates: tuple[CandidateFit, ...] = ()
-    why_law: str = ""
+    candidates: tuple[CandidateFit, ...] = ()  # all that were compared, where laws were
+    why_law: str = ""  # why this law; empty where none was compared
 
 
 def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
-    """Fit under the wanted map and law, or under all, and keep what predicts best what is left out.
-
-    Parameters
-    ----------
-    run : SearchRun
-        Settings and stages.
-    loopset : Loops
-        All loops.
-    wanted : str
-        A gap map, or ``auto``.
-
-    Returns
-    -------
-    ModelChoice
-
-    Raises
-    ------
-    InputError
-        A gap map is wanted and there is one gap only.
-    """
+    """Fit under the wanted map and law, or under all, and keep what predicts best what is left out."""
     gaps = run.searched.gaps
     require_gaps(run.records, wanted)
     tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
@@ -351,13 +316,7 @@ def _is_thinned(run: SearchRun) -> bool:
 def _finished(
     run: SearchRun, loopset: Loops, found: FoundModel, why: str
 ) -> tuple[FoundModel, str, str]:
-    """Give the law its dead band and follow the fit to its end on every sample.
-
-    Returns
-    -------
-    tuple
-        The fit, why this one, and how wide the dead band is.
-    """
+    """Give the law its dead band and follow the fit to its end on every sample."""
     dead_band = "none: it was not wanted"
     if found.space.form.cells is not None:
         dead_band = "none: play cells need none"

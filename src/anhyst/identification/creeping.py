@@ -96,30 +96,14 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class CreepingFit:
-    """What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    model
-        Bare: no records of how it was found.
-    numbers
-        That were fitted and are not zero.
-    tried
-        Least-squares problems solved.
-    why
-        The reason for lag and creep, as a sentence.
-    statement
-        Up to which rate the model holds, if the loops say; else empty.
-    candidates
-        What was compared.
-    """
-
-    model: Model
-    numbers: int
-    tried: int
-    why: str
-    statement: str
-    candidates: tuple[CandidateFit, ...]
+    model: Model  # bare: no records of how it was found
+    numbers: int  # that were fitted and are not zero
+    tried: int  # least-squares problems solved
+    why: str  # the reason for lag and creep, as a sentence
+    statement: str  # up to which rate the model holds, if the loops say; else empty
+    candidates: tuple[CandidateFit, ...]  # what was compared
 
 
 @dataclass(frozen=True)
@@ -134,18 +118,7 @@ class _Try:
 
 
 def fit_creeping(loopset: Loops) -> CreepingFit:
-    """Fit play cells, lag and creep to loops without a scheduling variable.
-
-    Parameters
-    ----------
-    loopset : Loops
-        Loops with their histories.
-
-    Raises
-    ------
-    InputError
-        The output falls as the input rises.
-    """
+    """Fit play cells, lag and creep to loops without a scheduling variable."""
     problem = _Problem(_fewer(loopset))
     problem.leave_out_strays()
     lags = problem.lags

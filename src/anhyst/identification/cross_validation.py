@@ -129,24 +129,7 @@ def folds(places: Sequence[int], nested: bool) -> list[Fold]:
 
 
 def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> Refit:
-    """Fit without some gaps or loops, offsets and all, and predict them.
-
-    Parameters
-    ----------
-    wide : FoundModel
-        Fit to all gaps with its offsets free, from which this one starts; of play cells with those
-        that all gaps demand.
-    loopset : Loops
-        All loops.
-    fold : frozenset of int
-        Places of what is left out.
-    by : str
-        Whether these are gaps, loops or blocks of samples, in the order of the records.
-
-    Returns
-    -------
-    Refit
-    """
+    """Fit without some gaps or loops, offsets and all, and predict them."""
     whole = wide.on(wide.space.records.thinned(FOLDED)).space
     groups = list(loopset.by_schedule().values())
     blocks = blocks_of(whole.records)
@@ -270,22 +253,6 @@ def promise(
     """Make of nested errors, one a gap left out, the error to expect at a gap between others.
 
     Or of one a block of samples, the error to expect at other samples of such loops.
-
-    Parameters
-    ----------
-    errors : sequence of float
-        Mean absolute deviations in parts of the largest output.
-    noises : sequence of float
-        Mean absolute noise at the same gaps, which is no error of the model.
-    by : str
-        Whether gaps were left out or blocks of samples.
-
-    Returns
-    -------
-    CrossValidation or None
-        With the interval that holds the error at another gap in nine of ten cases: logarithms are
-        taken as normal, their scatter as Student's from these gaps and :data:`SCATTER`. None
-        without errors, or where one is not finite.
     """
     plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
     found = np.asarray(plain, dtype=np.float64)

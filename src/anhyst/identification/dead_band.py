@@ -27,21 +27,7 @@ _TOLERANCE, _MOST = 1e-8, 40
 
 
 def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
-    """Fit again with the widest dead band that the loops allow.
-
-    Parameters
-    ----------
-    found : FoundModel
-        A fit without.
-    accepts : callable
-        Whether what was found is a model that may be used.
-
-    Returns
-    -------
-    FoundModel
-        Everything fitted again with that dead band; the given fit where even the narrowest one costs
-        more than 3 % of the deviation.
-    """
+    """Fit again with the widest dead band that the loops allow."""
     form = found.space.form
     for part in PARTS:
         space = replace(found.space, form=replace(form, dead_band=part))
@@ -52,13 +38,7 @@ def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> F
 
 
 def why_dead_band(before: FoundModel, after: FoundModel) -> str:
-    """Report the dead band that was given, and what it costs.
-
-    Parameters
-    ----------
-    before, after : FoundModel
-        Fits without and with it.
-    """
+    """Report the dead band that was given, and what it costs."""
     part = after.space.form.dead_band
     if part == 0.0:
         return f"none: even one of {PARTS[-1]:g}*k costs more than {COST - 1:.0%} of the deviation"

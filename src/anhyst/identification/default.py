@@ -83,23 +83,7 @@ def reference_gap(records: FitRecords) -> int:
 def search_one_gap(
     form: ResponseForm, records: FitRecords, seed: int, held: frozenset[str]
 ) -> FoundModel:
-    """Fit one gap from scratch.
-
-    Parameters
-    ----------
-    form : ResponseForm
-        Equations of the measured quantities.
-    records : FitRecords
-        Loops at a single gap.
-    seed : int
-        Seed of the screening.
-    held : frozenset of str
-        Parameters that are zero and not fitted.
-
-    Returns
-    -------
-    FoundModel
-    """
+    """Fit one gap from scratch."""
     space = CoordinateSpace("none", records, form, held)
     return _best_end(space, [space.pack([one]) for one in starts(space, SCREENED, KEPT, seed)])
 
@@ -121,16 +105,6 @@ def search_each_gap(
     lie in one valley. Then all are tied together so weakly that the fit hardly notices
     (:data:`TIE`): directions that the loops of one gap do not determine would otherwise scatter, and
     nothing could be interpolated.
-
-    Parameters
-    ----------
-    form, records, seed, held
-        As in :func:`search_one_gap`, with the loops of all gaps.
-
-    Returns
-    -------
-    FoundModel
-        Its cost contains the ties.
     """
     space = CoordinateSpace("free", records, form, held)
     alone = [search_one_gap(form, records.at(gap), seed, held) for gap in range(records.gaps)]
@@ -151,21 +125,7 @@ def search_each_gap(
 def join_gaps(
     form: ResponseForm, records: FitRecords, gap_map: str, known: list[Local], held: frozenset[str]
 ) -> FoundModel:
-    """Fit all gaps together under one map, from what is known at the reference gap.
-
-    Parameters
-    ----------
-    form, records, held
-        As in :func:`search_one_gap`, with the loops of all gaps.
-    gap_map : str
-        ``scaling`` or ``reluctance``.
-    known : list of Local
-        Sets to begin with, at the reference gap.
-
-    Returns
-    -------
-    FoundModel
-    """
+    """Fit all gaps together under one map, from what is known at the reference gap."""
     space = CoordinateSpace(gap_map, records, form, held)
     home = reference_gap(records)
     at_gaps = [
@@ -180,22 +140,7 @@ def join_gaps(
 def join_circuit(
     plain: FoundModel, gap_map: str, common: frozenset[str] = frozenset()
 ) -> FoundModel:
-    """Fit all gaps together with one iron, and a circuit around it that takes more than a gap.
-
-    Parameters
-    ----------
-    plain : FoundModel
-        Fit under the map ``reluctance``, from which this one starts.
-    gap_map : str
-        ``leakage`` or ``circuit``.
-    common : frozenset of str
-        As in :class:`~anhyst.identification.space.CoordinateSpace`.
-
-    Returns
-    -------
-    FoundModel
-        Its cost contains the ties.
-    """
+    """Fit all gaps together with one iron, and a circuit around it that takes more than a gap."""
     old = plain.space
     space = CoordinateSpace(gap_map, old.records, old.form, old.held, common)
     tie = TIE * plain.cost if gap_map in TIED else 0.0

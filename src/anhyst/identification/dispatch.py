@@ -12,18 +12,7 @@ VARIABLE = "ANHYST_DISPATCH"
 
 
 def batch_level() -> str:
-    """Level of the batch: the processor's best unless the environment names one.
-
-    Returns
-    -------
-    str
-        ``base``, ``avx2`` or ``avx512``.
-
-    Raises
-    ------
-    InputError
-        The environment names a level that this processor lacks or that there is none of.
-    """
+    """Level of the batch: the processor's best unless the environment names one."""
     levels = batch_levels()
     wanted = os.environ.get(VARIABLE)
     if wanted is None:

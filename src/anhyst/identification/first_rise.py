@@ -26,21 +26,7 @@ def is_guessed(loopset: Loops) -> bool:
 
 
 def first_rise(model: Model, loopset: Loops) -> float:
-    """Return how far a model puts the first rise below the loop that follows.
-
-    Parameters
-    ----------
-    model : Model
-        Identified from the loops.
-    loopset : Loops
-
-    Returns
-    -------
-    float
-        Largest difference in parts of the largest width of the settled loop up to the largest input,
-        the worst value of the schedule; 0 for what is no electromagnet, infinite where the model
-        has no answer.
-    """
+    """Return how far a model puts the first rise below the loop that follows."""
     if not is_electromagnet(loopset):
         return 0.0
     top = max(float(loop.input.max()) for loop in loopset.loops)

@@ -24,37 +24,19 @@ WEIGHTINGS = ("loops", "points", "relative")
 
 @dataclass(frozen=True, eq=False)
 class FitRecord:
-    """One loop as the objective sees it.
+    """One loop as the objective sees it."""
 
-    Parameters
-    ----------
-    label
-        Name of the loop.
-    gap
-        Place of its scheduling value among the gaps of the problem.
-    lead
-        Turning points of the input before the first sample; empty if there are none.
-    input, output
-        Shape (n,), SI.
-    settled
-        Whether the record is a cycle to be repeated until it closes.
-    weight
-        Weight of the deviation of every sample, 1/(unit of the output).
-    clock
-        Time since the first sample at the same gap, in parts of the longest such time; zero where
-        no clock says which loop was run when.
-    unseen
-        Samples that are left out of a fit, although the drive went through them; None: none.
-    """
-
-    label: str
-    gap: int
-    lead: Past
-    input: FloatArray
+    label: str  # name of the loop
+    gap: int  # place of its scheduling value among the gaps of the problem
+    lead: Past  # turning points of the input before the first sample; empty if there are none
+    input: FloatArray  # shape (n,), SI
     output: FloatArray
-    settled: bool
-    weight: float
+    settled: bool  # whether the record is a cycle to be repeated until it closes
+    weight: float  # weight of the deviation of every sample, 1/(unit of the output)
+    # time since the first sample at the same gap, in parts of the longest such time; zero where no
+    # clock says which loop was run when
     clock: FloatArray
+    # samples that are left out of a fit, although the drive went through them; None: none
     unseen: NDArray[np.bool_] | None = None
 
     @property
@@ -173,18 +155,7 @@ def blocks_along(drive: FloatArray, blocks: int) -> NDArray[np.intp]:
 
 
 def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
-    """Time since the first sample at each gap, in parts of the longest such time.
-
-    Parameters
-    ----------
-    groups : sequence of sequence of Loop
-        Loops by gap.
-
-    Returns
-    -------
-    list of list of ndarray
-        Zero throughout where no clock says which loop was run when.
-    """
+    """Time since the first sample at each gap, in parts of the longest such time."""
     clocks = []
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
@@ -214,27 +185,7 @@ def _weights(loops: list[Loop], span: float, weighting: str) -> list[float]:
 
 
 def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = None) -> FitRecords:
-    """Make the loops of a set ready for fitting.
-
-    Parameters
-    ----------
-    loopset : Loops
-        Loops at constant scheduling values, each with at least one reversal.
-    weighting : str
-        One of :data:`WEIGHTINGS`.
-    rest : Rest or None
-        Offsets to take from every loop.
-
-    Returns
-    -------
-    FitRecords
-
-    Raises
-    ------
-    InputError
-        For an unknown weighting, a loop that never reverses, a scheduling value that moves within
-        a loop, or output that is zero throughout.
-    """
+    """Make the loops of a set ready for fitting."""
     if weighting not in WEIGHTINGS:
         raise InputError(
             f"weights: '{weighting}' is unknown; use one of {', '.join(WEIGHTINGS)}",

@@ -15,37 +15,19 @@ from anhyst.support.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """End of one descent.
+    """End of one descent."""
 
-    Parameters
-    ----------
-    theta
-        Coordinates, shape (size,).
-    cost
-        Weighted sum of squares.
-    """
-
-    theta: FloatArray
-    cost: float
+    theta: FloatArray  # coordinates, shape (size,)
+    cost: float  # weighted sum of squares
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Deviations near a point to first order: what a step of least squares needs of them.
+    """Deviations near a point to first order: what a step of least squares needs of them."""
 
-    Parameters
-    ----------
-    deviation
-        Weighted deviations, shape (samples,).
-    gradient
-        Of half their sum of squares, shape (size,).
-    normal
-        Their derivatives times themselves, shape (size, size).
-    """
-
-    deviation: FloatArray
-    gradient: FloatArray
-    normal: FloatArray
+    deviation: FloatArray  # weighted deviations, shape (samples,)
+    gradient: FloatArray  # of half their sum of squares, shape (size,)
+    normal: FloatArray  # their derivatives times themselves, shape (size, size)
 
     @property
     def cost(self) -> float:
@@ -127,21 +109,6 @@ def descend(
     outward rest; the weights of cells take the best step within them (SciPy's ``nnls``). The problem
     is tall and narrow (thousands of samples, ten coordinates), where the singular value
     decompositions of a general solver cost several times the law itself.
-
-    Parameters
-    ----------
-    objective : Objective
-        What is fitted.
-    theta : ndarray, shape (size,)
-        Start; brought within the bounds.
-    tolerance : float
-        Relative change of the cost at which to end.
-    most : int
-        Evaluations at most.
-
-    Returns
-    -------
-    Fit
     """
     low, high = objective.space.bounds
     evaluation = Evaluation(objective)

@@ -35,19 +35,7 @@ Parameter = float | tuple[float, ...]
 
 
 def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> ResponseForm:
-    """Choose the form of the equations for what was measured.
-
-    Parameters
-    ----------
-    input_quantity, output_quantity : Quantity
-        As the measurements name them.
-    law : str
-        Name of the law.
-
-    Returns
-    -------
-    ResponseForm
-    """
+    """Choose the form of the equations for what was measured."""
     answer = output_map(output_quantity)
     return ResponseForm(
         power=answer.power,
@@ -65,26 +53,7 @@ def physical(
     output_quantity: Quantity,
     gaps: Sequence[float] = (),
 ) -> dict[str, Parameter]:
-    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.Model`.
-
-    Parameters
-    ----------
-    form : ResponseForm
-        Of which law, and how wide its dead band is.
-    sets : sequence of Local
-        One for each gap.
-    gap_map : str
-        Of a :class:`~anhyst.identification.space.CoordinateSpace`.
-    input_quantity, output_quantity : Quantity
-        As measured.
-    gaps : sequence of float
-        Gap of each set, m; empty if it is not a gap that is scheduled.
-
-    Returns
-    -------
-    dict of str to float or tuple of float
-        SI; a tuple where the map lets a parameter differ from gap to gap.
-    """
+    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.Model`."""
     gap_map = WRITTEN.get(gap_map, gap_map)
     answer = output_map(output_quantity)
     table = [_at_one_gap(form, local, gap_map, input_quantity.name, answer) for local in sets]

@@ -183,13 +183,7 @@ def identify(
 
 
 def check_wanted(law: str, gap_map: str, search: str) -> None:
-    """Refuse what is unknown or does not go together.
-
-    Raises
-    ------
-    InputError
-        As :func:`identify`.
-    """
+    """Refuse what is unknown or does not go together."""
     for what, value, known in (
         ("law", law, (*LAWS, AUTO)),
         ("gap map", gap_map, (*GAP_MAPS[1:], "auto")),

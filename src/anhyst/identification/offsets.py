@@ -43,18 +43,6 @@ def only_demanded(found: FoundModel, tolerance: float = 1e-10, most: int = 200) 
     """Hold the offsets at what the sensors read at rest, but for those that the data demand.
 
     Those that differ from gap to gap are none of a sensor's, and not judged as such.
-
-    Parameters
-    ----------
-    found : FoundModel
-        A fit with its offsets free.
-    tolerance, most
-        As in :func:`~anhyst.identification.default.follow`.
-
-    Returns
-    -------
-    FoundModel
-        The fit with the offsets that are demanded; at best every one, at worst none.
     """
     free = sorted(name for name, gap in found.space.entries if name in OFFSETS and gap is None)
     if not free:

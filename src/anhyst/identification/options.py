@@ -62,13 +62,7 @@ class IdentifyTable(Table):
     clean: Annotated[str, _readable("clean")] | None = None
 
     def reading(self, folder: Path | None = None) -> ReadOptions:
-        """Return how measurements are read.
-
-        Parameters
-        ----------
-        folder : Path, optional
-            That of the rig file: a sidecar is named relative to it.
-        """
+        """Return how measurements are read."""
         sidecar = self.sidecar
         if sidecar is not None and folder is not None:
             sidecar = str(folder / sidecar)
@@ -83,13 +77,7 @@ class IdentifyTable(Table):
         )
 
     def searching(self, gap_map: str = "auto") -> dict[str, Any]:
-        """Return what :func:`anhyst.identification.identify` is to be asked for.
-
-        Parameters
-        ----------
-        gap_map : str, optional
-            Which one, where nothing is said.
-        """
+        """Return what :func:`anhyst.identification.identify` is to be asked for."""
         return {
             "law": self.law,
             "gap_map": self.gap_map or gap_map,

@@ -22,20 +22,7 @@ _KAPPA = (2e-3, 5e2)
 
 
 class Criterion:
-    """Mean absolute deviation relative to the largest output of all gaps (eq. 16).
-
-    Parameters
-    ----------
-    form : ResponseForm
-        Equations of the measured quantities.
-    records : FitRecords
-        Loops at a single gap, thinned or whole.
-
-    Attributes
-    ----------
-    evaluations : int
-        Parameter sets computed so far.
-    """
+    """Mean absolute deviation relative to the largest output of all gaps (eq. 16)."""
 
     def __init__(self, form: ResponseForm, records: FitRecords) -> None:
         self._form = form
@@ -95,20 +82,7 @@ class Criterion:
 
 
 def mean_deviation(records: FitRecords, outputs: FloatArray) -> float:
-    """Criterion of eq. 16 for outputs that are known already.
-
-    Parameters
-    ----------
-    records : FitRecords
-        What was measured.
-    outputs : ndarray, shape (samples,)
-        Modelled outputs of all drives, one after the other, SI.
-
-    Returns
-    -------
-    float
-        Relative to the largest output.
-    """
+    """Criterion of eq. 16 for outputs that are known already."""
     measured = np.concatenate([record.output for record in records.loops])
     counts = np.concatenate([np.full(d.output.size, d.weight**2) for d in records.loops])
     return float(np.average(np.abs(outputs - measured), weights=counts) / records.output_span)
@@ -121,27 +95,7 @@ def simplex(
     most: int,
     step: float = 0.05,
 ) -> tuple[FloatArray, float]:
-    """Nelder and Mead's simplex, begun again at its end until that gains nothing more.
-
-    Parameters
-    ----------
-    cost : callable
-        Cost at coordinates.
-    variables : Variables
-        For the bounds.
-    start : ndarray, shape (n,)
-        Where to begin.
-    most : int
-        Evaluations at most, all beginnings together.
-    step : float
-        Size of the first simplex, in parts of the range of each variable; a quarter of that each
-        time it is begun again.
-
-    Returns
-    -------
-    best : ndarray, shape (n,)
-    cost : float
-    """
+    """Nelder and Mead's simplex, begun again at its end until that gains nothing more."""
     # Only here: importing it takes longer than the default search, which does without.
     from scipy.optimize import minimize
 

@@ -38,8 +38,6 @@ def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArr
 
     Unlike clipping this leaves no heap of individuals on the bound itself.
 
-    Examples
-    --------
     >>> reflected(np.array([1.2, -0.5, 3.4]), np.zeros(3), np.ones(3)).round(12)
     array([0.8, 0.5, 0.6])
     """
@@ -49,32 +47,7 @@ def reflected(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArr
 
 
 class EvolutionStrategy:
-    """A population of parents that makes children and keeps the best of them.
-
-    Parameters
-    ----------
-    low, high : ndarray, shape (n,)
-        Bounds of the variables; the first generation is spread evenly between them.
-    seed : int or sequence of int
-        Of everything random.
-    parents, children : int
-        mu and lambda.
-
-    Raises
-    ------
-    InputError
-        Bounds that do not ascend, or no more children than parents.
-
-    Attributes
-    ----------
-    best : ndarray, shape (n,)
-        Best individual of all generations. (The strategy itself forgets it: it would anchor step
-        sizes that were lucky once.)
-    best_cost : float
-        Its cost.
-    generation : int
-        Generations so far.
-    """
+    """A population of parents that makes children and keeps the best of them."""
 
     def __init__(
         self,
@@ -124,14 +97,7 @@ class EvolutionStrategy:
         return self._x.copy()
 
     def tell(self, costs: FloatArray) -> None:
-        """Select the parents of the next generation.
-
-        Parameters
-        ----------
-        costs : ndarray, shape (children,)
-            Cost of each individual asked for, in the same order; infinite or NaN where there is
-            none.
-        """
+        """Select the parents of the next generation."""
         ranked = np.argsort(np.where(np.isnan(costs), np.inf, costs), kind="stable")
         chosen = ranked[: self._mu]
         self._parents_x, self._parents_sigma = self._x[chosen], self._sigma[chosen]

@@ -79,24 +79,7 @@ def _beside(bench: SearchBench, gap: int, own: Values, near: Values | None) -> t
 def reductions(
     bench: SearchBench, free: Stand, last: str | None = None
 ) -> Iterator[tuple[Stand, ReductionStep]]:
-    """Freeze one parameter after another, until one is left.
-
-    Parameters
-    ----------
-    bench : SearchBench
-        The loops.
-    free : Stand
-        Everything free at each gap.
-    last : str or None
-        A parameter that is not tried, so that it is the one left; None leaves that to the costs.
-
-    Yields
-    ------
-    stand : Stand
-        After a round.
-    step : ReductionStep
-        What it froze, and the costs.
-    """
+    """Freeze one parameter after another, until one is left."""
     stand = in_common_gauge(bench, free)
     while len(stand.varying) > 1:
         tried = {name: _tried(bench, stand, name) for name in stand.varying if name != last}

@@ -84,21 +84,11 @@ class Stand:
 
 @dataclass
 class SearchBench:
-    """Loops at every gap, ready for searches with any of the parameters.
+    """Loops at every gap, ready for searches with any of the parameters."""
 
-    Parameters
-    ----------
-    run
-        Settings and stages.
-    loopset
-        For the quantities.
-    effort
-        How long to search.
-    """
-
-    run: SearchRun
-    loopset: Loops
-    effort: SearchEffort = field(default_factory=SearchEffort)
+    run: SearchRun  # settings and stages
+    loopset: Loops  # for the quantities
+    effort: SearchEffort = field(default_factory=SearchEffort)  # how long to search
 
     def __post_init__(self) -> None:
         self.variables, self.known = variables_of(
@@ -136,24 +126,7 @@ class SearchBench:
     def refine(
         self, gap: int, values: Values, names: Sequence[str], each: int
     ) -> tuple[Values, int]:
-        """Run the simplex at one gap from given values.
-
-        Parameters
-        ----------
-        gap : int
-            Place of the gap.
-        values : dict of str to float
-            Where to begin; those not searched are held.
-        names : sequence of str
-            What is searched.
-        each : int
-            Evaluations at most, for each of the names.
-
-        Returns
-        -------
-        values : dict of str to float
-        evaluations : int
-        """
+        """Run the simplex at one gap from given values."""
         variables = self.variables.only(names)
         criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
 
@@ -181,24 +154,7 @@ class SearchBench:
     def search(
         self, gap: int, values: Values, names: Sequence[str], begin: Values | None = None
     ) -> tuple[Values, int]:
-        """Search one gap in full: evolution, then simplex from its end or from a better beginning.
-
-        Parameters
-        ----------
-        gap : int
-            Place of the gap.
-        values : dict of str to float
-            Those that are held.
-        names : sequence of str
-            What is searched.
-        begin : dict of str to float or None
-            Another beginning for the simplex, complete.
-
-        Returns
-        -------
-        values : dict of str to float
-        evaluations : int
-        """
+        """Search one gap in full: evolution, then simplex from its end or from a better beginning."""
         evolved, spent = self.evolve(gap, values, names)
         beginnings = [evolved] if begin is None else [begin, evolved]
         criterion = self._criterion(gap, _SAMPLES_SIMPLEX)
@@ -212,18 +168,7 @@ def _numbers(arrays: Mapping[str, FloatArray]) -> Values:
 
 
 def search_each_gap(bench: SearchBench) -> Stand:
-    """Find the paper's free model: an optimal set for every gap, offsets common to all.
-
-    Parameters
-    ----------
-    bench : SearchBench
-        The loops.
-
-    Returns
-    -------
-    Stand
-        All of the seven that are not known vary.
-    """
+    """Find the paper's free model: an optimal set for every gap, offsets common to all."""
     names = bench.variables.names
     alone = [
         bench.run.stage(
@@ -279,23 +224,6 @@ def spline_model_at(model: Model, gap: float) -> Model:
     Kept to show why that fails (Figs. 1 and 2): between nodes a spline overshoots, and parameters
     that scatter along a redundancy do not belong together. The product's own interpolation is that
     of :mod:`anhyst.model.gap_map`.
-
-    Parameters
-    ----------
-    model : Model
-        With at least two nodes.
-    gap : float
-        Scheduling variable, SI.
-
-    Returns
-    -------
-    Model
-        Without a gap map: it holds at this gap alone.
-
-    Raises
-    ------
-    InputError
-        A spline leaves the range of its parameter.
     """
     if len(model.nodes) < 2:
         raise InputError(
@@ -314,17 +242,5 @@ def spline_model_at(model: Model, gap: float) -> Model:
 
 
 def check_splines(model: Model) -> GapCheck | None:
-    """Run the acceptance test (II.C) with ordinary splines through the parameters.
-
-    Parameters
-    ----------
-    model : Model
-        Free at each gap, with its valid range.
-
-    Returns
-    -------
-    GapCheck or None
-        Its ``failing`` are the gaps where the output falls as the gap closes, or where a spline has
-        left the range of its parameter; None where the test does not apply.
-    """
+    """Run the acceptance test (II.C) with ordinary splines through the parameters."""
     return check_over_gap(model, lambda gap: spline_model_at(model, gap))

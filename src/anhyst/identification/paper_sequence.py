@@ -36,61 +36,20 @@ _ALIKE = 1.01
 
 @dataclass(frozen=True, eq=False)
 class Sequence:
-    """Outcome of the paper's search.
+    """Outcome of the paper's search."""
 
-    Parameters
-    ----------
-    model
-        Bare model, as far as the reduction has come.
-    per_gap
-        Bare model with everything free at each gap; None with one gap only.
-    steps
-        What was frozen, in the order it was.
-    found
-        The same fit in gauge-free coordinates.
-    why
-        What the reduction came to, as a sentence.
-    interrupted
-        It was stopped before its end.
-    """
-
-    model: Model
-    per_gap: Model | None
-    steps: tuple[ReductionStep, ...]
-    found: FoundModel
-    why: str
-    interrupted: bool
+    model: Model  # bare model, as far as the reduction has come
+    per_gap: Model | None  # bare model with everything free at each gap; None with one gap only
+    steps: tuple[ReductionStep, ...]  # what was frozen, in the order it was
+    found: FoundModel  # the same fit in gauge-free coordinates
+    why: str  # what the reduction came to, as a sentence
+    interrupted: bool  # it was stopped before its end
 
 
 def search_paper(
     run: SearchRun, loopset: Loops, wanted: str, effort: SearchEffort | None = None
 ) -> Sequence:
-    """Search as the paper does.
-
-    Parameters
-    ----------
-    run : SearchRun
-        Settings and stages.
-    loopset : Loops
-        All loops.
-    wanted : str
-        ``auto``: the order of the reduction is found. ``scaling``: the same, but c_H is the one
-        that is left, as in the paper. ``reluctance``: alpha is. ``free``: no reduction.
-    effort : SearchEffort, optional
-        How long to search.
-
-    Returns
-    -------
-    Sequence
-        After ctrl-C what was reached, marked as interrupted.
-
-    Raises
-    ------
-    InputError
-        The wanted map needs more gaps, or a parameter that the quantities leave no freedom.
-    KeyboardInterrupt
-        Ctrl-C before every gap had a set.
-    """
+    """Search as the paper does."""
     require_gaps(run.records, wanted)
     bench = SearchBench(run, loopset, effort or SearchEffort())
     last = _kept_to_the_last(bench, wanted)

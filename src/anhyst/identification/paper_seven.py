@@ -61,21 +61,12 @@ _OFFSET = 0.1  # of the span of input or output
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """Named coordinates within bounds.
+    """Named coordinates within bounds."""
 
-    Parameters
-    ----------
-    names
-        Parameters that vary.
-    low, high
-        Bounds of the coordinates, shape (n,).
-    spans
-        Scale of the coordinate of those that are neither logarithms nor alpha.
-    """
-
-    names: tuple[str, ...]
-    low: FloatArray
+    names: tuple[str, ...]  # parameters that vary
+    low: FloatArray  # bounds of the coordinates, shape (n,)
     high: FloatArray
+    # scale of the coordinate of those that are neither logarithms nor alpha
     spans: Mapping[str, float]
 
     @property
@@ -117,24 +108,7 @@ def _outward(name: str, coordinate: FloatArray, spans: Mapping[str, float]) -> F
 def variables_of(
     records: FitRecords, given: Quantity, answer: Quantity, held: frozenset[str]
 ) -> tuple[Variables, Values]:
-    """Choose what a search may vary, between which bounds, and what is known beforehand.
-
-    Parameters
-    ----------
-    records : FitRecords
-        For the spans of input and output.
-    given, answer : Quantity
-        Input and output.
-    held : frozenset of str
-        Offsets that are zero and not searched.
-
-    Returns
-    -------
-    variables : Variables
-        Of the seven, those that are not known, then the offsets.
-    known : dict of str to float
-        The rest.
-    """
+    """Choose what a search may vary, between which bounds, and what is known beforehand."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
     known = dict.fromkeys(held & set(OFFSETS), 0.0)
     field, shape, pinning, saturation = _FIELD, _SHAPE, _PINNING, _SATURATION
@@ -168,8 +142,6 @@ def variables_of(
 def gauge_free(values: Mapping[str, FloatArray], power: int) -> dict[str, FloatArray]:
     """Parameters in the form the law is computed in (:mod:`.response`), element by element.
 
-    Examples
-    --------
     >>> seven = dict(M_s=1e6, a=1e3, alpha=-0.02, k=2e3, c=0.2, c_H=2e4, c_out=200.0)
     >>> found = gauge_free({name: np.array(value) for name, value in seven.items()}, power=2)
     >>> {name: round(float(value), 6) for name, value in found.items()}

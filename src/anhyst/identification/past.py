@@ -11,18 +11,11 @@ from anhyst.support.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Past:
-    """Turning points of the input, in their order.
+    """Turning points of the input, in their order."""
 
-    Parameters
-    ----------
-    drive : ndarray, shape (n,)
-        SI.
-    place : ndarray, shape (n,)
-        Where each was: the place of its gap among those of the problem, a fraction between two of
-        them.
-    """
-
-    drive: FloatArray
+    drive: FloatArray  # SI; shape (n,)
+    # where each was: the place of its gap among those of the problem, a fraction between two of
+    # them; shape (n,)
     place: FloatArray
 
     @classmethod
@@ -41,13 +34,7 @@ class Past:
         return Past.at(self.drive[here], 0)
 
     def among(self, keep: list[int]) -> Past:
-        """Renumber the gaps where only some are kept; what was between stays between.
-
-        Parameters
-        ----------
-        keep : list of int
-            Places of the gaps that are kept, ascending.
-        """
+        """Renumber the gaps where only some are kept; what was between stays between."""
         return Past(self.drive, np.interp(self.place, keep, np.arange(len(keep))))
 
     def remembered(self) -> Past:

@@ -43,31 +43,15 @@ _FULL = 1.0 - 1e-6  # magnetisation that no effective field up to there exceeds
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """Gauge-free parameters at one gap.
+    """Gauge-free parameters at one gap."""
 
-    Parameters
-    ----------
-    law
-        Numbers of the law, in the order of its kernel: dimensionless.
-    omega
-        Interaction with circuit, dimensionless.
-    scale
-        Input that makes one unit of effective field, SI.
-    gain
-        Output at saturation, SI.
-    in_0, out_0
-        Offsets of input and output, SI.
-    h
-        Slope of the air core, dimensionless.
-    """
-
-    law: tuple[float, ...]
-    omega: float
-    scale: float
-    gain: float
-    in_0: float
+    law: tuple[float, ...]  # Numbers of the law, in the order of its kernel: dimensionless
+    omega: float  # interaction with circuit, dimensionless
+    scale: float  # input that makes one unit of effective field, SI
+    gain: float  # output at saturation, SI
+    in_0: float  # offsets of input and output, SI
     out_0: float
-    h: float
+    h: float  # slope of the air core, dimensionless
 
     @property
     def kappa(self) -> float:
@@ -82,30 +66,17 @@ class Local:
 
 @dataclass(frozen=True, slots=True)
 class ResponseForm:
-    """What the measured quantities make of the equations: power of the output, rule for h.
+    """What the measured quantities make of the equations: power of the output, rule for h."""
 
-    Parameters
-    ----------
-    power
-        2 for a force, else 1.
-    law
-        Name of a law with a kernel, or of play cells.
-    cells
-        How a fit sees play cells; None for another law.
-    permeability
-        mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0.
-    h
-        The value of h where it does not follow.
-    dead_band
-        Half-width of the play in front of the irreversible part, in parts of the pinning; it is
-        given and not fitted.
-    """
-
-    power: int
-    law: str = DEFAULT_LAW
+    power: int  # 2 for a force, else 1
+    law: str = DEFAULT_LAW  # name of a law with a kernel, or of play cells
+    # how a fit sees play cells; None for another law
     cells: CellKernel | WeightKernel | None = None
+    # mu_0 where field and flux density are measured, so that ``h = mu_0*scale/gain``; else 0
     permeability: float = 0.0
-    h: float = 1e-3
+    h: float = 1e-3  # the value of h where it does not follow
+    # half-width of the play in front of the irreversible part, in parts of the pinning; it is given
+    # and not fitted
     dead_band: float = 0.0
 
     @property
@@ -272,15 +243,7 @@ def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
 
 
 def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
-    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps.
-
-    Parameters
-    ----------
-    sets : sequence of Local
-        At each gap of the problem; of a single one all is taken to have been at its gap.
-    past : Past
-        What was before.
-    """
+    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps."""
     places = np.arange(len(sets))
     omega, scale, in_0 = (
         np.interp(past.place, places, values)

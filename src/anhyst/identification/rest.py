@@ -24,17 +24,11 @@ _SURE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class RestReading:
-    """What a sensor reads at rest.
+    """What a sensor reads at rest."""
 
-    Parameters
-    ----------
-    offset
-        What is taken for its offset, SI; zero where the readings do not differ from it.
-    std
-        Standard error of the reading, SI; None where the records do not come to rest.
-    """
-
+    # what is taken for its offset, SI; zero where the readings do not differ from it
     offset: float = 0.0
+    # standard error of the reading, SI; None where the records do not come to rest
     std: float | None = None
 
 
@@ -52,15 +46,6 @@ def rest_of(loopset: Loops) -> Rest:
     A drive of one sign that comes down to almost nothing, time after time, comes down to nothing:
     what the sensor reads there is its offset. What the output reads there is an offset only before
     the iron was ever magnetised; later it is remanence too.
-
-    Parameters
-    ----------
-    loopset : Loops
-        All loops.
-
-    Returns
-    -------
-    Rest
     """
     span = max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)
     lowest = [_lowest(loop, span) for loop in loopset.loops]

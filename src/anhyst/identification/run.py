@@ -31,48 +31,21 @@ Stage = TypeVar("Stage")
 
 @dataclass
 class SearchRun:
-    """Settings of a search, and its stages.
+    """Settings of a search, and its stages."""
 
-    Parameters
-    ----------
-    form
-        Equations of the measured quantities.
-    records
-        What is fitted.
-    seed
-        Of everything random.
-    held
-        Parameters that are zero and not fitted.
-    cells
-        Curves of play cells that are compared with the law of the form.
-    only_cells
-        Whether only they may be chosen.
-    dead_band
-        Whether the law is given the widest dead band that the loops allow.
-    total
-        Number of stages foreseen.
-    progress
-        Called with the number of stages done and the total.
-    checkpoint
-        File that keeps finished stages until the run ends well; None keeps nothing.
-    resumed
-        Number of stages taken from the checkpoint.
-    best
-        The best complete fit so far, for a run that is interrupted.
-    """
-
-    form: ResponseForm
-    records: FitRecords
-    seed: int
-    held: frozenset[str]
-    cells: tuple[Shape, ...] = ()
-    only_cells: bool = False
-    dead_band: bool = True
-    total: int = 1
-    progress: Progress | None = None
+    form: ResponseForm  # equations of the measured quantities
+    records: FitRecords  # what is fitted
+    seed: int  # of everything random
+    held: frozenset[str]  # parameters that are zero and not fitted
+    cells: tuple[Shape, ...] = ()  # curves of play cells that are compared with the law of the form
+    only_cells: bool = False  # whether only they may be chosen
+    dead_band: bool = True  # whether the law is given the widest dead band that the loops allow
+    total: int = 1  # number of stages foreseen
+    progress: Progress | None = None  # called with the number of stages done and the total
+    # file that keeps finished stages until the run ends well; None keeps nothing
     checkpoint: Path | None = None
-    resumed: int = 0
-    best: FoundModel | None = None
+    resumed: int = 0  # number of stages taken from the checkpoint
+    best: FoundModel | None = None  # the best complete fit so far, for a run that is interrupted
     _key: str = ""
     _done: int = 0
     _kept: dict[str, Any] = field(default_factory=dict)
@@ -94,16 +67,7 @@ class SearchRun:
         return self.records.thinned(SEARCHED)
 
     def stage(self, name: str, work: Callable[[], Stage]) -> Stage:
-        """Do one stage, or take what an earlier, killed run has left of it.
-
-        Parameters
-        ----------
-        name : str
-            Distinguishes stages.
-        work : callable
-            Does the stage; what it returns must be lists, dicts, numbers and texts only, which a
-            checkpoint gives back exactly.
-        """
+        """Do one stage, or take what an earlier, killed run has left of it."""
         if name in self._kept:
             self.resumed += 1
         else:

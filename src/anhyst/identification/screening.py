@@ -71,11 +71,6 @@ def sample_sets(
     logarithmic), reversibility (0 to 0.95), and omega + 3 (0.1 to 300, logarithmic) unless omega is
     to be zero. in_0 is zero unless biased; then it goes to 1.5 times the largest input either way,
     most densely about zero.
-
-    Returns
-    -------
-    ndarray, shape (5, count)
-        Rows in the order above; ``scale`` and ``in_0`` in units of the input.
     """
     draw = evenly(5 if biased else 4, count, seed)
     reach = 0.3 * 100.0 ** draw[0]
@@ -92,22 +87,7 @@ def sample_sets(
 def screen(
     form: ResponseForm, records: FitRecords, sets: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Deviation of many sets at one gap, with the best gain and offset for each.
-
-    Parameters
-    ----------
-    form : ResponseForm
-        Equations of the measured quantities; ``h`` is taken as its fixed value.
-    records : FitRecords
-        Loops at a single gap.
-    sets : ndarray, shape (5, count)
-        As :func:`sample_sets` draws them.
-
-    Returns
-    -------
-    cost, gain, out_0 : ndarray, shape (count,)
-        Weighted sum of squares as the objective's; infinite where gain comes out negative.
-    """
+    """Deviation of many sets at one gap, with the best gain and offset for each."""
     moments, total = _moments(form, records, sets[:4], sets[4])
     ones, first, second, mean, cross = moments
     spread = ones * second - first**2
@@ -120,24 +100,7 @@ def screen(
 def follow_sets(
     record: FitRecord, kept: NDArray[np.intp], sets: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Follow one drive with many sets at once.
-
-    Parameters
-    ----------
-    record : FitRecord
-        What drives them; a settled cycle is repeated a few times first.
-    kept : ndarray, shape (n,)
-        Samples to stop at (:func:`thinned`).
-    sets : ndarray, shape (4, count)
-        The first rows as :func:`sample_sets` draws them; omega above -3.
-    offset : ndarray, shape (count,)
-        Input offset of each set, SI.
-
-    Returns
-    -------
-    m, xi : ndarray, shape (n, count)
-        Magnetisation and effective field in units of the law.
-    """
+    """Follow one drive with many sets at once."""
     kappa, c, omega = (np.ascontiguousarray(row) for row in sets[:3])
     scale = 1.0 / sets[3]
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
@@ -186,27 +149,7 @@ def _cost(moments: FloatArray, total: float, gain: FloatArray, out_0: FloatArray
 
 
 def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Local]:
-    """Best sets of a screening at the only gap of a space, far enough apart to differ.
-
-    Parameters
-    ----------
-    space : CoordinateSpace
-        Its records must hold a single gap.
-    count, keep : int
-        Sets drawn, and starts wanted, of each kind.
-    seed : int
-        Seed of the drawing.
-
-    Returns
-    -------
-    list of Local
-        Best first; where a bias would show, those without one, then as many with one.
-
-    Raises
-    ------
-    NowhereNearError
-        No set comes near the loops at all.
-    """
+    """Best sets of a screening at the only gap of a space, far enough apart to differ."""
     free = "omega" not in space.held
     ways = [False]
     if "in_0" not in space.held and _may_be_biased(space.form, space.records):
@@ -253,24 +196,7 @@ def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:
 def scan_gap(
     space: CoordinateSpace, gap: int, known: list[Local]
 ) -> tuple[list[Local], FloatArray]:
-    """Find, at one gap, the best value of the parameter that the map ties to it, the rest held.
-
-    Parameters
-    ----------
-    space : CoordinateSpace
-        With the map and the loops of all gaps.
-    gap : int
-        Place of the gap.
-    known : list of Local
-        Sets at another gap.
-
-    Returns
-    -------
-    sets : list of Local
-        The same sets made to fit this gap.
-    cost : ndarray, shape (len(known),)
-        Their weighted sums of squares there.
-    """
+    """Find, at one gap, the best value of the parameter that the map ties to it, the rest held."""
     count = len(known)
     table = np.repeat(_table(known), _SCAN, axis=1)
     if space.gap_map in IN_SERIES:

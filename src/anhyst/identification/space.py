@@ -67,26 +67,14 @@ AROUND = (
 
 @dataclass(frozen=True)
 class CoordinateSpace:
-    """Coordinates of one identification.
+    """Coordinates of one identification."""
 
-    Parameters
-    ----------
-    gap_map
-        A key of :data:`PER_GAP`.
-    records
-        What is fitted.
-    form
-        Equations of the measured quantities.
-    held
-        Names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``.
-    common
-        Names of parameters that are the same at every gap although the map lets them differ.
-    """
-
-    gap_map: str
-    records: FitRecords
-    form: ResponseForm
+    gap_map: str  # A key of :data:`PER_GAP`
+    records: FitRecords  # what is fitted
+    form: ResponseForm  # equations of the measured quantities
+    # names of parameters that are zero and not fitted: ``in_0``, ``out_0``, ``omega``
     held: frozenset[str] = frozenset()
+    # names of parameters that are the same at every gap although the map lets them differ
     common: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:

@@ -61,21 +61,7 @@ def _covariance(found: FoundModel) -> FloatArray:
 
 
 def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
-    """Give standard deviations, correlations and plain statements for a finished fit.
-
-    Parameters
-    ----------
-    found : FoundModel
-        The fit.
-    loopset : Loops
-        What was fitted, for names and units.
-
-    Returns
-    -------
-    Uncertainty
-        In the gauge-free parameters: only they are determined by data. Linear approximation at the
-        optimum, with the misfit of the law counted as noise of the memory it shows.
-    """
+    """Give standard deviations, correlations and plain statements for a finished fit."""
     space = found.space
     covariance = _covariance(found)
     deviation = np.sqrt(np.diag(covariance))

@@ -14,20 +14,7 @@ STEEP_UNTIL = 20.0
 
 
 def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
-    """Return the irreversible part after a rise from far below, in units of the law.
-
-    Parameters
-    ----------
-    kappa : float
-        ``k/a``.
-    x : ndarray, shape (n,)
-        Ascending fields over ``a``.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Over ``M_s``, -1..1.
-    """
+    """Return the irreversible part after a rise from far below, in units of the law."""
     start = float(x[0]) - 60.0 * kappa - 1.0
     pinned = Operator(kappa, 0.0)
     state = np.array([start, langevin(np.array([start]))[0][0], start])

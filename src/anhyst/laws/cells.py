@@ -34,51 +34,23 @@ MOST_CELLS = 64
 
 
 class Population(NamedTuple):
-    """Cells whose thresholds are spread as ``1 - exp(-(r/scale)**spread)``.
+    """Cells whose thresholds are spread as ``1 - exp(-(r/scale)**spread)``."""
 
-    Attributes
-    ----------
-    magnetisation
-        Share of the saturation, A/m.
-    width
-        Of the curve that its cells follow, A/m.
-    scale
-        Pinning scale ``k`` of the thresholds, A/m.
-    spread
-        Exponent ``s``: the larger, the more alike the thresholds.
-    """
-
-    magnetisation: float
-    width: float
-    scale: float
-    spread: float
+    magnetisation: float  # share of the saturation, A/m
+    width: float  # of the curve that its cells follow, A/m
+    scale: float  # pinning scale ``k`` of the thresholds, A/m
+    spread: float  # exponent ``s``: the larger, the more alike the thresholds
 
 
 @dataclass(frozen=True, eq=False)
 class CellWeights:
-    """Thresholds, widths and weights of play cells.
+    """Thresholds, widths and weights of play cells."""
 
-    Parameters
-    ----------
-    thresholds : ndarray, shape (n + 1,)
-        Ascending from 0, A/m.
-    widths : ndarray, shape (J,)
-        Of the curves, above 0, A/m.
-    weights : ndarray, shape (n + 1, J)
-        Share of each cell and curve in the saturation, 0 or above, A/m.
-    shape : str
-        The curve, ``"tanh"`` or ``"langevin"``.
-
-    Raises
-    ------
-    ValueError
-        Something is out of range; the message names it.
-    """
-
-    thresholds: FloatArray
-    widths: FloatArray
+    thresholds: FloatArray  # ascending from 0, A/m; shape (n + 1,)
+    widths: FloatArray  # of the curves, above 0, A/m; shape (J,)
+    # share of each cell and curve in the saturation, 0 or above, A/m; shape (n + 1, J)
     weights: FloatArray
-    shape: Shape = "tanh"
+    shape: Shape = "tanh"  # the curve, ``"tanh"`` or ``"langevin"``
 
     def __post_init__(self) -> None:
         for name in ("thresholds", "widths", "weights"):
@@ -145,18 +117,7 @@ class CellWeights:
 
 
 def thresholds(scales: Sequence[float]) -> FloatArray:
-    """Return the thresholds for pinning scales, geometric above the first, which is 0.
-
-    Parameters
-    ----------
-    scales : sequence of float
-        Of the populations that count, A/m.
-
-    Returns
-    -------
-    ndarray, shape (13,)
-        A/m.
-    """
+    """Return the thresholds for pinning scales, geometric above the first, which is 0."""
     low, high = LEAST_THRESHOLD * min(scales), LARGEST_THRESHOLD * max(scales)
     return np.concatenate([[0.0], np.geomspace(low, high, PINNED)])
 
@@ -166,18 +127,6 @@ def shares(places: FloatArray, scale: float, spread: float) -> FloatArray:
 
     A cell stands for what lies between the geometric middles to its neighbours; the first for all
     below, the last for all above.
-
-    Parameters
-    ----------
-    places : ndarray, shape (n + 1,)
-        Thresholds, A/m.
-    scale, spread : float
-        Of the population.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        They add up to one.
     """
     left, _ = _left(places, scale, spread)
     return np.asarray(-np.diff(np.concatenate([[1.0], left, [0.0]])))
@@ -198,27 +147,7 @@ def populations(
     pinned: Sequence[Population],
     shape: Shape = "tanh",
 ) -> CellWeights:
-    """Cut populations into cells.
-
-    Parameters
-    ----------
-    reversible : tuple of float
-        Magnetisation and width of the part without pinning, A/m.
-    pinned : sequence of Population
-        Those without magnetisation do not count; one at least must have some.
-    shape : str
-        As in :class:`CellWeights`.
-
-    Returns
-    -------
-    CellWeights
-        Of 13 cells; widths in the order given, the reversible one first.
-
-    Raises
-    ------
-    ValueError
-        Nothing is pinned, or a number is out of range.
-    """
+    """Cut populations into cells."""
     counting = [one for one in pinned if one.magnetisation != 0.0]
     if not counting:
         raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
@@ -236,36 +165,17 @@ def populations(
 
 
 class Tangents(NamedTuple):
-    """How weights, widths and thresholds change with the numbers of populations.
+    """How weights, widths and thresholds change with the numbers of populations."""
 
-    Attributes
-    ----------
-    weights : ndarray, shape (n + 1, J, d)
-        By magnetisation and width of the reversible part, then by magnetisation, width, scale and
-        spread of each population.
-    widths : ndarray, shape (J, d)
-        The same of the widths.
-    thresholds : ndarray, shape (n + 1, d)
-        The same of the thresholds.
-    """
-
+    # by magnetisation and width of the reversible part, then by magnetisation, width, scale and
+    # spread of each population; shape (n + 1, J, d)
     weights: FloatArray
-    widths: FloatArray
-    thresholds: FloatArray
+    widths: FloatArray  # the same of the widths; shape (J, d)
+    thresholds: FloatArray  # the same of the thresholds; shape (n + 1, d)
 
 
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
-    """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers.
-
-    Parameters
-    ----------
-    pinned : sequence of Population
-        All with a magnetisation above 0.
-
-    Returns
-    -------
-    Tangents
-    """
+    """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers."""
     scales = [one.scale for one in pinned]
     places = thresholds(scales)
     columns, directions = 1 + len(pinned), 2 + 4 * len(pinned)

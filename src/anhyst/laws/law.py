@@ -21,39 +21,20 @@ Role = Literal["saturation", "pinning", "reversible", "dead band", ""]
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """One parameter of a model.
+    """One parameter of a model."""
 
-    Attributes
-    ----------
-    name
-        As in a model file, without its unit.
-    meaning
-        In a few words.
-    unit
-        SI; "1" for a pure number.
-    low, high
-        Range. ``closed`` says whether the ends belong to it.
-    default
-        What it is where it is left out; None: it must be given.
-    coordinate
-        Of the curve over the scheduling variable.
-    search
-        Range of a search without a kernel in the core, of ``A/m`` in parts of the largest field
-        that is applied; None: held at its default.
-    role
-        What it is for whoever does not know the law.
-    """
-
-    name: str
-    meaning: str
-    unit: str = "1"
-    low: float = -math.inf
+    name: str  # as in a model file, without its unit
+    meaning: str  # in a few words
+    unit: str = "1"  # SI; "1" for a pure number
+    low: float = -math.inf  # Range. ``closed`` says whether the ends belong to it.
     high: float = math.inf
     closed: bool = False
-    default: float | None = None
-    coordinate: Coordinate = "plain"
+    default: float | None = None  # what it is where it is left out; None: it must be given
+    coordinate: Coordinate = "plain"  # of the curve over the scheduling variable
+    # range of a search without a kernel in the core, of ``A/m`` in parts of the largest field that
+    # is applied; None: held at its default
     search: tuple[float, float] | None = None
-    role: Role = ""
+    role: Role = ""  # what it is for whoever does not know the law
 
     def problem(self, value: float) -> str | None:
         """Return what is wrong with a value, if anything is."""
@@ -105,54 +86,31 @@ class IronOperator(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FitNumber:
-    """One number that a fit moves.
+    """One number that a fit moves."""
 
-    Attributes
-    ----------
-    name, meaning
-        Of the number; the meaning in the symbols of a model file, or in words.
-    low, high
-        Bounds of a search, in units of ``of``.
-    coordinate
-        In which it is moved: its logarithm, its inverse hyperbolic sine, or itself over its unit.
-    of
-        Its unit is the span of the measured input or output; nothing for a pure number.
-    usual
-        What it is to be expected at, where loops leave it open; None: nothing is expected.
-    spread
-        Standard deviation of the coordinate around that.
-    """
-
-    name: str
+    name: str  # of the number; the meaning in the symbols of a model file, or in words
     meaning: str
-    low: float
+    low: float  # bounds of a search, in units of ``of``
     high: float
+    # in which it is moved: its logarithm, its inverse hyperbolic sine, or itself over its unit
     coordinate: Literal["log", "asinh", "plain"] = "plain"
+    # its unit is the span of the measured input or output; nothing for a pure number
     of: Literal["input", "output", ""] = ""
+    # what it is to be expected at, where loops leave it open; None: nothing is expected
     usual: float | None = None
-    spread: float = 1.5
+    spread: float = 1.5  # standard deviation of the coordinate around that
 
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """How the core follows a law of Jiles and Atherton where ``M_s = a = 1``, for the fast fit.
+    """How the core follows a law of Jiles and Atherton where ``M_s = a = 1``, for the fast fit."""
 
-    Attributes
-    ----------
-    operator
-        Builds it from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``.
-    numbers
-        What a fit moves of the law itself: ``kappa`` and ``c``.
-    differentiated
-        Whether the core gives its derivatives; else differences stand for them.
-    coupled
-        Whether the interaction enters the law itself: then a reluctance in series with the iron is
-        not the same as less interaction.
-    """
-
+    # builds it from ``kappa = k/a``, ``c``, the half-width of its play and ``omega``
     operator: Callable[[float, float, float, float], Operator]
-    numbers: tuple[FitNumber, ...]
-    differentiated: bool
+    numbers: tuple[FitNumber, ...]  # what a fit moves of the law itself: ``kappa`` and ``c``
+    differentiated: bool  # whether the core gives its derivatives; else differences stand for them
+    # whether the interaction enters the law itself: then a reluctance in series with the iron is
+    # not the same as less interaction
     coupled: bool
 
     def iron(
@@ -175,46 +133,27 @@ class Kernel:
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """A hysteresis law.
+    """A hysteresis law."""
 
-    Attributes
-    ----------
-    name
-        As in model files and on the command line.
-    title
-        For a reader.
-    parameters
-        Of the iron, in the order of the file.
-    iron
-        Builds the iron from its parameters, in that order; ValueError where they are refused.
-    states
-        Numbers that the iron remembers; all are zero where it is demagnetised.
-    kernel
-        For the fast fit; without one, any law is fitted through its iron, by differences.
-    least_slope
-        From the parameters of the iron and the reluctance ratios of the gap: the least slope of the
-        drive over the field, in that without iron. Without it there is no compensator.
-    obstacle
-        Why there is none, to complete the sentence "cannot be compiled: ...".
-    of_cells
-        The same law with its cells given, in place of the parameters that describe them; None for
-        a law without cells. ValueError where they are none of its own.
-    cells
-        The cells of an iron by its parameters; None for a law without cells.
-    remembers
-        Whether a cycle, however often it is run, leaves in memory what was larger than it.
-    """
-
-    name: str
-    title: str
-    parameters: tuple[ParameterSpec, ...]
+    name: str  # as in model files and on the command line
+    title: str  # for a reader
+    parameters: tuple[ParameterSpec, ...]  # of the iron, in the order of the file
+    # builds the iron from its parameters, in that order; ValueError where they are refused
     iron: Callable[..., IronOperator]
-    states: int = 3
+    states: int = 3  # Numbers that the iron remembers; all are zero where it is demagnetised
+    # for the fast fit; without one, any law is fitted through its iron, by differences
     kernel: Kernel | None = None
+    # From the parameters of the iron and the reluctance ratios of the gap: the least slope of the
+    # drive over the field, in that without iron. Without it there is no compensator.
     least_slope: Callable[[Mapping[str, float], FloatArray], FloatArray] | None = None
+    # why there is none, to complete the sentence "cannot be compiled: ..."
     obstacle: str = "there is no compensator for it"
+    # The same law with its cells given, in place of the parameters that describe them; None for a
+    # law without cells. ValueError where they are none of its own.
     of_cells: Callable[[CellWeights], Law] | None = None
+    # the cells of an iron by its parameters; None for a law without cells
     cells: Callable[[Mapping[str, float]], CellWeights] | None = None
+    # whether a cycle, however often it is run, leaves in memory what was larger than it
     remembers: bool = False
 
     def with_role(self, role: Role) -> tuple[ParameterSpec, ...]:

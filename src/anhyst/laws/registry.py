@@ -18,13 +18,7 @@ LAWS: dict[str, Law] = {
 
 
 def law_of(name: str, cells: CellWeights | None = None) -> Law:
-    """Return a law, with its cells if they are given.
-
-    Raises
-    ------
-    ValueError
-        The law has no cells, or other ones.
-    """
+    """Return a law, with its cells if they are given."""
     law = LAWS[name]
     if cells is None:
         return law

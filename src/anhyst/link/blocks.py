@@ -35,20 +35,7 @@ _SCALES = (
 
 
 def regenerate(words: Sequence[int], generation: int) -> list[int]:
-    """Give a parameter block another generation, and the checksum that belongs to it.
-
-    Parameters
-    ----------
-    words : sequence of int
-        A valid block.
-    generation : int
-        0 to 65535.
-
-    Returns
-    -------
-    list of int
-        The new block.
-    """
+    """Give a parameter block another generation, and the checksum that belongs to it."""
     row = [int(word) for word in words]
     row[GENERATION_AT] = _signed(generation)
     crc = checksum(row[:CRC_AT] + row[CRC_AT + 2 :])
@@ -62,20 +49,7 @@ def checksum(words: Sequence[int]) -> int:
 
 
 def misfit(block: Sequence[int], board: Sequence[int]) -> str:
-    """Say in which scale a block is made for another board.
-
-    Parameters
-    ----------
-    block : sequence of int
-        That was refused.
-    board : sequence of int
-        The block in force there; none if empty.
-
-    Returns
-    -------
-    str
-        One line with the remedy.
-    """
+    """Say in which scale a block is made for another board."""
     remedy = "compile for the board's scales, or build the firmware around the new folder"
     for scale in _SCALES:
         mine, theirs = _number(block, scale), _number(board, scale)

@@ -74,15 +74,7 @@ _MEANING = {
 
 
 class Refused(InputError):  # noqa: N818 - an answer
-    """The controller answered that it does not do a request, and why; nothing changed there.
-
-    Attributes
-    ----------
-    reason : Reason
-        Why.
-    detail : int
-        More, as ``contract/frames.toml`` says at each reason.
-    """
+    """The controller answered that it does not do a request, and why; nothing changed there."""
 
     def __init__(self, url: str, request: Message, nak: NakAnswer) -> None:
         name = type(request).__name__.removesuffix("Request")
@@ -108,30 +100,6 @@ class ControllerLink:
     """A controller behind a port.
 
     Opens the port and the session, and checks that both sides speak the same protocol.
-
-    Parameters
-    ----------
-    url : str
-        Port, as :class:`anhyst.link.transport.Port` takes it.
-    baud : int, optional
-        Bits a second of a real port.
-    timeout : float, optional
-        Without an answer for so long, a request is repeated, s.
-    attempts : int, optional
-        How often before the controller counts as silent.
-
-    Attributes
-    ----------
-    info : InfoAnswer
-        Who the controller is.
-    repeated : int
-        Requests that had to be sent again.
-
-    Raises
-    ------
-    InputError
-        The port is not there or taken, nobody answers, or the firmware is of another protocol
-        version.
     """
 
     def __init__(
@@ -177,18 +145,7 @@ class ControllerLink:
         return self._status(HeartbeatRequest())
 
     def demand(self, force: int) -> Status:
-        """Demand a force, q31 of the full-scale force, from the next tick on.
-
-        Returns
-        -------
-        Status
-            Of the last tick, before the demand.
-
-        Raises
-        ------
-        InputError
-            The controller is silent, or the demand does not fit 32 bits.
-        """
+        """Demand a force, q31 of the full-scale force, from the next tick on."""
         return self._status(demand_request(force))
 
     def stream(self, forces: Iterable[int], window: int = 24) -> Iterator[Status]:
@@ -196,40 +153,12 @@ class ControllerLink:
 
         All of them reach the controller, in order. A demand that the line lost is sent again with
         all that followed it: the controller may see some twice, never one late.
-
-        Parameters
-        ----------
-        forces : iterable of int
-            Demands, q31.
-        window : int, optional
-            How many may wait for their answer, 1 to 32.
-
-        Yields
-        ------
-        Status
-            One for each demand, in order.
-
-        Raises
-        ------
-        InputError
-            The controller is silent.
         """
         with self._lock:
             yield from stream(self, forces, window)
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller.
-
-        Returns
-        -------
-        State
-            The state it went to.
-
-        Raises
-        ------
-        Refused
-            It does not do that in its state.
-        """
+        """Change the state of the controller."""
         return State(self.request(CommandRequest(command), AckAnswer).detail)
 
     def read_setting(self, setting: Setting) -> int:
@@ -237,34 +166,11 @@ class ControllerLink:
         return self.request(SettingReadRequest(setting), SettingAnswer).value
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on; returns what the controller has now.
-
-        Raises
-        ------
-        Refused
-            The value is out of range, or the setting may not be changed in this state.
-        """
+        """Set a setting from the next tick on; returns what the controller has now."""
         return self.request(SettingWriteRequest(setting, value), SettingAnswer).value
 
     def write_block(self, words: Sequence[int]) -> int:
-        """Send a parameter block and put it in force between two ticks.
-
-        Parameters
-        ----------
-        words : sequence of int
-            The whole block, its generation and checksum included; see
-            :func:`anhyst.link.blocks.regenerate`.
-
-        Returns
-        -------
-        int
-            Generation in force: that of the block.
-
-        Raises
-        ------
-        Refused
-            The block is not valid or not for this firmware; the old one stays in force.
-        """
+        """Send a parameter block and put it in force between two ticks."""
         row = [int(word) for word in words]
         if len(row) <= GENERATION_AT:
             raise InputError(
@@ -286,13 +192,7 @@ class ControllerLink:
                 raise
 
     def keep_block(self) -> int:
-        """Keep the parameter block in force for the board's next start; returns its generation.
-
-        Raises
-        ------
-        Refused
-            The board is not at rest, or has no room that outlives the power.
-        """
+        """Keep the parameter block in force for the board's next start; returns its generation."""
         return self.request(KeepRequest(), AckAnswer).detail
 
     def read_block(self) -> list[int]:
@@ -317,13 +217,7 @@ class ControllerLink:
 
     @contextmanager
     def heartbeats(self, period: float = 0.02) -> Iterator[None]:
-        """Keep the link alive in the background while nothing else is asked.
-
-        Parameters
-        ----------
-        period : float, optional
-            Between two heartbeats, s; well below the controller's heartbeat timeout.
-        """
+        """Keep the link alive in the background while nothing else is asked."""
         done = threading.Event()
 
         def beat() -> None:
@@ -342,20 +236,7 @@ class ControllerLink:
             thread.join()
 
     def wait_for(self, *states: State, timeout: float = 10.0) -> Status:
-        """Ask until the controller is in one of these states.
-
-        Parameters
-        ----------
-        *states : State
-            Wanted.
-        timeout : float, optional
-            s.
-
-        Raises
-        ------
-        InputError
-            It did not get there, or went to fault instead.
-        """
+        """Ask until the controller is in one of these states."""
         end = time.monotonic() + timeout
         while True:
             status = self.status()
@@ -381,22 +262,7 @@ class ControllerLink:
             return Status.of(_expect(self.url, request, answer, StatusAnswer), tick)
 
     def request(self, request: Message, kind: type[_Answer]) -> _Answer:
-        """Send any request and return its answer.
-
-        Parameters
-        ----------
-        request : Message
-            One of the requests of :mod:`anhyst.link.frames`.
-        kind : type
-            The answer that belongs to it.
-
-        Raises
-        ------
-        Refused
-            The controller does not do it.
-        InputError
-            The controller is silent.
-        """
+        """Send any request and return its answer."""
         with self._lock:
             return _expect(self.url, request, self._exchange(request)[0], kind)
 
@@ -430,13 +296,7 @@ class ControllerLink:
         return self._receiver.feed(self._port.read(timeout))
 
     def read_answer(self, frame: Frame) -> Message:
-        """Read an answer.
-
-        Raises
-        ------
-        InputError
-            The firmware speaks another version of the protocol.
-        """
+        """Read an answer."""
         kind = ANSWERS.get(frame.type)
         if frame.version != frames.VERSION:
             raise self._other_version(frame.version)

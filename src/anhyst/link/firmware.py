@@ -29,20 +29,11 @@ _TIME_LIMIT = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """What is particular to a board.
+    """What is particular to a board."""
 
-    Parameters
-    ----------
-    folders : tuple of str
-        Folders of ``firmware/boards`` with its sources.
-    cpu : str
-        Processor as zig calls it; empty for the PC at hand.
-    port_header : str
-        Header with the processor's own instructions, of a compiled folder's ``port``.
-    """
-
-    folders: tuple[str, ...]
-    cpu: str = ""
+    folders: tuple[str, ...]  # folders of ``firmware/boards`` with its sources
+    cpu: str = ""  # processor as zig calls it; empty for the PC at hand
+    # header with the processor's own instructions, of a compiled folder's ``port``
     port_header: str = ""
 
 
@@ -54,30 +45,7 @@ BOARDS = {
 
 
 def build(board: str, parameters: PathLike, out: PathLike) -> Path:
-    """Build the firmware of a board around a compiled compensator.
-
-    Parameters
-    ----------
-    board : str
-        ``"host"`` (a program for the PC at hand), ``"qemu-mps2"`` or ``"nucleo"`` (ELF files).
-    parameters : path-like
-        Folder that ``anhyst compile`` wrote.
-    out : path-like
-        File to write.
-
-    Returns
-    -------
-    Path
-        `out`.
-
-    Raises
-    ------
-    InputError
-        Board unknown, folder without a compensator, compiler not installed, or `out` cannot be
-        written.
-    NegativeResult
-        The compiler refuses the sources.
-    """
+    """Build the firmware of a board around a compiled compensator."""
     if board not in BOARDS:
         raise InputError(
             f"board {board}: is not known; choose one of {', '.join(BOARDS)}",
@@ -96,24 +64,12 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
 
 
 def check_compiler(board: str) -> None:
-    """Check that the compiler for a board is there.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
+    """Check that the compiler for a board is there."""
     _compiler(board)
 
 
 def firmware_folder() -> Path:
-    """Return the folder with the sources of the firmware.
-
-    Raises
-    ------
-    InputError
-        They are not there: the package was installed without them.
-    """
+    """Return the folder with the sources of the firmware."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package.parents[1] / "firmware", package / "_firmware"):
         if (folder / "boards").is_dir():
@@ -125,13 +81,7 @@ def firmware_folder() -> Path:
 
 
 def actuator_defines(name: str) -> dict[str, str]:
-    """Return the macros by which ``boards/actuator.h`` knows around which actuator a program is built.
-
-    Parameters
-    ----------
-    name : str
-        What the actuator is called in the C.
-    """
+    """Return the macros by which ``boards/actuator.h`` knows around which actuator a program is built."""
     return {"ACTUATOR_NAME": name, "ACTUATOR_MACRO": name.upper()}
 
 
@@ -248,35 +198,15 @@ def _run(command: Sequence[str], board: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class FirmwareSizes:
-    """Memory of a firmware for a microcontroller, bytes.
+    """Memory of a firmware for a microcontroller, bytes."""
 
-    Parameters
-    ----------
-    flash : int
-        Code, constants and what variables start with.
-    ram : int
-        Variables: state, both parameter blocks, recorder, buffers.
-    stack : int
-        Kept for the stack.
-    """
-
-    flash: int
-    ram: int
-    stack: int
+    flash: int  # code, constants and what variables start with
+    ram: int  # variables: state, both parameter blocks, recorder, buffers
+    stack: int  # kept for the stack
 
 
 def read_sizes(program: PathLike) -> FirmwareSizes:
-    """Return how much memory a firmware takes.
-
-    Parameters
-    ----------
-    program : path-like
-        ELF file of a board with a Cortex-M.
-
-    Returns
-    -------
-    FirmwareSizes
-    """
+    """Return how much memory a firmware takes."""
     from elftools.elf.elffile import ELFFile
 
     with Path(program).open("rb") as stream:

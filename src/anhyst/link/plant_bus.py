@@ -24,24 +24,14 @@ _DRIVE_BYTES = PlantDrive.FIXED.size + 4
 
 
 class Reading(NamedTuple):
-    """What the sensors show at the beginning of a tick; NaN: the sensor's error code.
+    """What the sensors show at the beginning of a tick; NaN: the sensor's error code."""
 
-    Parameters
-    ----------
-    gap : float
-        0 at the low end of the model's range of gaps, 1 at the high one.
-    force, current : float
-        As a fraction of full scale.
-    status : int, optional
-        Bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all.
-    position, current_2 : float, optional
-        Of a controller of position, as a fraction of full scale; the current of a second magnet.
-    """
-
-    gap: float
-    force: float
+    gap: float  # 0 at the low end of the model's range of gaps, 1 at the high one
+    force: float  # as a fraction of full scale
     current: float
+    # bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all
     status: int = 0
+    # of a controller of position, as a fraction of full scale; the current of a second magnet
     position: float = 0.0
     current_2: float = 0.0
 
@@ -50,50 +40,12 @@ class Plant(Protocol):
     """What stands at the other end of the bus."""
 
     def step(self, tick: int, currents: tuple[float, float]) -> Reading:
-        """Go on by one tick, to the beginning of tick number `tick`.
-
-        Parameters
-        ----------
-        tick : int
-            Counts from 1.
-        currents : tuple of float
-            Driven by the controller in the tick before, as fractions of full scale; the second is
-            that of a second magnet. They begin to flow now, in the tick that this step leads to:
-            what flowed until now are the currents of the step before. That is the one tick of
-            delay of every controller.
-
-        Returns
-        -------
-        Reading
-        """
+        """Go on by one tick, to the beginning of tick number `tick`."""
         ...  # pragma: no cover
 
 
 class PlantBus:
-    """The plant's end of the bus.
-
-    Parameters
-    ----------
-    plant : Plant
-        Stepped once a tick.
-    connection : socket
-        To the controller.
-    timeout : float, optional
-        How long a controller may take for a tick, s of the clock on the wall.
-
-    Attributes
-    ----------
-    tick : int
-        Number of the last tick; 0 before the first.
-    drives : tuple of float
-        Currents that the controller wants from the next tick on, as fractions of full scale.
-    state : State
-        Of the controller after the last tick.
-    fault : Fault
-        Its latched reason.
-    answer : PlantDrive or None
-        All that it said at the last tick.
-    """
+    """The plant's end of the bus."""
 
     def __init__(self, plant: Plant, connection: socket.socket, timeout: float = 10.0) -> None:
         self.plant = plant
@@ -106,13 +58,7 @@ class PlantBus:
         wait_at_most(connection, timeout)
 
     def step(self, ticks: int = 1) -> None:
-        """Go on by some ticks, in lock-step with the controller.
-
-        Raises
-        ------
-        InputError
-            The controller hung up or does not answer.
-        """
+        """Go on by some ticks, in lock-step with the controller."""
         for _ in range(ticks):
             self._step(self.tick + 1)
 
@@ -155,15 +101,7 @@ class PlantBus:
 
 
 def wait_at_most(connection: socket.socket, timeout: float) -> None:
-    """Wait inside the system, not in Python: an emulated board sends byte by byte.
-
-    Parameters
-    ----------
-    connection : socket
-        To a controller.
-    timeout : float
-        How long it may take for a tick, s of the clock on the wall.
-    """
+    """Wait inside the system, not in Python: an emulated board sends byte by byte."""
     connection.settimeout(None)
     wait = struct.pack("@ll", int(timeout), int(timeout % 1.0 * 1e6))
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)

@@ -23,13 +23,7 @@ HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
 
 
 def check_runs_here(board: str) -> None:
-    """Refuse a board without hardware where its process cannot be handed a socket.
-
-    Raises
-    ------
-    InputError
-        This is Windows.
-    """
+    """Refuse a board without hardware where its process cannot be handed a socket."""
     if sys.platform == "win32":
         raise InputError(
             f"board {board}: runs on Linux and macOS, not on Windows; run anhyst in WSL, or plug a "
@@ -40,39 +34,19 @@ def check_runs_here(board: str) -> None:
 
 @dataclass(frozen=True)
 class Running:
-    """A firmware that runs.
+    """A firmware that runs."""
 
-    Attributes
-    ----------
-    url : str
-        Its link, for :class:`anhyst.link.client.ControllerLink`.
-    bus : PlantBus
-        Its plant; without :meth:`PlantBus.step` no time passes for it.
-    xcp : int
-        Port of this machine on which a master of XCP may come in; 0: there is none.
-    process : int
-        Its number.
-    """
-
-    url: str
-    bus: PlantBus
-    xcp: int
-    process: int
+    url: str  # its link, for :class:`anhyst.link.client.ControllerLink`
+    bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
+    xcp: int  # port of this machine on which a master of XCP may come in; 0: there is none
+    process: int  # its number
 
 
 class Started(NamedTuple):
-    """A firmware that runs, with nothing that drives its bus yet.
+    """A firmware that runs, with nothing that drives its bus yet."""
 
-    Attributes
-    ----------
-    url, xcp, process
-        As of :class:`Running`.
-    bus : socket
-        The plant's end of its bus.
-    """
-
-    url: str
-    bus: socket.socket
+    url: str  # as of :class:`Running`
+    bus: socket.socket  # the plant's end of its bus
     xcp: int
     process: int
 
@@ -81,53 +55,14 @@ class Started(NamedTuple):
 def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[Running]:
-    """Run a firmware built for the board ``host``.
-
-    Parameters
-    ----------
-    program : Path
-        From :func:`anhyst.link.firmware.build`.
-    plant : Plant
-        What it drives.
-    link : str, optional
-        ``"pty"``, ``"tcp:0"`` for a free port of this machine, or the path of a terminal;
-        :data:`HOST_LINK` if left out.
-    xcp : int, optional
-        Port of this machine for a master of XCP, 0 for a free one; none if left out.
-
-    Yields
-    ------
-    Running
-
-    Raises
-    ------
-    InputError
-        It does not start.
-    """
+    """Run a firmware built for the board ``host``."""
     with start_host(program, link, xcp) as (url, ours, port, process):
         yield Running(url, PlantBus(plant, ours), port, process)
 
 
 @contextmanager
 def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> Iterator[Started]:
-    """Start a firmware built for the board ``host``, with nothing that drives its bus yet.
-
-    Parameters
-    ----------
-    program : Path
-        From :func:`anhyst.link.firmware.build`.
-    link, xcp : optional
-        As of :func:`run_host`.
-
-    Yields
-    ------
-    Started
-
-    Raises
-    ------
-    InputError
-        It does not start.
-    """
+    """Start a firmware built for the board ``host``, with nothing that drives its bus yet."""
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
@@ -156,24 +91,6 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     The sockets are opened here and handed over, so that no port can be snatched away in between.
     Each goes through QEMU's multiplexer, which is used for its buffer alone: without it every byte
     waits for a change between two threads of QEMU, several times as long.
-
-    Parameters
-    ----------
-    program : Path
-        From :func:`anhyst.link.firmware.build`.
-    plant : Plant
-        What it drives.
-    xcp : bool, optional
-        Whether a master of XCP may come in, on a free port of this machine.
-
-    Yields
-    ------
-    Running
-
-    Raises
-    ------
-    InputError
-        QEMU is not installed or does not start.
     """
     qemu = find_qemu()
     listeners = [socket.create_server(("127.0.0.1", 0)) for _ in range(1 + xcp)]
@@ -192,13 +109,7 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
 
 
 def find_qemu() -> str:
-    """Return the path of QEMU.
-
-    Raises
-    ------
-    InputError
-        It is not installed.
-    """
+    """Return the path of QEMU."""
     check_runs_here("qemu-mps2")
     place = shutil.which(_QEMU)
     if place is None:

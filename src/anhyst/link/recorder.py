@@ -27,44 +27,22 @@ _VALUES_MOST = 58
 
 @dataclass(frozen=True)
 class FirmwareRecording:
-    """What was recorded.
+    """What was recorded."""
 
-    Parameters
-    ----------
-    ticks : array of int64, shape (records,)
-        Tick of each record.
-    trigger : int
-        Number of the record at the trigger.
-    signals : dict
-        For each signal its codes, int32, shape (records,); formats as in
-        ``contract/signals.toml``.
-    """
-
-    ticks: NDArray[np.int64]
-    trigger: int
+    ticks: NDArray[np.int64]  # tick of each record; shape (records,)
+    trigger: int  # number of the record at the trigger
+    # for each signal its codes, int32, shape (records,); formats as in ``contract/signals.toml``
     signals: dict[RecorderSignal, NDArray[np.int32]]
 
 
 @dataclass(frozen=True, slots=True)
 class When:
-    """What starts a recording.
+    """What starts a recording."""
 
-    Parameters
-    ----------
-    trigger : Trigger, optional
-        At once, or as a signal rises or falls through a level.
-    signal : RecorderSignal, optional
-        Which.
-    level : int, optional
-        In the code of the signal.
-    before : int, optional
-        Records wanted from before the trigger.
-    """
-
-    trigger: Trigger = Trigger.NOW
-    signal: RecorderSignal = RecorderSignal.DEMAND
-    level: int = 0
-    before: int = 0
+    trigger: Trigger = Trigger.NOW  # at once, or as a signal rises or falls through a level
+    signal: RecorderSignal = RecorderSignal.DEMAND  # which
+    level: int = 0  # in the code of the signal
+    before: int = 0  # records wanted from before the trigger
 
 
 def start_recording(
@@ -74,26 +52,7 @@ def start_recording(
     decimation: int = 1,
     records: int = 0,
 ) -> RecorderInfoAnswer:
-    """Set the recorder up and start it; what it held is forgotten.
-
-    Parameters
-    ----------
-    controller : ControllerLink
-        Whose.
-    signals : sequence of RecorderSignal
-        What to record.
-    when : When, optional
-        What starts it; at once if left out.
-    decimation : int, optional
-        Records every n-th tick, 1 to 65535.
-    records : int, optional
-        How many; 0 for as many as fit.
-
-    Raises
-    ------
-    Refused
-        A number is out of its range, or the records do not fit.
-    """
+    """Set the recorder up and start it; what it held is forgotten."""
     when = when or When()
     mask = sum(1 << signal for signal in set(signals))
     setup = RecorderSetupRequest(
@@ -108,22 +67,7 @@ def recorder_state(controller: ControllerLink) -> Recorder:
 
 
 def read_recording(controller: ControllerLink) -> FirmwareRecording:
-    """Read out what was recorded.
-
-    Parameters
-    ----------
-    controller : ControllerLink
-        Whose; its recorder is done.
-
-    Returns
-    -------
-    FirmwareRecording
-
-    Raises
-    ------
-    InputError
-        The recorder is not done.
-    """
+    """Read out what was recorded."""
     info = controller.request(RecorderQueryRequest(), RecorderInfoAnswer)
     if info.recorder != Recorder.DONE:
         state = Recorder(info.recorder).name.lower()

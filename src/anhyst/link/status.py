@@ -14,18 +14,10 @@ _Q31 = 1.0 / (1 << 31)
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """What a controller did in one tick.
+    """What a controller did in one tick."""
 
-    Attributes
-    ----------
-    tick : int
-        Which.
-    codes : StatusAnswer
-        The numbers as they came.
-    """
-
-    tick: int
-    codes: StatusAnswer
+    tick: int  # which
+    codes: StatusAnswer  # the numbers as they came
 
     @classmethod
     def of(cls, answer: StatusAnswer, tick: int) -> Self:

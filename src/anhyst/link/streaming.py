@@ -63,13 +63,7 @@ class _Sent:
 
 
 def demand_request(force: int) -> DemandRequest:
-    """Return a demand, q31 of the full-scale force.
-
-    Raises
-    ------
-    InputError
-        It does not fit 32 bits.
-    """
+    """Return a demand, q31 of the full-scale force."""
     if not -(1 << 31) <= force < 1 << 31:
         raise InputError(
             f"demand {force}: does not fit q31; keep it within -2^31 and 2^31 - 1",

@@ -27,21 +27,7 @@ _ADVICE = {
 
 
 class Port:
-    """An open port.
-
-    Parameters
-    ----------
-    url : str
-        What pyserial opens: ``/dev/ttyACM0``, ``COM3``, the slave of a pty, or
-        ``socket://host:port``.
-    baud : int, optional
-        Bits a second; without meaning for a socket or a pty.
-
-    Raises
-    ------
-    InputError
-        The port is not there, is taken, may not be opened, or pyserial is not installed.
-    """
+    """An open port."""
 
     def __init__(self, url: str, baud: int = BAUD) -> None:
         self.url = url
@@ -58,13 +44,7 @@ class Port:
             connection.close()  # pyserial leaves it open where the other end hung up first
 
     def write(self, data: bytes) -> None:
-        """Send bytes; returns once all are on their way.
-
-        Raises
-        ------
-        InputError
-            The port is gone.
-        """
+        """Send bytes; returns once all are on their way."""
         import serial
 
         try:
@@ -80,13 +60,7 @@ class Port:
             raise self._gone() from error
 
     def read(self, timeout: float) -> bytes:
-        """Return what has arrived; waits up to `timeout` seconds for the first byte.
-
-        Raises
-        ------
-        InputError
-            The port is gone.
-        """
+        """Return what has arrived; waits up to `timeout` seconds for the first byte."""
         import serial
 
         try:

@@ -25,29 +25,7 @@ class Frame(NamedTuple):
 
 
 def encode(message: Message, sequence: int, tick: int = 0, version: int = VERSION) -> bytes:
-    """Lay a message out as it goes over the line, the zero at the end included.
-
-    Parameters
-    ----------
-    message : Message
-        What to say.
-    sequence : int
-        Number of the request, 0 to 255; an answer repeats it.
-    tick : int, optional
-        Tick of the controller, for an answer.
-    version : int, optional
-        Of the protocol.
-
-    Returns
-    -------
-    bytes
-        14 more than the payload has, at most 254.
-
-    Raises
-    ------
-    ValueError
-        A number does not fit its field.
-    """
+    """Lay a message out as it goes over the line, the zero at the end included."""
     payload = message.pack()
     body = _HEAD.pack(version, message.TYPE, sequence, len(payload), tick) + payload
     return stuff(body + _CHECK.pack(zlib.crc32(body))) + b"\0"
@@ -72,13 +50,7 @@ def unstuff(stuffed: bytes) -> bytes | None:
 
 
 class Receiver:
-    """Finds frames in a stream of bytes; in step again one zero after any garbage.
-
-    Attributes
-    ----------
-    bad : int
-        Pieces between zeros that were no frames, since the start.
-    """
+    """Finds frames in a stream of bytes; in step again one zero after any garbage."""
 
     def __init__(self) -> None:
         self.bad = 0

@@ -75,30 +75,6 @@ class XcpMaster:
 
     Connects, shows the key and samples all signals of every tick from then on, or of as many ticks
     as a serial port carries.
-
-    Parameters
-    ----------
-    url : str
-        ``socket://HOST:PORT``, or a serial port as :class:`anhyst.link.transport.Port` takes it.
-    timeout : float, optional
-        For an answer, and for the next sample, s.
-
-    Attributes
-    ----------
-    url : str
-    name : str
-        What the controller is called; its description is ``NAME.a2l``.
-    body : Body
-        What it controls.
-    signals : tuple of str
-        That are sampled.
-    every : int
-        Ticks from one sample to the next.
-
-    Raises
-    ------
-    InputError
-        The port is not there, nobody listens, or no slave of this firmware.
     """
 
     def __init__(self, url: str, timeout: float = 2.0) -> None:
@@ -157,18 +133,7 @@ class XcpMaster:
         return words
 
     def swap_block(self, words: Sequence[int]) -> None:
-        """Download another parameter block and put it in force between two ticks.
-
-        Parameters
-        ----------
-        words : sequence of int
-            The whole block, its generation and checksum included.
-
-        Raises
-        ------
-        Refused
-            It is not valid or not for this controller; the old one stays in force.
-        """
+        """Download another parameter block and put it in force between two ticks."""
         row = [int(word) for word in words]
         with self._line.lock:
             self._ask(bytes((_SET_PAGE, _SEEN, 0, 1)))
@@ -187,25 +152,13 @@ class XcpMaster:
         return self._value(AREAS["setting"] + 4 * setting)
 
     def write_setting(self, setting: Setting, value: int) -> int:
-        """Set a setting from the next tick on.
-
-        Raises
-        ------
-        Refused
-            The value is out of range, or the setting may not be changed in this state.
-        """
+        """Set a setting from the next tick on."""
         request = SettingWriteRequest(setting, value)
         self._write(AREAS["setting"] + 4 * setting, value, request)
         return value
 
     def command(self, command: Command) -> State:
-        """Change the state of the controller; returns the one it is in at the next tick.
-
-        Raises
-        ------
-        Refused
-            It does not do that in its state.
-        """
+        """Change the state of the controller; returns the one it is in at the next tick."""
         with self._line.lock:
             self._write(_INPUT["command"], int(command), CommandRequest(command))
             done = self.clock()
@@ -215,13 +168,7 @@ class XcpMaster:
         raise InputError(f"{self.url}: no tick passes; the controller stands", code="no-tick")
 
     def aim(self, code: int) -> None:
-        """Demand a force, or a position, q31 of full scale.
-
-        Raises
-        ------
-        Refused
-            It is beyond what can be.
-        """
+        """Demand a force, or a position, q31 of full scale."""
         if self.body is Body.FORCE:
             self._write(_INPUT["set_demand"], code, DemandRequest(code))
         else:
@@ -236,23 +183,7 @@ class XcpMaster:
         return int.from_bytes(self._question(bytes((_CLOCK,)))[4:8], "little")
 
     def take(self, tick: int) -> Samples:
-        """Wait for the last sample up to a tick, and return all that came.
-
-        Parameters
-        ----------
-        tick : int
-            Its number, counted on beyond 2^32.
-
-        Returns
-        -------
-        ndarray, shape (n, 1 + len(signals))
-            Tick and signals, as codes.
-
-        Raises
-        ------
-        InputError
-            The controller is gone, or no sample came for long.
-        """
+        """Wait for the last sample up to a tick, and return all that came."""
         rows = np.empty((0, 1 + len(self.signals)), dtype=np.int64)
         while not len(rows) or rows[-1, 0] + self.every <= tick:
             rows = np.concatenate((rows, self._decoded(self._line.take())))

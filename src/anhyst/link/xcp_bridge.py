@@ -24,23 +24,6 @@ class XcpBridge:
 
     One master at a time. What it sends goes to the controller as it is, so that every rule of the
     firmware holds: its key, its limits, its heartbeat, which this does not keep for it.
-
-    Parameters
-    ----------
-    controller : ControllerLink
-        Open; nobody else may use it meanwhile.
-    port : int
-        Of 127.0.0.1; 0 takes a free one.
-
-    Attributes
-    ----------
-    port : int
-        On which it listens.
-
-    Raises
-    ------
-    InputError
-        The firmware carries no XCP, or the port is taken.
     """
 
     def __init__(self, controller: ControllerLink, port: int) -> None:
@@ -61,13 +44,7 @@ class XcpBridge:
         self._listener.close()
 
     def serve_one(self) -> None:
-        """Wait for a master and serve it until it is gone.
-
-        Raises
-        ------
-        InputError
-            The controller is silent.
-        """
+        """Wait for a master and serve it until it is gone."""
         master, _ = self._listener.accept()
         with master:
             master.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

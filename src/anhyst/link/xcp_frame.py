@@ -16,38 +16,16 @@ _CHECKSUM_BYTES = 2
 
 
 class Split(NamedTuple):
-    """What has arrived, taken apart.
+    """What has arrived, taken apart."""
 
-    Attributes
-    ----------
-    packets : list of bytes
-        Whole ones.
-    rest : bytes
-        The beginning of another.
-    skipped : int
-        Bytes of a serial port that belonged to no whole packet.
-    broken : bool
-        Whether what follows cannot be a packet, on TCP; it is in the rest.
-    """
-
-    packets: list[bytes]
-    rest: bytes
-    skipped: int
-    broken: bool
+    packets: list[bytes]  # whole ones
+    rest: bytes  # the beginning of another
+    skipped: int  # bytes of a serial port that belonged to no whole packet
+    broken: bool  # whether what follows cannot be a packet, on TCP; it is in the rest
 
 
 def framed(packet: bytes, counter: int = 0, serial: bool = False) -> bytes:
-    """Return a packet as it stands on a line.
-
-    Parameters
-    ----------
-    packet : bytes
-        1 to 136.
-    counter : int, optional
-        Of the packets before; 16 bits of it are sent.
-    serial : bool, optional
-        Whether a checksum follows.
-    """
+    """Return a packet as it stands on a line."""
     whole = _HEAD.pack(len(packet), counter & 0xFFFF) + packet
     if not serial:
         return whole

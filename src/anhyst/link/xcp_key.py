@@ -11,17 +11,5 @@ def key_for(seed: bytes, secret: int = SECRET) -> bytes:
     """Return the key to a seed.
 
     It keeps a tool that only looks on from writing by mistake; who reads this can write.
-
-    Parameters
-    ----------
-    seed : bytes
-        Four bytes, from GET_SEED.
-    secret : int, optional
-        ``XCP_SECRET`` of the firmware.
-
-    Returns
-    -------
-    bytes
-        Four bytes, for UNLOCK: CRC-32 of the seed, begun with the secret, low byte first.
     """
     return zlib.crc32(seed, secret).to_bytes(4, "little")

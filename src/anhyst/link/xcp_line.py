@@ -33,29 +33,7 @@ class AnswerLost(InputError):  # noqa: N818 - the command may have been done
 
 
 class XcpLine:
-    """An open line. One command at a time; a thread of its own takes what comes.
-
-    Parameters
-    ----------
-    url : str
-        ``socket://HOST:PORT``, or a serial port as :class:`anhyst.link.transport.Port` takes it.
-    timeout : float
-        For an answer and for samples, s.
-
-    Attributes
-    ----------
-    serial : bool
-        Whether packets carry checksums, and answers may get lost.
-    overloads : int
-        How often the controller had no room for samples.
-    skipped : int
-        Bytes that belonged to no whole packet.
-
-    Raises
-    ------
-    InputError
-        The port is not there, is taken, or nobody listens.
-    """
+    """An open line. One command at a time; a thread of its own takes what comes."""
 
     def __init__(self, url: str, timeout: float) -> None:
         self.url = url
@@ -81,15 +59,7 @@ class XcpLine:
         self._port.close()
 
     def ask(self, command: bytes) -> bytes:
-        """Send a command and return its answer.
-
-        Raises
-        ------
-        AnswerLost
-            On a serial port: nobody knows whether the command was done, and the line goes on.
-        InputError
-            The controller is gone.
-        """
+        """Send a command and return its answer."""
         with self.lock:
             self._port.write(self._framed(command))
             answer = self._next()
@@ -105,13 +75,7 @@ class XcpLine:
             return answer
 
     def take(self) -> bytes:
-        """Return the samples that came, one behind the other; waits for the first.
-
-        Raises
-        ------
-        InputError
-            The controller is gone, or none came for :attr:`timeout`.
-        """
+        """Return the samples that came, one behind the other; waits for the first."""
         with self._came:
             self._came.wait_for(lambda: self._samples or self._gone.is_set(), self.timeout)
             if not self._samples:

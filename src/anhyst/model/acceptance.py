@@ -32,45 +32,25 @@ the magnet."""
 
 @dataclass(frozen=True, eq=False)
 class GapCheck:
-    """Outcome of the acceptance test over the gap.
+    """Outcome of the acceptance test over the gap."""
 
-    Parameters
-    ----------
-    gaps : ndarray, shape (g,)
-        The dense grid of gaps, ascending, m.
-    drive : ndarray, shape (n,)
-        Settled cycle: the rising branch, then the falling one, in units of the input, as the sensor
-        reads it at the gap with the largest offset.
-    output : ndarray, shape (g, n)
-        Output over that cycle at each gap, with the offset of its sensor; NaN where the model could
-        not be computed.
-    offset : ndarray, shape (g,)
-        By how much the offset of its sensor lies above the least one. It is taken off the output
-        before that is judged, as far as sensors have such offsets (:data:`OFFSET`).
-    fall : float
-        Largest fall of the output towards a smaller gap, in parts of the largest output.
-    gap : float
-        Gap at which the output has fallen most, m.
-    at_drive : float
-        Drive at which it has, in units of the input.
-    branch : str
-        ``"rising"`` or ``"falling"``.
-    towards : float
-        1 where a rise is one upward; -1 where output is negative and rises in magnitude.
-    trouble : str
-        Why a gap could not be computed; empty if all could.
-    """
-
-    gaps: FloatArray
+    gaps: FloatArray  # the dense grid of gaps, ascending, m; shape (g,)
+    # settled cycle: the rising branch, then the falling one, in units of the input, as the sensor
+    # reads it at the gap with the largest offset; shape (n,)
     drive: FloatArray
+    # output over that cycle at each gap, with the offset of its sensor; NaN where the model could
+    # not be computed; shape (g, n)
     output: FloatArray
+    # By how much the offset of its sensor lies above the least one. It is taken off the output
+    # before that is judged, as far as sensors have such offsets (:data:`OFFSET`); shape (g,)
     offset: FloatArray
-    fall: float
-    gap: float
-    at_drive: float
-    branch: str
+    fall: float  # largest fall of the output towards a smaller gap, in parts of the largest output
+    gap: float  # gap at which the output has fallen most, m
+    at_drive: float  # drive at which it has, in units of the input
+    branch: str  # ``"rising"`` or ``"falling"``
+    # 1 where a rise is one upward; -1 where output is negative and rises in magnitude
     towards: float = 1.0
-    trouble: str = ""
+    trouble: str = ""  # why a gap could not be computed; empty if all could
 
     @property
     def failing(self) -> tuple[float, ...]:
@@ -102,24 +82,13 @@ class GapCheck:
 
 @dataclass(frozen=True, slots=True)
 class DriveCheck:
-    """Outcome of the acceptance test over the drive.
+    """Outcome of the acceptance test over the drive."""
 
-    Parameters
-    ----------
-    fall : float
-        Largest fall of the output as the drive rises from rest, in parts of the largest output.
-    at_drive : float
-        Drive at which it has fallen most, in units of the input.
-    place : str
-        Gap, and state at the start, for a person.
-    trouble : str
-        Why it could not be computed; empty if it could.
-    """
-
+    # largest fall of the output as the drive rises from rest, in parts of the largest output
     fall: float
-    at_drive: float
-    place: str
-    trouble: str = ""
+    at_drive: float  # drive at which it has fallen most, in units of the input
+    place: str  # gap, and state at the start, for a person
+    trouble: str = ""  # why it could not be computed; empty if it could
 
     @property
     def passed(self) -> bool:
@@ -145,16 +114,6 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
     From the demagnetised state, and from what remains after the largest drive, at 100 drives up to
     the largest measured one, at each node and half-way between. Rest is where a sensor whose offset
     is no larger than sensors have (:data:`OFFSET`) shows that nothing flows.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model. Its largest drive is that of its valid range.
-
-    Returns
-    -------
-    DriveCheck or None
-        None for an output that does not pull, or without a valid range.
     """
     if not output_map(model.output).even or model.valid is None:
         return None
@@ -230,19 +189,6 @@ def check_over_gap(
     grid of gaps over and between all nodes, at 100 drives on each branch. Compared is the magnet
     itself: by how much offsets of its sensors differ from gap to gap does not count, as far as
     sensors have such offsets (:data:`OFFSET`).
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model. Its largest drive is that of its valid range.
-    at : callable, optional
-        Gives the model of a single gap, for another interpolation than the model's own.
-
-    Returns
-    -------
-    GapCheck or None
-        None where the test does not apply: the scheduling variable is not a gap, there is one
-        node only, nothing varies, or there is no valid range to say how far to drive.
     """
     if model.schedule is None or model.schedule.name != "gap" or not model.varying:
         return None

@@ -27,18 +27,7 @@ GAPS = 65
 
 
 def obstacle(model: Model) -> str | None:
-    """Say why a model cannot be compiled, and what helps.
-
-    Parameters
-    ----------
-    model : Model
-        Any model; its range of gaps is that of its valid range, or of its nodes.
-
-    Returns
-    -------
-    str or None
-        One sentence; None for a model that can be compiled.
-    """
+    """Say why a model cannot be compiled, and what helps."""
     law = model.operator_law
     if law.least_slope is None:
         return (
@@ -56,20 +45,7 @@ def obstacle(model: Model) -> str | None:
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
-    """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron.
-
-    Parameters
-    ----------
-    model : Model
-        Of a law with a compensator; its iron must not change with the gap.
-    at : ndarray, shape (n,)
-        Scheduling variable, SI.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        At 0 and below the law jumps there; above 1 where the gap outweighs the coupling.
-    """
+    """Return ``1 + w*S``: the least slope of the drive over the field, of that without iron."""
     least = model.operator_law.least_slope
     assert least is not None
     return least(model.parameters_at(float(at[0])), model.over_schedule("rho", at))

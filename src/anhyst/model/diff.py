@@ -31,25 +31,14 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class LoopDifference:
-    """How far the settled loops are apart at one value of the scheduling variable.
+    """How far the settled loops are apart at one value of the scheduling variable."""
 
-    Parameters
-    ----------
-    schedule : float or None
-        Scheduling variable, SI.
-    largest_output : float
-        Largest absolute output of the first model there, in units of the output.
-    mean, worst : float
-        Mean and largest absolute difference of the outputs.
-    at_drive : float
-        Drive at which it is largest, in units of the input.
-    """
-
-    schedule: float | None
+    schedule: float | None  # scheduling variable, SI
+    # largest absolute output of the first model there, in units of the output
     largest_output: float
-    mean: float
+    mean: float  # mean and largest absolute difference of the outputs
     worst: float
-    at_drive: float
+    at_drive: float  # drive at which it is largest, in units of the input
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -29,28 +29,13 @@ FASTER = 1.5
 
 @dataclass(frozen=True)
 class Dynamics:
-    """Lag and creep of an actuator.
+    """Lag and creep of an actuator."""
 
-    Parameters
-    ----------
-    lag : float
-        From the drive to the answer, s, 0 or above.
-    times : tuple of float
-        Time constants of the creep, s, above 0, ascending.
-    shares : tuple of float
-        What each adds in the end, in parts of what the actuator does at once; 0 or above.
-    fastest : float
-        Rate of cycles up to which the model was seen to hold, Hz; 0 where that is not known.
-
-    Raises
-    ------
-    InputError
-        A number is out of range.
-    """
-
-    lag: float = 0.0
-    times: tuple[float, ...] = ()
+    lag: float = 0.0  # from the drive to the answer, s, 0 or above
+    times: tuple[float, ...] = ()  # time constants of the creep, s, above 0, ascending
+    # what each adds in the end, in parts of what the actuator does at once; 0 or above
     shares: tuple[float, ...] = ()
+    # rate of cycles up to which the model was seen to hold, Hz; 0 where that is not known
     fastest: float = 0.0
 
     def __post_init__(self) -> None:
@@ -78,17 +63,7 @@ class Dynamics:
         return np.asarray(flux + kept * (slow - flux))
 
     def added(self, flux: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
-        """Add creep to a flux density.
-
-        Parameters
-        ----------
-        flux : ndarray, shape (n,)
-            T.
-        time : ndarray, shape (n,)
-            s, ascending.
-        slow : ndarray, shape (j,)
-            Slow parts at the first sample, T.
-        """
+        """Add creep to a flux density."""
         return self._run(flux, time, slow, known=True)
 
     def removed(self, late: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
@@ -110,17 +85,7 @@ class Dynamics:
         return Creeping(found, slow, before)
 
     def settled(self, given: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
-        """Return the slow parts with which a cycle begins that has been repeated for ever.
-
-        Parameters
-        ----------
-        given : ndarray, shape (n,)
-            Flux density without creep (``known``) or with it, T.
-        time : ndarray, shape (n,)
-            s; from the last sample back to the first as long as usual.
-        known : bool
-            Which of the two is given.
-        """
+        """Return the slow parts with which a cycle begins that has been repeated for ever."""
         step = float(np.median(np.diff(time)))
 
         def around(slow: FloatArray) -> FloatArray:

@@ -32,34 +32,16 @@ LARGEST_LOGARITHM = 700.0  # exp overflows at 709.8
 class Curve:
     """One parameter over the scheduling variable.
 
-    Parameters
-    ----------
-    name : str
-        The parameter, for messages.
-    nodes : ndarray, shape (g,)
-        Values of the scheduling variable, strictly ascending, SI.
-    values : ndarray, shape (g,)
-        The parameter at the nodes, SI. Positive unless the coordinate is ``"plain"``.
-    coordinate : str
-        In which it is interpolated.
-
-    Raises
-    ------
-    InputError
-        Nodes not ascending, lengths that differ, no node, a value that is not finite, or a value
-        that has to be positive and is not.
-
-    Examples
-    --------
     >>> curve = Curve("c_H", np.array([0.3e-3, 0.6e-3]), np.array([200.0, 100.0]), "reciprocal")
     >>> curve(np.array([0.45e-3])).round(6)  # the reciprocal is straight
     array([133.333333])
     """
 
-    name: str
-    nodes: FloatArray
+    name: str  # the parameter, for messages
+    nodes: FloatArray  # values of the scheduling variable, strictly ascending, SI; shape (g,)
+    # The parameter at the nodes, SI. Positive unless the coordinate is ``"plain"``; shape (g,)
     values: FloatArray
-    coordinate: Coordinate = "plain"
+    coordinate: Coordinate = "plain"  # in which it is interpolated
 
     def __post_init__(self) -> None:
         for field in ("nodes", "values"):
@@ -94,24 +76,7 @@ class Curve:
             )
 
     def __call__(self, at: FloatArray) -> FloatArray:
-        """Return the parameter at any values of the scheduling variable.
-
-        Parameters
-        ----------
-        at : ndarray, shape (n,)
-            Scheduling variable, SI; any order, inside or outside the nodes.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The parameter, SI.
-
-        Raises
-        ------
-        InputError
-            So far outside the nodes that the straight line through the reciprocal of ``c_H`` has
-            reached zero, or that through a logarithm the largest number.
-        """
+        """Return the parameter at any values of the scheduling variable."""
         query = np.asarray(at, dtype=np.float64)
         if self.nodes.size == 1:
             return np.full(query.shape, self.values[0])
@@ -145,12 +110,7 @@ class Curve:
         )
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
-        """Return the nodes' values in the coordinate, and the slopes of the curve there.
-
-        Returns
-        -------
-        heights, slopes : ndarray, shape (g,)
-        """
+        """Return the nodes' values in the coordinate, and the slopes of the curve there."""
         heights = self._to_straight(self.values)
         if self.nodes.size < 3:
             return heights, np.full(heights.shape, self._interpolant[1][0])

@@ -38,28 +38,15 @@ _AS_MUCH = 0.97
 
 @dataclass(frozen=True, slots=True)
 class LeftOver:
-    """What a fit leaves.
+    """What a fit leaves."""
 
-    Parameters
-    ----------
-    rms
-        All of it, in parts of the largest output.
-    noise
-        What of it is noise of the sensors, in the same parts.
-    beyond
-        What of it is none; zero where the fit is done.
-    shapes
-        Shapes of this and the share of its variance that they explain, the largest first; empty
-        where it has none of those known.
-    first
-        Samples at the beginning of a record in which a wrong start shows.
-    """
-
-    rms: float
-    noise: float
-    beyond: float = 0.0
+    rms: float  # all of it, in parts of the largest output
+    noise: float  # what of it is noise of the sensors, in the same parts
+    beyond: float = 0.0  # what of it is none; zero where the fit is done
+    # shapes of this and the share of its variance that they explain, the largest first; empty where
+    # it has none of those known
     shapes: tuple[tuple[Shape, float], ...] = ()
-    first: int = 0
+    first: int = 0  # samples at the beginning of a record in which a wrong start shows
 
     @property
     def done(self) -> bool:
@@ -68,19 +55,7 @@ class LeftOver:
 
 
 def left_over(records: Sequence[Residual], span: float) -> LeftOver:
-    """Judge what a fit leaves.
-
-    Parameters
-    ----------
-    records : sequence of Residual
-        Every record that was fitted.
-    span : float
-        The largest output, SI.
-
-    Returns
-    -------
-    LeftOver
-    """
+    """Judge what a fit leaves."""
     off = np.concatenate([record.off for record in records])
     rms = float(np.sqrt(np.mean(off**2))) / span
     if rms < EXACT or _is_rounding(records) or _is_white([record.off for record in records]):

@@ -16,15 +16,7 @@ _ALSO = 0.2
 
 
 def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
-    """Judge what a model leaves of loops.
-
-    Parameters
-    ----------
-    loopset : Loops
-        The measured loops.
-    fitted : sequence of ndarray
-        Modelled output of each, SI, in the order of the set.
-    """
+    """Judge what a model leaves of loops."""
     places = {value: place for place, value in enumerate(loopset.schedule_values)}
     records = [
         Residual(
@@ -40,17 +32,7 @@ def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
 
 
 def told(left: LeftOver, loopset: Loops, model: Model) -> str:
-    """Say what is left and what to do about it.
-
-    Parameters
-    ----------
-    left : LeftOver
-        As :func:`left_of` finds it.
-    loopset : Loops
-        What was fitted.
-    model : Model
-        What leaves it, with the settings of its identification.
-    """
+    """Say what is left and what to do about it."""
     if left.done:
         return (
             f"what is left ({100.0 * left.rms:.2g} % of the largest output) is noise, or too little "

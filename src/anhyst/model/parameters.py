@@ -67,24 +67,7 @@ class Problem:
 def find_problems(
     law: Law, parameters: Mapping[str, Parameter], nodes: Sequence[float], gap_map: GapMap
 ) -> list[Problem]:
-    """Find everything that is wrong with a set of parameters.
-
-    Parameters
-    ----------
-    law : Law
-        The law.
-    parameters : mapping of str to float or tuple of float
-        As in :class:`anhyst.model.record.ActuatorRecord`.
-    nodes : sequence of float
-        Nodes of the scheduling variable, SI.
-    gap_map : str
-        One of :data:`GAP_MAPS`.
-
-    Returns
-    -------
-    list of Problem
-        Empty if nothing is wrong. The key is a parameter, ``"nodes"`` or ``"gap_map"``.
-    """
+    """Find everything that is wrong with a set of parameters."""
     problems = []
     if gap_map not in GAP_MAPS:
         text = f"is {gap_map!r}; use one of {', '.join(GAP_MAPS)}"

@@ -40,17 +40,7 @@ CLOSED = 1e-12
 
 
 class SampleError(InputError):
-    """A sample that the core refuses.
-
-    Parameters
-    ----------
-    name : str
-        Of what the sample is one.
-    sample : int
-        Its place, from 0.
-    what : str
-        Its value and what is wrong with it.
-    """
+    """A sample that the core refuses."""
 
     def __init__(self, name: str, sample: int, what: str) -> None:
         super().__init__(f"{name}: sample {sample} {what}", code="sample-refused", key=name)
@@ -93,41 +83,7 @@ def predict(
     time: ArrayLike | None = None,
     history: History | str | None = None,
 ) -> Prediction:
-    """Compute the output that a drive gives.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    drive : array_like, shape (n,)
-        Input of the actuator, in units of the input (A for a current).
-    schedule : array_like, shape (n,) or a single number, optional
-        Scheduling variable, SI. It may move from sample to sample, except with a ``free`` gap map
-        in which the iron itself varies: there every stretch at rest starts again from the history.
-    time : array_like, shape (n,), optional
-        Ascending, s; needed only by a model with eddy currents.
-    history : History or str, optional
-        What happened before the first sample, instead of what the model says. ``"settled"``
-        repeats the whole record until it closes.
-
-    Returns
-    -------
-    Prediction
-        With every sample outside the valid range flagged.
-
-    Warns
-    -----
-    ImplausibleWarning
-        A drive or a schedule so far outside the valid range that its unit is likely wrong.
-
-    Raises
-    ------
-    InputError
-        Arrays that are empty, differ in length or hold NaN; a missing schedule or time; a path
-        the core refuses, with the sample.
-    NegativeResult
-        A settled cycle was asked for and does not close.
-    """
+    """Compute the output that a drive gives."""
     found = run_through(model, "drive", drive, schedule, time, history)
     warn_if_far(model, model.input, found.drive, schedule)
     return found
@@ -145,25 +101,6 @@ def invert(
     A force has two answers, a flux density and its negative; the positive one is taken, so the
     drive is unipolar. A demanded force below ``out_0`` has no answer: the flux density is then
     zero and the sample flagged.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    demand : array_like, shape (n,)
-        Wanted output, in units of the output (N for a force).
-    schedule, time, history
-        As in :func:`predict`; ``"settled"`` repeats the demand until it closes.
-
-    Returns
-    -------
-    Prediction
-        ``drive`` is the answer.
-
-    Raises
-    ------
-    InputError, NegativeResult
-        As :func:`predict`.
     """
     found = run_through(model, "demand", demand, schedule, time, history)
     warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
@@ -357,25 +294,7 @@ def _one_run(record: _Record, run: slice, history: History) -> tuple[FloatArray,
 def initial_state(
     model: ActuatorRecord, iron: IronOperator, history: History, schedule: float | None
 ) -> FloatArray:
-    """Return the state of the iron before the first sample.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    iron : IronOperator
-        Its iron at this value of the scheduling variable.
-    history : History
-        ``settled`` gives the state from which the cycle is then repeated; what was before it counts
-        for a law that remembers it.
-    schedule : float or None
-        Scheduling variable at the turning points that name none of their own, SI.
-
-    Returns
-    -------
-    ndarray, shape (s,)
-        The state.
-    """
+    """Return the state of the iron before the first sample."""
     state = np.zeros(model.operator_law.states)
     remembered = history.kind == "conditioned" or model.operator_law.remembers
     if not history.turning_points or not remembered:
@@ -417,27 +336,7 @@ def _settle(
 
 
 def as_samples(values: ArrayLike, name: str, size: int | None = None) -> FloatArray:
-    """Return values as a clean array of samples.
-
-    Parameters
-    ----------
-    values : array_like
-        Samples, or a single number if ``size`` is given.
-    name : str
-        For the message.
-    size : int, optional
-        How many there must be.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Contiguous.
-
-    Raises
-    ------
-    InputError
-        Empty, not one-dimensional, of another length, or not finite.
-    """
+    """Return values as a clean array of samples."""
     array = np.ascontiguousarray(values, dtype=np.float64)
     if size is not None and np.ndim(values) == 0:
         array = np.full(size, float(array.reshape(-1)[0]))
@@ -471,13 +370,7 @@ def as_history(history: History | str | None, model: ActuatorRecord) -> History:
 
 
 def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
-    """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents.
-
-    Raises
-    ------
-    InputError
-        The model has eddy currents and there is no time, or it does not ascend.
-    """
+    """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents."""
     if not np.any(model.parameters["gamma"]):
         return None
     if time is None:

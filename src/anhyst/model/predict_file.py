@@ -182,32 +182,6 @@ def run_file(
     names is a run of its own, at each value of the scheduling variable. A file without that column
     is one run; only where the history is ``settled``, each stretch at one value is a cycle. Cycles
     that clock and measured output show to have been run one after the other remember those before.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    direction : str
-        ``"predict"`` (input to output) or ``"invert"`` (output to input).
-    path, out : path-like
-        The file to read and the CSV file to write.
-    columns : mapping of str to str, optional
-        What columns of the file are, where their headers do not say.
-    history : str, optional
-        What happened before each run, instead of what the model says.
-    progress : callable, optional
-        Called with bytes read and file size.
-
-    Returns
-    -------
-    RunSummary
-        For the screen.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, a column is missing, ``out`` cannot be written, or a sample is
-        refused; names file, column or sample.
     """
     check_writable(out)
     table = read_columns(path, columns, progress)

@@ -47,17 +47,7 @@ class Coloured:
 
 
 def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Coloured:
-    """Estimate the noise from what orthonormal shapes do not explain.
-
-    Parameters
-    ----------
-    off : ndarray, shape (n,)
-        Deviations, records one after the other.
-    shapes : ndarray, shape (n, k)
-        Orthonormal columns.
-    sizes : sequence of int
-        Samples of each record.
-    """
+    """Estimate the noise from what orthonormal shapes do not explain."""
     lengths = tuple(sizes)
     left = off - shapes @ (shapes.T @ off)
     power = max(float(left @ left), 1e-300)

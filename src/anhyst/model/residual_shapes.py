@@ -28,23 +28,13 @@ _NOTHING = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What a fit leaves of one record.
+    """What a fit leaves of one record."""
 
-    Parameters
-    ----------
-    drive, measured, off
-        Shape (n,): input, measured output, and modelled minus measured output, SI.
-    gap
-        Place of its scheduling value.
-    settled
-        Whether the record is a cycle to be repeated until it closes.
-    """
-
-    drive: FloatArray
+    drive: FloatArray  # shape (n,): input, measured output, and modelled minus measured output, SI
     measured: FloatArray
     off: FloatArray
-    gap: int
-    settled: bool
+    gap: int  # place of its scheduling value
+    settled: bool  # whether the record is a cycle to be repeated until it closes
 
     def every(self, step: int) -> Residual:
         """Take every so manieth sample."""

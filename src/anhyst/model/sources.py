@@ -24,25 +24,7 @@ def with_read_options(model: Model, options: ReadOptions) -> Model:
 
 
 def read_sources(model: Model, folder: PathLike = ".") -> Loops:
-    """Read the measurements of a model again, exactly as for its identification.
-
-    Parameters
-    ----------
-    model : Model
-        The model; its provenance names files, hashes and options.
-    folder : path-like
-        Where else to look for the files, such as the folder of the model file.
-
-    Returns
-    -------
-    Loops
-        The loops.
-
-    Raises
-    ------
-    InputError
-        The model names no files, or one is missing or has changed.
-    """
+    """Read the measurements of a model again, exactly as for its identification."""
     sources = model.provenance.sources
     if not sources:
         raise InputError(

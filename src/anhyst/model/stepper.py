@@ -17,24 +17,12 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An answer that has not been committed.
+    """An answer that has not been committed."""
 
-    Parameters
-    ----------
-    drive : float
-        Drive that gives the demanded output now, in units of the input.
-    output : float
-        What that drive gives: the demand, unless the demand has no answer.
-    flux_density : float
-        T.
-    valid : bool
-        Whether demand, drive and schedule lie inside the valid range of the model.
-    """
-
-    drive: float
-    output: float
-    flux_density: float
-    valid: bool
+    drive: float  # drive that gives the demanded output now, in units of the input
+    output: float  # what that drive gives: the demand, unless the demand has no answer
+    flux_density: float  # T
+    valid: bool  # whether demand, drive and schedule lie inside the valid range of the model
 
 
 class Stepper:
@@ -43,23 +31,6 @@ class Stepper:
     ``solve`` answers without touching the state, as often as one likes; ``commit`` advances the
     state with the drive that was really applied, after limits and the amplifier.
 
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    schedule : float, optional
-        Scheduling variable at the start, SI; needed where parameters run over it.
-    history : History or str, optional
-        What happened before, instead of what the model says. ``"settled"`` here means: driven to
-        and fro over the valid range of the input until that closes, then left at its lower end.
-
-    Raises
-    ------
-    InputError
-        The schedule is missing, or a settled start is asked of a model without a valid range.
-
-    Examples
-    --------
     >>> from anhyst.support.units import QUANTITIES
     >>> from anhyst.model.actuator import Model
     >>> iron = dict(M_s=4e5, a=30.0, k=20.0, c=0.2, c_H=1.0, c_out=1.0)
@@ -148,28 +119,7 @@ class Stepper:
     def solve(
         self, demand: float, schedule: float | None = None, dt: float | None = None
     ) -> Candidate:
-        """Find the drive that gives a demanded output now. The state is not touched.
-
-        Parameters
-        ----------
-        demand : float
-            In units of the output.
-        schedule : float, optional
-            Scheduling variable, SI; that of the last commit if left out.
-        dt : float, optional
-            Time since the last commit, s; for a model with eddy currents or creep, otherwise not
-            used. A lag is not looked at: what is committed acts at once.
-
-        Returns
-        -------
-        Candidate
-            The answer, flagged if it lies outside the valid range.
-
-        Raises
-        ------
-        InputError
-            A demand that is not finite or that the core refuses.
-        """
+        """Find the drive that gives a demanded output now. The state is not touched."""
         wanted = as_samples([demand], "demand")
         at = self._at(schedule)
         circuit = self._circuit(at, dt)
@@ -189,25 +139,7 @@ class Stepper:
     def commit(
         self, applied: float, schedule: float | None = None, dt: float | None = None
     ) -> float:
-        """Advance the state with the drive that was really applied.
-
-        Parameters
-        ----------
-        applied : float
-            In units of the input.
-        schedule, dt : float, optional
-            As in :meth:`solve`.
-
-        Returns
-        -------
-        float
-            Output that this drive gives, in units of the output.
-
-        Raises
-        ------
-        InputError
-            A drive that is not finite or that the core refuses; the state is then unchanged.
-        """
+        """Advance the state with the drive that was really applied."""
         given = as_samples([applied], "applied drive")
         at = self._at(schedule)
         circuit = self._circuit(at, dt)
@@ -220,25 +152,7 @@ class Stepper:
         return self._output
 
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
-        """Advance the state along a row of drives, as :meth:`commit` does one by one.
-
-        Parameters
-        ----------
-        applied : ndarray, shape (n,)
-            In units of the input.
-        schedule : ndarray, shape (n,)
-            Scheduling variable at each, SI.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Outputs, in units of the output.
-
-        Raises
-        ------
-        InputError
-            As :meth:`commit`, or a model with eddy currents, which needs times.
-        """
+        """Advance the state along a row of drives, as :meth:`commit` does one by one."""
         given = as_samples(applied, "applied drive")
         at = as_samples(schedule, "schedule", given.size)
         if np.any(self.model.over_schedule("gamma", at) > 0.0):

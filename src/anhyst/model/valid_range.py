@@ -35,30 +35,7 @@ def flag(
     reachable: BoolArray,
     rows: bool = False,
 ) -> tuple[BoolArray, tuple[str, ...]]:
-    """Flag samples outside the valid range, and say so.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    kind : str
-        What was given: ``"drive"`` or ``"demand"``; the other one was computed.
-    drive, output : ndarray, shape (n,)
-        In units of the input and of the output; the demand as it was given.
-    schedule : ndarray, shape (n,), or None
-        Scheduling variable, SI.
-    reachable : ndarray of bool, shape (n,)
-        Whether the demand has an answer.
-    rows : bool
-        Whether to speak of rows of a file, counted from 1, instead of samples, counted from 0.
-
-    Returns
-    -------
-    valid : ndarray of bool, shape (n,)
-        True inside.
-    flags : tuple of str
-        One sentence for each quantity that leaves its range.
-    """
+    """Flag samples outside the valid range, and say so."""
     valid, flags = reachable.copy(), []
     if not reachable.all():
         flags.append(_sentence(reachable, output, model.output.unit, rows, _UNREACHABLE))
@@ -98,23 +75,7 @@ def flag(
 def far_outside(
     quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
 ) -> str:
-    """Say how far values lie outside a range, if that is more than anybody would want.
-
-    Parameters
-    ----------
-    quantity : Quantity or None
-        What they are.
-    values : ndarray or None
-        In its SI unit.
-    limits : tuple of two floats or None
-        The valid range.
-
-    Returns
-    -------
-    str
-        Sentence with the likely unit, such as "gap 0.3 m is 500 times the largest gap the model
-        knows; given in mm?"; empty if they lie near enough, or nothing is known.
-    """
+    """Say how far values lie outside a range, if that is more than anybody would want."""
     if quantity is None or values is None or limits is None or quantity.unit == "degC":
         return ""
     name, unit = quantity.name.replace("_", " "), quantity.unit
@@ -155,19 +116,7 @@ def warn_if_far(
     values: FloatArray,
     schedule: ArrayLike | None,
 ) -> None:
-    """Warn a caller in Python, once a call, of values whose unit is likely wrong.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    given : Quantity
-        Its input or its output.
-    values : ndarray
-        What was given, SI.
-    schedule : array_like or None
-        Scheduling variable, SI.
-    """
+    """Warn a caller in Python, once a call, of values whose unit is likely wrong."""
     if model.valid is None:
         return
     limits = model.valid.input if given is model.input else model.valid.output

@@ -65,20 +65,7 @@ UNCERTAINTY = """
 
 
 def write_model(model: ActuatorRecord, path: PathLike) -> None:
-    """Write a model to a file, whole or not at all; it is read back before it takes its name.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-    path : path-like
-        Where; a file that stands there is replaced once the new one is complete.
-
-    Raises
-    ------
-    InputError
-        The place cannot be written, the disk is full, or the model holds what no file may.
-    """
+    """Write a model to a file, whole or not at all; it is read back before it takes its name."""
     text = model_text(model)
 
     def check(draft: Path) -> None:
@@ -97,18 +84,7 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
 
 
 def model_text(model: ActuatorRecord) -> str:
-    """Return the text of the model file.
-
-    Parameters
-    ----------
-    model : ActuatorRecord
-        The model.
-
-    Returns
-    -------
-    str
-        TOML; the same for the same model, on any machine.
-    """
+    """Return the text of the model file."""
     sections = [
         HEAD + _keys({"format": FORMAT, "version": VERSION, "name": model.name}),
         _law(model.law),

@@ -16,13 +16,7 @@ _MOST_ROWS = 200
 
 
 def write_fleet_report(path: PathLike, found: Fleet) -> None:
-    """Write the report of a fleet: one HTML file that needs nothing else.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write the report of a fleet: one HTML file that needs nothing else."""
     text = render_page(
         _headline(found),
         [_errors(found), _scatter(found), _magnets(found)],

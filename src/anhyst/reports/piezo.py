@@ -16,15 +16,7 @@ LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 
 def draw_tracking(found: PiezoTracking, cycle: float) -> Figure:
-    """Draw reference, voltage and deviation over the cycles that are judged.
-
-    Parameters
-    ----------
-    found : PiezoTracking
-        Of :func:`anhyst.study.piezo.track.track`.
-    cycle : float
-        Duration of a cycle of the reference, s.
-    """
+    """Draw reference, voltage and deviation over the cycles that are judged."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")

@@ -28,22 +28,7 @@ def follower(magnet: Magnet) -> Follow:
 
 
 def along(follow: Follow, loop: Loop, zero: float = 0.0) -> FloatArray:
-    """Return the force of a magnet along the drive of a loop, with its history.
-
-    Parameters
-    ----------
-    follow : callable
-        Demagnetised.
-    loop : Loop
-        Of force over current and gap.
-    zero : float, optional
-        What the current sensor of the loop reads where there is none, A.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        N.
-    """
+    """Return the force of a magnet along the drive of a loop, with its history."""
     assert loop.schedule is not None
     before = np.array(loop.history.turning_points) - zero
     if before.size:
@@ -56,19 +41,11 @@ def along(follow: Follow, loop: Loop, zero: float = 0.0) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Distance:
-    """Deviation of all samples of all loops.
+    """Deviation of all samples of all loops."""
 
-    Parameters
-    ----------
-    mean, worst : float
-        Of its size, N.
-    force_max : float
-        Largest force in the loops, N.
-    """
-
-    mean: float
+    mean: float  # of its size, N
     worst: float
-    force_max: float
+    force_max: float  # largest force in the loops, N
 
     @property
     def text(self) -> str:
@@ -90,14 +67,7 @@ class Distance:
 
 
 def distance(loops: Loops, force: Callable[[Loop], FloatArray]) -> Distance:
-    """Return how far forces are from loops.
-
-    Parameters
-    ----------
-    loops : Loops
-    force : callable
-        From a loop to the force at its samples, N.
-    """
+    """Return how far forces are from loops."""
     misses = np.abs(np.concatenate([force(loop) - loop.output for loop in loops.loops]))
     largest = max(float(np.max(np.abs(loop.output))) for loop in loops.loops)
     return Distance(float(misses.mean()), float(misses.max()), largest)
@@ -117,25 +87,14 @@ def model_distance(loops: Loops, model: Model) -> Distance:
 
 @dataclass(frozen=True, slots=True)
 class PlantCheck:
-    """What the loops say about a virtual plant.
+    """What the loops say about a virtual plant."""
 
-    Parameters
-    ----------
-    plant, model : Distance
-        Of the plant and of the compensator's model, from the same loops.
-    same : bool
-        Whether the compensator's model is the very law that makes the plant's force.
-    fitted : bool
-        Whether the plant was fitted to them.
-    guessed : tuple of str
-        Keys of the rig file that the loops leave open and nobody gave.
-    """
-
-    plant: Distance
+    plant: Distance  # of the plant and of the compensator's model, from the same loops
     model: Distance
+    # whether the compensator's model is the very law that makes the plant's force
     same: bool = False
-    fitted: bool = False
-    guessed: tuple[str, ...] = ()
+    fitted: bool = False  # whether the plant was fitted to them
+    guessed: tuple[str, ...] = ()  # keys of the rig file that the loops leave open and nobody gave
 
     @property
     def lines(self) -> list[str]:

@@ -56,23 +56,13 @@ TRIES = 60
 
 @dataclass(frozen=True)
 class FittedPlant:
-    """A magnet that makes the loops.
-
-    Parameters
-    ----------
-    poles : Poles
-    steel : CellSteel
-    zero_current, zero_force : float
-        What the sensors of the loops read where there is nothing, A and N.
-    guessed : tuple of str
-        Keys of the rig file that the loops leave open and nobody gave.
-    """
+    """A magnet that makes the loops."""
 
     poles: Poles
     steel: CellSteel
-    zero_current: float
+    zero_current: float  # what the sensors of the loops read where there is nothing, A and N
     zero_force: float
-    guessed: tuple[str, ...]
+    guessed: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
 
     @property
     def magnet(self) -> Magnet:
@@ -96,19 +86,7 @@ class FittedPlant:
 
 
 def fit_magnet(loops: Loops, table: ElectromagnetTable) -> FittedPlant:
-    """Fit what a rig file leaves out of its magnet.
-
-    Parameters
-    ----------
-    loops : Loops
-        Force over current at several gaps, with their history.
-    table : ElectromagnetTable
-        What it says is held.
-
-    Returns
-    -------
-    FittedPlant
-    """
+    """Fit what a rig file leaves out of its magnet."""
     coarse = thinned(loops, COARSE)
     fit = _Fit(coarse, table)
     found = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda one: one[0])
@@ -135,14 +113,7 @@ AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 
 
 def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
-    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted.
-
-    Parameters
-    ----------
-    rig : Rig or BearingRig
-    loops : Loops
-        Those that its file names.
-    """
+    """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted."""
     magnet = rig.settings.magnet
     if magnet is None or not magnet.from_loops:
         return rig

@@ -35,24 +35,12 @@ FileList = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Measured loops as a rig file names them.
+    """Measured loops as a rig file names them."""
 
-    Parameters
-    ----------
-    rig : Path
-        The rig file.
-    key : path of a key
-        Where they stand in it.
-    names : tuple of str
-        Files and folders, relative to the rig file.
-    options : IdentifyTable
-        How they are read and identified.
-    """
-
-    rig: Path
-    key: KeyPath
-    names: tuple[str, ...]
-    options: IdentifyTable
+    rig: Path  # the rig file
+    key: KeyPath  # where they stand in it
+    names: tuple[str, ...]  # files and folders, relative to the rig file
+    options: IdentifyTable  # how they are read and identified
 
     @property
     def places(self) -> tuple[Path, ...]:
@@ -67,13 +55,7 @@ class Measured:
 
     @property
     def files(self) -> list[Path]:
-        """All that is read for them: tables in folders, and what describes them.
-
-        Raises
-        ------
-        InputError
-            One of them is not there, or a folder holds no table; with the key of the rig file.
-        """
+        """All that is read for them: tables in folders, and what describes them."""
         for number, place in enumerate(self.places):
             if not place.exists():
                 key = (*self.key, number) if len(self.names) > 1 else self.key
@@ -87,13 +69,7 @@ class Measured:
             ) from error
 
     def read(self) -> Loops:
-        """Read and clean them.
-
-        Raises
-        ------
-        InputError
-            As :attr:`files`, as the reader, or they are no loops of force over current and gap.
-        """
+        """Read and clean them."""
         if not self.files:
             raise InputError(f"{self.text}: no loops", code="no-loops")
         loops = self.options.reading(self.rig.parent).read(self.places)
@@ -105,14 +81,7 @@ class Measured:
 
 
 def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[FileFault]:
-    """Find what a rig file wants of its identification and cannot have.
-
-    Parameters
-    ----------
-    options : IdentifyTable
-    gap_map : str, optional
-        Which one, where the file does not say.
-    """
+    """Find what a rig file wants of its identification and cannot have."""
     if options.gap_map == "free":
         text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
         return [FileFault(("identify", "gap_map"), text, code="choice-not-for-this")]
@@ -126,16 +95,5 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fi
 def identify_loops(
     loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
 ) -> Model:
-    """Identify a model as a rig file wants it.
-
-    Parameters
-    ----------
-    loops : Loops
-        Those it names, or some of them.
-    options : IdentifyTable
-    gap_map : str
-        Which one, where the file does not say.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-    """
+    """Identify a model as a rig file wants it."""
     return identify(loops, **options.searching(gap_map), progress=progress).model

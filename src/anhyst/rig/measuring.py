@@ -29,18 +29,11 @@ class Pull(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What measures loops: a shunt and a load cell.
-
-    Parameters
-    ----------
-    current, force : Sensor
-    gain : float, optional
-        What the shunt reads at 1 A.
-    """
+    """What measures loops: a shunt and a load cell."""
 
     current: Sensor
     force: Sensor
-    gain: float = 1.0
+    gain: float = 1.0  # what the shunt reads at 1 A
 
     def read(self, current: float, force: float) -> tuple[float, float]:
         """Return what they say of a current, A, and a force, N, one sample on."""
@@ -74,13 +67,7 @@ def conditioning(campaign: MeasurementTable) -> list[float]:
 def take(
     magnet: Pull, sensors: Sensors, gap: float, path: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Move along currents, A, at a gap, m.
-
-    Returns
-    -------
-    current, force : ndarray
-        As the sensors read them, A and N.
-    """
+    """Move along currents, A, at a gap, m."""
     rows = np.array([sensors.read(one, magnet.step(one, gap)) for one in path.tolist()])
     return rows[:, 0], rows[:, 1]
 
@@ -88,18 +75,7 @@ def take(
 def measure_place(
     held: HeldRig, campaign: MeasurementTable, place: int, magnet: Pull | None = None
 ) -> list[Loop]:
-    """Measure all records of a campaign at one of its gaps.
-
-    Parameters
-    ----------
-    held : HeldRig
-    campaign : MeasurementTable
-    place : int
-        Of the gap in the campaign.
-    magnet : Pull, optional
-        Goes on with whatever it remembers; without one, every record begins with a demagnetised
-        magnet. Before every record it is conditioned anyway.
-    """
+    """Measure all records of a campaign at one of its gaps."""
     gap, past = campaign.gaps_m[place], conditioning(campaign)
     step = campaign.sweep_A_per_s * campaign.sample_s
     loops = []

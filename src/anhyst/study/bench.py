@@ -42,28 +42,7 @@ _WORK = 3.0
 def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
 ) -> BearingBench | ForceBench:
-    """Open the virtual bench of a rig.
-
-    Parameters
-    ----------
-    rig_path : path-like
-        Rig file of a bearing, or of a force rig.
-    controller_path : path-like, optional
-        Controller file of a bearing; ``controller.toml`` beside the rig file if left out.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    BearingBench or ForceBench
-        At rest, before its first tick. To be closed.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read or does not fit the others; a controller that is not compiled;
-        no compiler.
-    """
+    """Open the virtual bench of a rig."""
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:  # a firmware runs on without it
         bench = prepare_bench(rig_path, controller_path, Path(place), progress).open()
     _report(progress, _WORK)
@@ -71,25 +50,7 @@ def open_bench(
 
 
 def open_board(folder: PathLike, url: str) -> HardwareBench:
-    """Open the bench of a controller that runs by itself.
-
-    Parameters
-    ----------
-    folder : path-like
-        That ``anhyst compile`` wrote and the controller's firmware is built around.
-    url : str
-        Where it offers XCP: ``socket://HOST:PORT``, or a serial port.
-
-    Returns
-    -------
-    HardwareBench
-        As it runs. To be closed.
-
-    Raises
-    ------
-    InputError
-        No such folder, nobody there, or the firmware is built around another folder.
-    """
+    """Open the bench of a controller that runs by itself."""
     manifest = _manifest(folder)
     return HardwareBench(lambda: XcpMaster(url), manifest)
 
@@ -106,13 +67,7 @@ def address_of(xcp: str | None, port: str | None) -> str | None:
 
 
 def through(folder: PathLike, url: str) -> Measuring:
-    """Return what measures loops through a controller that runs by itself.
-
-    Parameters
-    ----------
-    folder, url
-        As of :func:`open_board`, which raises when it is called.
-    """
+    """Return what measures loops through a controller that runs by itself."""
 
     def measure(specimen: Specimen, progress: Progress | None) -> Excitation:
         with closing(open_board(folder, url)) as bench:
@@ -122,20 +77,7 @@ def through(folder: PathLike, url: str) -> Measuring:
 
 
 def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
-    """Read what a better model for a controller that runs by itself is found with.
-
-    Parameters
-    ----------
-    rig_path : path-like
-        Rig file of force control: limits, loops so far, how a model is identified.
-    folder : path-like
-        As of :func:`open_board`. Its model file lies beside it, or beside the rig file.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read, a folder of another kind, no model file that it was made of.
-    """
+    """Read what a better model for a controller that runs by itself is found with."""
     manifest = _manifest(folder)
     rig = read_rig(rig_path)
     if manifest["controller"] is not None or manifest["io"] not in ("q15", "q31"):
@@ -194,27 +136,7 @@ def prepare_bench(
     place: Path,
     progress: Progress | None = None,
 ) -> Prepared:
-    """Compile and build all that the virtual bench of a rig needs.
-
-    Parameters
-    ----------
-    rig_path, controller_path : path-like
-        As of :func:`open_bench`.
-    place : Path
-        Folder for what is made on the way, and for the firmware.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Prepared
-        What opens it.
-
-    Raises
-    ------
-    InputError
-        As of :func:`open_bench`.
-    """
+    """Compile and build all that the virtual bench of a rig needs."""
     if is_force_rig(rig_path):
         if controller_path is not None:
             raise InputError(

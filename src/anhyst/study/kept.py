@@ -39,23 +39,7 @@ _FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
 def prepared_once(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
-    """Prepare a bench, or take what was prepared of the same files before.
-
-    Parameters
-    ----------
-    rig_path, controller_path, progress
-        As of :func:`anhyst.study.bench.prepare_bench`.
-
-    Yields
-    ------
-    Prepared
-        To be opened before this ends; the bench then runs on.
-
-    Raises
-    ------
-    InputError
-        As of :func:`anhyst.study.bench.prepare_bench`. A cache that cannot be used is none.
-    """
+    """Prepare a bench, or take what was prepared of the same files before."""
     place = cache_folder() / _key(rig_path, controller_path)
     found = _load(place)
     if found is not None:

@@ -32,21 +32,11 @@ _SAME_GAP = 1e-6
 
 @dataclass(frozen=True)
 class PreparedBearing:
-    """A bearing, its controller, and the firmware.
+    """A bearing, its controller, and the firmware."""
 
-    Parameters
-    ----------
-    setup : Setup
-        What runs, in fixed point.
-    model : Model
-        What it was compiled from.
-    firmware : Path
-        For the board ``host``; needed until the bench is open.
-    """
-
-    setup: Setup
-    model: Model
-    firmware: Path
+    setup: Setup  # what runs, in fixed point
+    model: Model  # what it was compiled from
+    firmware: Path  # for the board ``host``; needed until the bench is open
 
     @property
     def rig(self) -> Path:
@@ -80,13 +70,7 @@ class PreparedBearing:
         return identify_loops(loops, self.setup.rig.settings.identify, "circuit", progress)
 
     def compile(self, model: Model) -> Plan:
-        """Compile another model for the running board.
-
-        Raises
-        ------
-        InputError
-            The running controller has no model, or this one does not cover what it works with.
-        """
+        """Compile another model for the running board."""
         running = self.setup.compensator.parameters
         variant = self.setup.name
         if not isinstance(running, HysteresisInverse) or variant not in {"full", "simplified"}:
@@ -113,21 +97,11 @@ class PreparedBearing:
 
 @dataclass(frozen=True)
 class PreparedForce:
-    """An actuator whose force is controlled, and the firmware.
+    """An actuator whose force is controlled, and the firmware."""
 
-    Parameters
-    ----------
-    whole : Rig
-        Its magnet is whole.
-    loops : Loops
-        Measured, for the constant ratio.
-    program : Program
-        Model, block and firmware; this is needed until the bench is open.
-    """
-
-    whole: Rig
-    loops: Loops
-    program: Program
+    whole: Rig  # its magnet is whole
+    loops: Loops  # measured, for the constant ratio
+    program: Program  # model, block and firmware; this is needed until the bench is open
 
     alone = True
 
@@ -172,41 +146,21 @@ class PreparedForce:
         return find_model(self.whole, loops, progress)
 
     def compile(self, model: Model) -> Plan:
-        """Compile another model for the running board.
-
-        Raises
-        ------
-        InputError
-            It does not cover what the board works with.
-        """
+        """Compile another model for the running board."""
         request = CompileRequest(self.program.kind, "q31", self.whole.settings.rate_Hz)
         return _plan(model, request, self.program.scales, self.program.block.limits)
 
 
 @dataclass(frozen=True)
 class PreparedBoard:
-    """An actuator before a controller that runs by itself, and what that was compiled to.
+    """An actuator before a controller that runs by itself, and what that was compiled to."""
 
-    Parameters
-    ----------
-    whole : Rig
-        For its limits, and how a model is identified.
-    loops : Loops
-        Measured, of the rig file.
-    model : Model
-        What the controller was compiled from.
-    request : CompileRequest
-    scales : Scales
-    limits : DemandLimits
-        Of the controller.
-    """
-
-    whole: Rig
-    loops: Loops
-    model: Model
+    whole: Rig  # for its limits, and how a model is identified
+    loops: Loops  # measured, of the rig file
+    model: Model  # what the controller was compiled from
     request: CompileRequest
     scales: Scales
-    limits: DemandLimits
+    limits: DemandLimits  # of the controller
 
     alone = True
 
@@ -229,13 +183,7 @@ class PreparedBoard:
         return find_model(self.whole, loops, progress)
 
     def compile(self, model: Model) -> Plan:
-        """Compile another model for the running board.
-
-        Raises
-        ------
-        InputError
-            It does not cover what the board works with.
-        """
+        """Compile another model for the running board."""
         low, high = self.scales.gap_low, self.scales.gap_high
         if low < high and not model.needs_schedule:
             raise InputError(

@@ -43,23 +43,6 @@ def atomic_writer(
     It is written beside its place under a temporary name, flushed to the disk and renamed. After
     any failure, ctrl-C included, what stood there before still stands there, and nothing else. A
     device or a pipe is written directly.
-
-    Parameters
-    ----------
-    path : path-like
-        Where the file is to appear.
-    check : callable, optional
-        Reads the complete file under its temporary name; where it raises, nothing appears.
-
-    Yields
-    ------
-    file
-        Text, UTF-8, line ends as written.
-
-    Raises
-    ------
-    InputError
-        The place cannot be written, or the disk is full.
     """
     with _draft(path) as place:
         with place.open("w", encoding="utf-8", newline="") as stream:
@@ -70,20 +53,7 @@ def atomic_writer(
 
 
 def write_bytes(path: PathLike, content: bytes) -> None:
-    """Write a binary file, such as a picture, whole or not at all; as :func:`atomic_writer`.
-
-    Parameters
-    ----------
-    path : path-like
-        Where the file is to appear.
-    content : bytes
-        All of it.
-
-    Raises
-    ------
-    InputError
-        The place cannot be written, or the disk is full.
-    """
+    """Write a binary file, such as a picture, whole or not at all; as :func:`atomic_writer`."""
     with binary_writer(path) as stream:
         stream.write(content)
 
@@ -132,20 +102,7 @@ def _to_disk(stream: IO[Any]) -> None:
 
 
 def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
-    """Find out before long work whether a file can be written.
-
-    Parameters
-    ----------
-    path : path-like
-        Where the file is to appear. What stands there is not touched.
-    reads : iterable of path-like
-        Files that the work reads, which must not be written over.
-
-    Raises
-    ------
-    InputError
-        It cannot, and why.
-    """
+    """Find out before long work whether a file can be written."""
     target = Path(os.path.realpath(path))
     if any(target == Path(os.path.realpath(source)) for source in reads):
         raise InputError(

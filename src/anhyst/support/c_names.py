@@ -15,8 +15,6 @@ _NAME = re.compile(rf"[a-z][a-z0-9_]{{0,{LONGEST - 1}}}")
 def c_name(text: str) -> str:
     """Return the nearest name that C takes, in small letters.
 
-    Examples
-    --------
     >>> c_name("Magnet 3, upper"), c_name("2nd"), c_name("")
     ('magnet_3_upper', 'actuator_2nd', 'actuator')
     """
@@ -27,13 +25,7 @@ def c_name(text: str) -> str:
 
 
 def check_name(name: str) -> None:
-    """Refuse what cannot begin the names of an actuator's C.
-
-    Raises
-    ------
-    InputError
-        It is no such name.
-    """
+    """Refuse what cannot begin the names of an actuator's C."""
     if not _NAME.fullmatch(name):
         raise InputError(
             f"--name: '{name}' is no name; give up to {LONGEST} small letters, digits and "

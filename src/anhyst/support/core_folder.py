@@ -11,11 +11,6 @@ def core_folder() -> Path:
     """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
 
     In a source tree it is the one that is edited, otherwise the copy inside the package.
-
-    Raises
-    ------
-    InputError
-        The installation is not complete.
     """
     package = Path(__file__).resolve().parents[1]
     for place in (package.parents[1] / "core", package / "_core" / "c"):
@@ -28,13 +23,7 @@ def core_folder() -> Path:
 
 
 def plant_folder() -> Path:
-    """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`.
-
-    Raises
-    ------
-    InputError
-        The installation is not complete.
-    """
+    """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`."""
     package = Path(__file__).resolve().parents[1]
     for place in (package.parents[1] / "plant", package / "_core" / "plant"):
         if (place / "include" / "anhyst_plant" / "bearing.h").is_file():

@@ -28,13 +28,6 @@ def power(base: FloatArray, exponent: float) -> FloatArray:
 def passed(times: float) -> float:
     """Return the share ``1 - exp(-times)`` that a low-pass of first order passes.
 
-    Parameters
-    ----------
-    times : float
-        Of its time constant, >= 0; may be infinite.
-
-    Examples
-    --------
     >>> passed(1e-20), passed(math.inf)
     (1e-20, 1.0)
     """
@@ -56,16 +49,7 @@ def spaced(low: float, high: float, count: int) -> FloatArray:
 
 
 def sine(turns: ArrayLike) -> FloatArray:
-    """Return the sine of angles in turns, to 1e-15.
-
-    Parameters
-    ----------
-    turns : array_like, shape (n,)
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """Return the sine of angles in turns, to 1e-15."""
     given = np.asarray(turns, dtype=np.float64)
     rest = given - np.rint(given)
     # Within a quarter turn of zero: a sine is the same seen from either side of its top.

@@ -17,25 +17,7 @@ def q31(part: float) -> int:
 
 
 def as_factor(name: str, value: float) -> tuple[int, int]:
-    """Return the nearest ``anhyst_factor``.
-
-    Parameters
-    ----------
-    name : str
-        Of the gain, for the error.
-    value : float
-        Ratio of full scales, without a unit.
-
-    Returns
-    -------
-    mantissa, shift : int
-        The factor is mantissa/65536 * 2^shift.
-
-    Raises
-    ------
-    InputError
-        If it is too large, or too small to be kept to 0.1 %.
-    """
+    """Return the nearest ``anhyst_factor``."""
     if value == 0.0:
         return 0, 0
     fraction, exponent = math.frexp(value)
@@ -62,25 +44,7 @@ def as_factor(name: str, value: float) -> tuple[int, int]:
 
 
 def as_smoothing(name: str, share: float) -> tuple[int, int]:
-    """Return the ``anhyst_factor`` of a filter: minus the share of a step that it passes in a tick.
-
-    Parameters
-    ----------
-    name : str
-        Of the filter, for the error.
-    share : float
-        0..1.
-
-    Returns
-    -------
-    mantissa, shift : int
-        The factor is mantissa/65536 * 2^shift.
-
-    Raises
-    ------
-    InputError
-        If it is too small to be kept to 0.1 %.
-    """
+    """Return the ``anhyst_factor`` of a filter: minus the share of a step that it passes in a tick."""
     shift = 1 if share > 0.5 else 0
     mantissa = -round(share * 65536.0 / 2.0**shift)
     if -mantissa < _LEAST_MANTISSA:

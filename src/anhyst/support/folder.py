@@ -18,24 +18,6 @@ def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
 
     After any failure, ctrl-C included, what stood there before still stands there, and nothing
     else.
-
-    Parameters
-    ----------
-    out : path-like
-        The folder; made where it is not there.
-    replace : bool, optional
-        Whether all that stands there goes; otherwise files are put beside it, and over files of the
-        same name.
-
-    Yields
-    ------
-    Path
-        An empty folder on the same disk.
-
-    Raises
-    ------
-    InputError
-        The place is a file or cannot be written, or the disk is full.
     """
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():

@@ -29,18 +29,7 @@ def each(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Iterator[tuple[int, B]]:
-    """Do some work on every input; results come as they are ready, with the place of their input.
-
-    Parameters
-    ----------
-    work : callable
-        Of a module, so that other processes find it.
-    inputs : sequence
-    progress : callable, optional
-    jobs : int, optional
-        Processes; as many as :func:`cores` if left out. One: in this process. Within
-        :func:`workers_of` a cluster does the work, whatever stands here.
-    """
+    """Do some work on every input; results come as they are ready, with the place of their input."""
     if _cluster.get() is not None:
         yield from _on_cluster(work, inputs, progress)
         return
@@ -79,20 +68,7 @@ def all_of(
 
 @contextmanager
 def workers_of(scheduler: str | None) -> Iterator[None]:
-    """Let a cluster do all work that is handed out in this context.
-
-    Parameters
-    ----------
-    scheduler : str or None
-        Address of a scheduler of dask.distributed, ``tcp://host:port``; None: this machine. Its
-        workers must have the same anhyst and see the same files. Work of a worker that is lost is
-        done again by another.
-
-    Raises
-    ------
-    InputError
-        The extra ``cluster`` is not installed, or nobody answers there.
-    """
+    """Let a cluster do all work that is handed out in this context."""
     if scheduler is None:
         yield
         return

@@ -16,18 +16,7 @@ _PRIORITY = 1
 
 
 class OneCore:
-    """Keeps a thread and a process on one core.
-
-    Parameters
-    ----------
-    process : int
-        That answers the thread; 0 where none does, and then nothing is kept anywhere.
-
-    Attributes
-    ----------
-    first : bool
-        Whether both go before all usual work there. What they start does not.
-    """
+    """Keeps a thread and a process on one core."""
 
     def __init__(self, process: int) -> None:
         cores = _allowed() if process else []

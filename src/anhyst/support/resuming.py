@@ -17,28 +17,6 @@ class ResultsFile:
     """A file of JSON lines: a header that says what it belongs to, then one result a line.
 
     A last line that was cut off, by a full disk or a lost process, is dropped. Use it as a context.
-
-    Parameters
-    ----------
-    path : path-like
-        Made if it is not there.
-    header : mapping
-        What results depend on; a file with another one is refused.
-    key : str
-        Names a result: the value under it is a whole number and distinguishes results.
-    fault : callable
-        Takes a line of the file and says what keeps it from being a result, by key; None if
-        nothing.
-
-    Attributes
-    ----------
-    done : dict of int to dict
-        Results so far.
-
-    Raises
-    ------
-    InputError
-        The file belongs to something else, is none of these, or cannot be written.
     """
 
     def __init__(

@@ -29,21 +29,11 @@ BRANCH = "|"
 
 
 class FileFault(NamedTuple):
-    """Something wrong with a file that its schema cannot see, such as keys that contradict.
+    """Something wrong with a file that its schema cannot see, such as keys that contradict."""
 
-    Parameters
-    ----------
-    key : tuple of str or int
-        Where; list elements by index from 0.
-    text : str
-        What is wrong and what to do.
-    code : str
-        As that of an `InputError`.
-    """
-
-    key: KeyPath
-    text: str
-    code: str
+    key: KeyPath  # where; list elements by index from 0
+    text: str  # what is wrong and what to do
+    code: str  # as that of an `InputError`
 
 
 class Advice(NamedTuple):
@@ -55,20 +45,11 @@ class Advice(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Renamed:
-    """A key of older files, or values of one.
+    """A key of older files, or values of one."""
 
-    Parameters
-    ----------
-    table : tuple of str
-        Path of the table that holds it.
-    key : str
-        As older files call it.
-    new : str or mapping of str to str
-        What the key is called now; or, where only its values changed, each old value's new one.
-    """
-
-    table: tuple[str, ...]
-    key: str
+    table: tuple[str, ...]  # path of the table that holds it
+    key: str  # as older files call it
+    # what the key is called now; or, where only its values changed, each old value's new one
     new: str | Mapping[str, str]
 
 
@@ -87,27 +68,13 @@ SHOWN = 5
 
 @dataclass(frozen=True, slots=True)
 class FileProblem:
-    """One thing wrong with a file.
+    """One thing wrong with a file."""
 
-    Parameters
-    ----------
-    line : int or None
-        Line of the key, or of the table that lacks it; None where there is neither.
-    key : str
-        Path of the key.
-    text : str
-        What is wrong and what to do.
-    code : str
-        What is wrong, as that of an `InputError`.
-    written : bool
-        Whether the key stands in the file.
-    """
-
-    line: int | None
-    key: str
-    text: str
-    code: str
-    written: bool
+    line: int | None  # line of the key, or of the table that lacks it; None where there is neither
+    key: str  # path of the key
+    text: str  # what is wrong and what to do
+    code: str  # what is wrong, as that of an `InputError`
+    written: bool  # whether the key stands in the file
 
 
 class TomlFileError(InputError):
@@ -131,27 +98,7 @@ class TomlFileError(InputError):
 
 
 class TomlFile:
-    """A file as it was read, and what is found to be wrong with it.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Attributes
-    ----------
-    content : dict
-        What it says.
-    lines : dict
-        Where each key stands; see :func:`~anhyst.support.toml_text.key_lines`.
-    problems : list of FileProblem
-        At first none.
-
-    Raises
-    ------
-    InputError
-        It cannot be read or is no TOML.
-    """
+    """A file as it was read, and what is found to be wrong with it."""
 
     def __init__(self, path: PathLike) -> None:
         self.path = path
@@ -181,17 +128,7 @@ class TomlFile:
         advice: Callable[[KeyPath, Any], Advice],
         place: Callable[[KeyPath], KeyPath] = lambda location: location,
     ) -> None:
-        """Note what a validation found, the first finding of each key.
-
-        Parameters
-        ----------
-        error : ValidationError
-            Of the content, or of a part.
-        advice : callable
-            From a key and what was found there to its advice.
-        place : callable, optional
-            From a place in the schema to the key in the file.
-        """
+        """Note what a validation found, the first finding of each key."""
         seen = {problem.key for problem in self.problems}
         for finding in error.errors(include_url=False):
             key = place(tuple(one for one in finding["loc"] if not str(one).startswith(BRANCH)))
@@ -205,34 +142,7 @@ class TomlFile:
 
 
 def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) -> T:
-    """Read a TOML file.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-    schema : type of Table
-        What it may hold.
-    renamed : sequence of Renamed, optional
-        What older files call otherwise.
-
-    Returns
-    -------
-    Table
-        Of this type.
-
-    Warns
-    -----
-    RenamedWarning
-        The file says something by an older name.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, is no TOML or of another kind.
-    TomlFileError
-        Keys that are unknown (the nearest known one is named), missing or out of range.
-    """
+    """Read a TOML file."""
     file = TomlFile(path)
     if (field := schema.model_fields.get("format")) is not None:
         check_kind(file, [kind_named(word) for word in get_args(field.annotation)])
@@ -286,20 +196,7 @@ def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
 
 
 def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
-    """Say where in a file stands what its schema cannot see.
-
-    Parameters
-    ----------
-    path : path-like
-        A file that has been read.
-    faults : iterable of FileFault
-        At least one.
-
-    Returns
-    -------
-    TomlFileError
-        To be raised.
-    """
+    """Say where in a file stands what its schema cannot see."""
     file = TomlFile(path)
     for fault in faults:
         file.add(*fault)

@@ -19,18 +19,6 @@ _QUOTES = ('"""', "'''", '"', "'")
 def toml_value(value: object) -> str:
     """Write a value as TOML.
 
-    Parameters
-    ----------
-    value : str, bool, int, float, sequence or mapping of such
-        FloatArray are written so that reading gives back every bit.
-
-    Returns
-    -------
-    str
-        One line.
-
-    Examples
-    --------
     >>> toml_value([0.1, 2.0, 1e-30]), toml_value({"a b": True})
     ('[0.1, 2.0, 1e-30]', '{ "a b" = true }')
     """
@@ -67,19 +55,6 @@ def _string(text: str) -> str:
 def key_lines(text: str) -> dict[Path, int]:
     r"""Find the line of every table and key in a TOML text that parses.
 
-    Parameters
-    ----------
-    text : str
-        A valid TOML document.
-
-    Returns
-    -------
-    dict
-        From the path of a key, array elements by index, to its line, counted from 1. Keys inside
-        an inline table are not listed; look for the nearest known beginning of the path.
-
-    Examples
-    --------
     >>> key_lines('a = 1\n[[b]]\nc = "x"\n')
     {('a',): 1, ('b', 0): 2, ('b', 0, 'c'): 3}
     """

@@ -165,8 +165,6 @@ QUANTITIES = MappingProxyType(
 def in_small_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
     """Return the unit that values up to a size are shown in, and what to multiply SI by.
 
-    Examples
-    --------
     >>> in_small_unit(QUANTITIES["displacement"], 4e-5), in_small_unit(QUANTITIES["force"], 4e-5)
     (('µm', 1000000.0), ('N', 1.0))
     """
@@ -241,13 +239,7 @@ def find_unit(text: str) -> Unit | None:
 
 
 def unit_of(text: str) -> Unit:
-    """Look a unit up or fail.
-
-    Raises
-    ------
-    InputError
-        If the unit is not in the table; names near ones.
-    """
+    """Look a unit up or fail."""
     unit = find_unit(text)
     if unit is None:
         raise InputError(_unknown_unit(text), code="unknown-unit")
@@ -255,21 +247,7 @@ def unit_of(text: str) -> Unit:
 
 
 def parse_header(text: str, unit: str | None = None) -> Header:
-    """Understand a column header.
-
-    Parameters
-    ----------
-    text
-        ``name_unit``, ``name [unit]``, ``name (unit)`` or a bare name.
-    unit
-        The unit from a separate unit row, if the file has one; empty for none.
-
-    Returns
-    -------
-    Header
-        With ``problem`` set where a known quantity has no usable unit. Any other name is a
-        quantity of its own, without dimension if it has no unit.
-    """
+    """Understand a column header."""
     text = text.strip()
     name, written = split_header(text, unit)
     problem = _conflict(text, unit)
@@ -293,15 +271,6 @@ def parse_header(text: str, unit: str | None = None) -> Header:
 def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     """Split a header into the name and the unit as written, empty if there is none.
 
-    Parameters
-    ----------
-    text
-        As in `parse_header`.
-    unit
-        The unit that stands apart, if there is one. A name that repeats it loses it.
-
-    Examples
-    --------
     >>> split_header("H_A_per_m"), split_header("I [mA]"), split_header("I_A", "A")
     (('H', 'A_per_m'), ('I', 'mA'), ('I', 'A'))
     """

@@ -28,28 +28,14 @@ AGAIN = "run 'anhyst compile' again"
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A compensator as C, with what its manifest says.
+    """A compensator as C, with what its manifest says."""
 
-    Parameters
-    ----------
-    folder : Path
-        Where it stands.
-    name : str
-        What the actuator is called in the C.
-    kind, io : str
-        ``full``, ``simplified``, ``cells``, ``euler`` or ``play``; ``q15`` or ``q31``.
-    rate : float or None
-        Ticks a second it was made for, Hz.
-    manifest : mapping
-        All of ``manifest.json``.
-    """
-
-    folder: Path
-    name: str
-    kind: str
+    folder: Path  # where it stands
+    name: str  # what the actuator is called in the C
+    kind: str  # ``full``, ``simplified``, ``cells``, ``euler`` or ``play``; ``q15`` or ``q31``
     io: str
-    rate: float | None
-    manifest: Mapping[str, Any]
+    rate: float | None  # ticks a second it was made for, Hz
+    manifest: Mapping[str, Any]  # all of ``manifest.json``
 
     @property
     def c_files(self) -> tuple[str, ...]:
@@ -75,18 +61,7 @@ class Bundle:
 
 
 def read_bundle(folder: Path) -> Bundle:
-    """Read the manifest and check that every file is as it was written.
-
-    Parameters
-    ----------
-    folder : Path
-        What ``anhyst compile --out`` made.
-
-    Raises
-    ------
-    InputError
-        There is no manifest, it is of another format, or a file is missing or was changed.
-    """
+    """Read the manifest and check that every file is as it was written."""
     place = folder / MANIFEST
     if not folder.is_dir():
         raise InputError(

@@ -34,25 +34,14 @@ PARTS = {
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Where a target departs from the host.
+    """Where a target departs from the host."""
 
-    Parameters
-    ----------
-    part : str
-        ``start``, ``vectors`` (golden vectors), ``random`` (steps of the generator), ``firmware``
-        (ticks of a whole firmware) or ``status`` (its answers).
-    step : int
-        Of that part, from 0.
-    quantity : str
-        What differs first in that step.
-    expected, found : int
-        By the host, or by the golden vectors; and by the target.
-    """
-
+    # ``start``, ``vectors`` (golden vectors), ``random`` (steps of the generator), ``firmware``
+    # (ticks of a whole firmware) or ``status`` (its answers)
     part: str
-    step: int
-    quantity: str
-    expected: int
+    step: int  # of that part, from 0
+    quantity: str  # what differs first in that step
+    expected: int  # by the host, or by the golden vectors; and by the target
     found: int
 
     def text(self) -> str:
@@ -64,38 +53,16 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """All that a program answered.
+    """All that a program answered."""
 
-    Parameters
-    ----------
-    start, random : Reply
-        After the start, and after the random steps.
-    vectors : array of uint32, shape (rows, words of a record)
-        Answers to the golden vectors.
-    stack : int
-        Deepest stack below a call of solve or commit, bytes; 0 where it is not measured.
-    """
-
-    start: Reply
+    start: Reply  # after the start, and after the random steps
     random: Reply
-    vectors: Words
-    stack: int
+    vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
+    stack: int  # deepest stack below a call of solve or commit, bytes; 0 where it is not measured
 
 
 def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
-    """Run golden vectors, random steps, and steps that measure stack.
-
-    Parameters
-    ----------
-    program : HarnessProgram
-        What to run.
-    vectors : GoldenVectors
-        Their inputs.
-    steps : int
-        Random steps.
-    seed : int
-        Of the generator, not 0.
-    """
+    """Run golden vectors, random steps, and steps that measure stack."""
     rows, places = vectors.inputs, vectors.form.places
     batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
     replies = program.run(
@@ -127,22 +94,7 @@ def compare(
     steps: int,
     seed: int,
 ) -> Difference | None:
-    """Hold a target against the host and the golden vectors.
-
-    Parameters
-    ----------
-    programs, outcomes : tuple
-        Of the host and of the target.
-    vectors : GoldenVectors
-        What both were given.
-    steps, seed : int
-        What both were run with.
-
-    Returns
-    -------
-    Difference or None
-        The first one.
-    """
+    """Hold a target against the host and the golden vectors."""
     host, target = outcomes
     for name in ("status", "words", "hash"):
         wanted, found = getattr(host.start, name), getattr(target.start, name)

@@ -66,36 +66,17 @@ def instruction_costs(image: Image, code: bytes) -> Prefix:
 
 @dataclass(frozen=True, slots=True)
 class CortexProgram:
-    """A linked harness, ready to run.
+    """A linked harness, ready to run."""
 
-    Parameters
-    ----------
-    name : str
-        Target, for messages.
-    cpu : str
-        Unicorn's name of the processor model.
-    image : Image
-        The program.
-    counter : Path
-        The compiled hook.
-    costs : callable
-        What a block costs, as prefix sums over the code's half-words.
-    """
-
-    name: str
-    cpu: str
-    image: Image
-    counter: Path
+    name: str  # target, for messages
+    cpu: str  # unicorn's name of the processor model
+    image: Image  # the program
+    counter: Path  # the compiled hook
+    # what a block costs, as prefix sums over the code's half-words
     costs: Costs = instruction_costs
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset.
-
-        Raises
-        ------
-        NegativeResult
-            The program reads or writes where nothing is, or runs astray.
-        """
+        """Answer one request after the other, from reset."""
         machine = _Machine(self)
         return [machine.answer(request) for request in requests]
 

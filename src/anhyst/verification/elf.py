@@ -29,18 +29,10 @@ class Symbol:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """A linked program.
+    """A linked program."""
 
-    Parameters
-    ----------
-    segments : tuple of (int, bytes)
-        Load address and content.
-    symbols : tuple of Symbol
-        Functions and objects.
-    """
-
-    segments: tuple[tuple[int, bytes], ...]
-    symbols: tuple[Symbol, ...]
+    segments: tuple[tuple[int, bytes], ...]  # load address and content
+    symbols: tuple[Symbol, ...]  # functions and objects
 
     def address(self, name: str) -> int:
         """Return the address of a symbol, without the Thumb bit."""
@@ -105,46 +97,21 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
 
 @dataclass(frozen=True, slots=True)
 class ProgramSizes:
-    """What the compensator takes in a linked program; bytes.
+    """What the compensator takes in a linked program; bytes."""
 
-    Parameters
-    ----------
-    code : int
-        Machine code of the core: solve, commit, start-up and check of the block. The
-        compiler's own routines, such as a long multiplication, are not counted.
-    control_code : int
-        Machine code of the position controller.
-    tables : int
-        Constants of the core.
-    parameters : int
-        The parameter block; in floating point the structure and its tables.
-    variables : int
-        Variables of the core and of the parameters: 0, as all state is the caller's.
-    """
-
+    # Machine code of the core: solve, commit, start-up and check of the block. The compiler's own
+    # routines, such as a long multiplication, are not counted.
     code: int
-    control_code: int
-    tables: int
-    parameters: int
-    variables: int
+    control_code: int  # machine code of the position controller
+    tables: int  # constants of the core
+    parameters: int  # the parameter block; in floating point the structure and its tables
+    variables: int  # variables of the core and of the parameters: 0, as all state is the caller's
 
 
 def measure_sizes(
     image: Image, actuator: str, sources: Collection[str], constants_in_data: bool
 ) -> ProgramSizes:
-    """Add up what the linker kept of the compensator.
-
-    Parameters
-    ----------
-    image : Image
-        A program linked with ``--gc-sections``.
-    actuator : str
-        What the actuator is called in the C.
-    sources : collection of str
-        Names of the C files that are counted.
-    constants_in_data : bool
-        Whether the compiler puts constants among the initialised data, as avr-gcc does.
-    """
+    """Add up what the linker kept of the compensator."""
     parameters = f"{actuator}_parameters"
     prefixes = ("anhyst_", parameters, f"{actuator}_controller")
     code = control = tables = block = variables = 0

@@ -25,27 +25,13 @@ Prefix = NDArray[np.uint32]
 
 @dataclass(frozen=True, slots=True)
 class Prices:
-    """Cycles of each class of instruction.
+    """Cycles of each class of instruction."""
 
-    Parameters
-    ----------
-    simple : int
-        Addition, logic, shift, comparison, move, of 16 or 32 bits.
-    multiply : int
-        One 16x16 product.
-    memory : int
-        A load or store, a word on the stack included.
-    branch : int
-        A conditional or unconditional branch, taken or not.
-    call : int
-        A call or a return.
-    """
-
-    simple: int
-    multiply: int
-    memory: int
-    branch: int
-    call: int
+    simple: int  # addition, logic, shift, comparison, move, of 16 or 32 bits
+    multiply: int  # one 16x16 product
+    memory: int  # A load or store, a word on the stack included
+    branch: int  # A conditional or unconditional branch, taken or not
+    call: int  # A call or a return
 
 
 PRICES: Mapping[str, Prices] = {
@@ -58,42 +44,16 @@ memory access is two of 16 bits, every branch is taken and the pipeline refilled
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Cycles of one part of a step, worst case, and the rate they would allow.
+    """Cycles of one part of a step, worst case, and the rate they would allow."""
 
-    Parameters
-    ----------
-    part : str
-        Part of the step.
-    prices : str
-        Which of :data:`PRICES`.
-    cycles : int
-        Most over all steps.
-    rate : float
-        Ticks a second at :data:`CLOCK_HZ` if nothing else ran, Hz.
-    """
-
-    part: str
-    prices: str
-    cycles: int
-    rate: float
+    part: str  # part of the step
+    prices: str  # which of :data:`PRICES`
+    cycles: int  # most over all steps
+    rate: float  # ticks a second at :data:`CLOCK_HZ` if nothing else ran, Hz
 
 
 def costs_of(prices: Prices, image: Image, code: bytes) -> Prefix:
-    """Price each instruction of a Thumb program: the cycles before each half-word.
-
-    Parameters
-    ----------
-    prices : Prices
-        Cycles by class.
-    image : Image
-        The program.
-    code : bytes
-        Its code memory, from FLASH on.
-
-    Returns
-    -------
-    array of uint32, shape (half-words + 1,)
-    """
+    """Price each instruction of a Thumb program: the cycles before each half-word."""
     import capstone
 
     decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)

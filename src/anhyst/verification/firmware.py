@@ -32,13 +32,7 @@ Runner = Callable[[Path, Plant], AbstractContextManager[Running]]
 
 
 class WalkingPlant:
-    """An actuator whose force goes with its current, with a slowly moving gap and noisy sensors.
-
-    Attributes
-    ----------
-    drives : list of int
-        What was driven, tick by tick; q31.
-    """
+    """An actuator whose force goes with its current, with a slowly moving gap and noisy sensors."""
 
     def __init__(self, seed: int) -> None:
         self.drives: list[int] = []
@@ -77,23 +71,7 @@ def missing_tools() -> tuple[Missing, ...]:
 
 
 def verify_firmware(bundle: Bundle, folder: Path, ticks: int, seed: int) -> TargetResult:
-    """Drive both firmwares through the same demands and readings, and compare every tick.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        The compensator in them.
-    folder : Path
-        Scratch folder.
-    ticks : int
-        How many.
-    seed : int
-        Of demands and noise.
-
-    Returns
-    -------
-    TargetResult
-    """
+    """Drive both firmwares through the same demands and readings, and compare every tick."""
     began = time.monotonic()
     head = (TARGET, "firmware", "mps2-an385 in QEMU", "zig cc -Os")
     try:

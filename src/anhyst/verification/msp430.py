@@ -19,33 +19,15 @@ A_LINE = 16
 
 @dataclass(frozen=True, slots=True)
 class Msp430Program:
-    """A linked harness for mspdebug.
+    """A linked harness for mspdebug."""
 
-    Parameters
-    ----------
-    name : str
-        Target, for messages.
-    simulator : str
-        Path of mspdebug.
-    path : Path
-        The program.
-    image : Image
-        The same, read.
-    """
-
-    name: str
-    simulator: str
-    path: Path
-    image: Image
+    name: str  # target, for messages
+    simulator: str  # path of mspdebug
+    path: Path  # the program
+    image: Image  # the same, read
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset.
-
-        Raises
-        ------
-        NegativeResult
-            The program runs astray or does not end.
-        """
+        """Answer one request after the other, from reset."""
         script = self.path.with_suffix(".script")
         script.write_text("\n".join(self._script(requests)) + "\n", encoding="ascii")
         command = [self.simulator, "-q", "sim", f"read {script.name}"]

@@ -14,27 +14,13 @@ TIME_LIMIT = 1800.0
 
 @dataclass(frozen=True, slots=True)
 class ProcessProgram:
-    """A command that answers requests.
+    """A command that answers requests."""
 
-    Parameters
-    ----------
-    name : str
-        Target and build, for messages.
-    command : tuple of str
-        What to run.
-    """
-
-    name: str
-    command: tuple[str, ...]
+    name: str  # target and build, for messages
+    command: tuple[str, ...]  # what to run
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
-        """Answer one request after the other, from reset.
-
-        Raises
-        ------
-        NegativeResult
-            The program ends early, as it does where a sanitizer finds something.
-        """
+        """Answer one request after the other, from reset."""
         said = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
             done = subprocess.run(

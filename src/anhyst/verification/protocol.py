@@ -21,27 +21,14 @@ RECORD_WORDS = 18
 
 @dataclass(frozen=True, slots=True)
 class RecordForm:
-    """What the words of a record and the sections mean; as in ``harness/harness.h``.
+    """What the words of a record and the sections mean; as in ``harness/harness.h``."""
 
-    Parameters
-    ----------
-    record : tuple of str
-        Names of the words, RECORD_WORDS of them.
-    inputs : tuple of str
-        Those that go in.
-    sections : tuple of str
-        What is timed; nothing where a section is not used.
-    calls : mapping of str to int
-        How often the clock was started and stopped for one count of a section, where not once.
-    start : str
-        What of a start is compared by its hash.
-    """
-
-    record: tuple[str, ...]
-    inputs: tuple[str, ...]
-    sections: tuple[str, ...]
+    record: tuple[str, ...]  # names of the words, RECORD_WORDS of them
+    inputs: tuple[str, ...]  # those that go in
+    sections: tuple[str, ...]  # what is timed; nothing where a section is not used
+    # how often the clock was started and stopped for one count of a section, where not once
     calls: Mapping[str, int]
-    start: str
+    start: str  # what of a start is compared by its hash
 
     @property
     def places(self) -> list[int]:
@@ -127,34 +114,17 @@ BOX_BYTES = 4 * BOX_WORDS
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a target is to do next.
+    """What a target is to do next."""
 
-    Parameters
-    ----------
-    mode : int
-        START, RANDOM, VECTORS or STACK.
-    steps : int
-        How many; at most WINDOW for VECTORS.
-    seed : int
-        Of the generator, for START; not 0.
-    checkpoint_first, checkpoint_stride : int
-        The hash is kept before this step and every so many steps after it, CHECKPOINTS times.
-    window_first : int
-        Records are kept from this step on, WINDOW of them.
-    rows : array of uint32, shape (steps, n), or None
-        Inputs, for VECTORS.
-    places : sequence of int
-        Where they stand in a record, n places.
-    """
-
-    mode: int
-    steps: int = 0
-    seed: int = 1
+    mode: int  # START, RANDOM, VECTORS or STACK
+    steps: int = 0  # how many; at most WINDOW for VECTORS
+    seed: int = 1  # of the generator, for START; not 0
+    # the hash is kept before this step and every so many steps after it, CHECKPOINTS times
     checkpoint_first: int = 0
     checkpoint_stride: int = 1
-    window_first: int = 0
-    rows: Words | None = None
-    places: Sequence[int] = ()
+    window_first: int = 0  # records are kept from this step on, WINDOW of them
+    rows: Words | None = None  # inputs, for VECTORS; shape (steps, n)
+    places: Sequence[int] = ()  # where they stand in a record, n places
 
     def pack(self) -> bytes:
         """Lay the request out as the target reads it: the words from the start of the box."""
@@ -208,13 +178,7 @@ class Reply:
 
     @classmethod
     def unpack(cls, box: bytes) -> Reply:
-        """Read a box.
-
-        Raises
-        ------
-        ValueError
-            The target lays the box out otherwise.
-        """
+        """Read a box."""
         words = np.frombuffer(box, dtype="<u4")
         if len(words) != BOX_WORDS or words[_REQUEST] != BOX_WORDS:
             raise ValueError("the target lays the box out otherwise")

@@ -25,13 +25,7 @@ class Rows:
 
 
 def write_report(verification: Verification, folder: Path) -> None:
-    """Write ``verify.json`` and ``verify.md`` into a folder, each whole or not at all.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be written.
-    """
+    """Write ``verify.json`` and ``verify.md`` into a folder, each whole or not at all."""
     with atomic_writer(folder / JSON_FILE) as stream:
         json.dump(verification.as_dict(), stream, indent=2, allow_nan=False)
         stream.write("\n")

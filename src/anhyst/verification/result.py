@@ -17,80 +17,41 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one part of a step takes on a target, in the target's unit.
+    """What one part of a step takes on a target, in the target's unit."""
 
-    Parameters
-    ----------
-    part : str
-        ``solve``; ``commit, solved`` with the solved current, ``commit, rounded`` with that on a
-        converter's grid, ``commit, limited`` with a limit instead of it, ``commit, other`` with
-        another current; ``pidd2``; ``tick, rounded`` and ``tick``, all of a step.
-    least, most : int
-        Over all steps.
-    mean : float
-        Over all steps.
-    most_at : int
-        Step with the most, from 0.
-    """
-
+    # ``solve``; ``commit, solved`` with the solved current, ``commit, rounded`` with that on a
+    # converter's grid, ``commit, limited`` with a limit instead of it, ``commit, other`` with
+    # another current; ``pidd2``; ``tick, rounded`` and ``tick``, all of a step
     part: str
-    least: int
-    mean: float
+    least: int  # over all steps
+    mean: float  # over all steps
     most: int
-    most_at: int
+    most_at: int  # step with the most, from 0
 
 
 @dataclass(frozen=True, slots=True)
 class TargetResult:
-    """One build on one target.
+    """One build on one target."""
 
-    Parameters
-    ----------
-    target, build : str
-        Where, and what sets this build apart.
-    processor, compiler : str
-        What it ran on and what made it.
-    steps, vectors : int
-        Random steps and golden vectors compared.
-    warnings : int
-        The compiler's.
-    unit : str
-        Of the costs: ``instructions``, ``cycles``, or nothing where they are not counted.
-    costs : tuple of Cost
-        By part of a step.
-    sizes : ProgramSizes or None
-        Of code and constants; None on the host.
-    state_bytes, control_bytes : int
-        Mutable state of one compensator and of one PIDD2.
-    stack_measured : int or None
-        Deepest painted stack below a call of solve or commit, bytes.
-    stack_static : int or None
-        Deepest path through the machine code from there, bytes.
-    difference : Difference or None
-        The first one.
-    failure : str
-        Why there is no comparison: it does not compile, a sanitizer stopped it.
-    seconds : float
-        Build and run.
-    """
-
-    target: str
+    target: str  # where, and what sets this build apart
     build: str
-    processor: str
+    processor: str  # what it ran on and what made it
     compiler: str
-    steps: int
+    steps: int  # random steps and golden vectors compared
     vectors: int
-    warnings: int = 0
+    warnings: int = 0  # the compiler's
+    # of the costs: ``instructions``, ``cycles``, or nothing where they are not counted
     unit: str = ""
-    costs: tuple[Cost, ...] = ()
-    sizes: ProgramSizes | None = None
-    state_bytes: int = 0
+    costs: tuple[Cost, ...] = ()  # by part of a step
+    sizes: ProgramSizes | None = None  # of code and constants; None on the host
+    state_bytes: int = 0  # mutable state of one compensator and of one PIDD2
     control_bytes: int = 0
+    # deepest painted stack below a call of solve or commit, bytes
     stack_measured: int | None = None
-    stack_static: int | None = None
-    difference: Difference | None = None
-    failure: str = ""
-    seconds: float = 0.0
+    stack_static: int | None = None  # deepest path through the machine code from there, bytes
+    difference: Difference | None = None  # the first one
+    failure: str = ""  # why there is no comparison: it does not compile, a sanitizer stopped it
+    seconds: float = 0.0  # build and run
 
     @property
     def passed(self) -> bool:

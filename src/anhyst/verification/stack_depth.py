@@ -29,18 +29,6 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
     Frames and calls are read from the code. A call through a pointer is taken to reach any
     function whose address stands somewhere in the program, but none that is already running:
     nothing here calls itself through a pointer.
-
-    Parameters
-    ----------
-    image : Image
-        A linked Thumb program.
-    roots : iterable of str
-        Functions.
-
-    Returns
-    -------
-    int or None
-        None where a function calls itself by name: there is no bound then.
     """
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
     known = {address: _read(image, symbol, functions) for address, symbol in functions.items()}

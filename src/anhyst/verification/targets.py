@@ -32,17 +32,10 @@ Order = Callable[[], Variant]
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """What can be built for a target with the tools that are there, and which are not.
+    """What can be built for a target with the tools that are there, and which are not."""
 
-    Parameters
-    ----------
-    orders : tuple of Order
-        Empty where the target cannot run.
-    missing : tuple of Missing
-        Tools that would be needed, or with which more could be built.
-    """
-
-    orders: tuple[Order, ...] = ()
+    orders: tuple[Order, ...] = ()  # empty where the target cannot run
+    # tools that would be needed, or with which more could be built
     missing: tuple[Missing, ...] = ()
 
 
@@ -64,22 +57,13 @@ NUMBERS_NEED = "compile with --io q15 or q31 for it"
 
 @dataclass(frozen=True, slots=True)
 class Cortex:
-    """A processor: as the compiler and the emulator call it, and what it may have beyond others.
+    """A processor: as the compiler and the emulator call it, and what it may have beyond others."""
 
-    Parameters
-    ----------
-    cpu, model : str
-        Names of compiler and emulator.
-    float_unit : str
-        What the compiler is asked to use floating-point instructions; empty without.
-    has_port : bool
-        Whether it has the instructions of the port header.
-    """
-
-    cpu: str
+    cpu: str  # names of compiler and emulator
     model: str
+    # what the compiler is asked to use floating-point instructions; empty without
     float_unit: str = ""
-    has_port: bool = False
+    has_port: bool = False  # whether it has the instructions of the port header
 
 
 CORTEX = {
@@ -104,13 +88,7 @@ def host_compilers() -> dict[str, list[str]]:
 
 
 def reference(workshop: Workshop) -> Variant:
-    """Build what all others are compared with: the C on this machine.
-
-    Raises
-    ------
-    InputError
-        There is no C compiler.
-    """
+    """Build what all others are compared with: the C on this machine."""
     for name, command in host_compilers().items():
         return _host(workshop, name, command, ("-O2",))
     raise InputError(
@@ -296,20 +274,7 @@ FLOATING = ("host", *CORTEX)
 
 
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
-    """Read a list such as ``host,cortex-m4``.
-
-    Parameters
-    ----------
-    names : str
-        Separated by commas.
-    bundle : Bundle
-        What is to run on them.
-
-    Raises
-    ------
-    InputError
-        A name is unknown, or there is none, or the bundle is not for that target.
-    """
+    """Read a list such as ``host,cortex-m4``."""
     wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, FIRMWARE)
     if not wanted:

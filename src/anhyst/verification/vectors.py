@@ -38,21 +38,11 @@ ANSWERED = {
 
 @dataclass(frozen=True, slots=True)
 class GoldenVectors:
-    """Inputs and expected outputs, one row a step, from the start on.
+    """Inputs and expected outputs, one row a step, from the start on."""
 
-    Parameters
-    ----------
-    inputs : array of uint32, shape (rows, n)
-        In the order of the form.
-    outputs : mapping of arrays of uint32, shape (rows,)
-        By the names of a record.
-    form : RecordForm
-        Of the records.
-    """
-
-    inputs: Words
-    outputs: Mapping[str, Words]
-    form: RecordForm = COMPENSATOR
+    inputs: Words  # in the order of the form; shape (rows, n)
+    outputs: Mapping[str, Words]  # by the names of a record; shape (rows,)
+    form: RecordForm = COMPENSATOR  # of the records
 
 
 def read_vectors(path: Path, floating: bool) -> GoldenVectors:
@@ -60,18 +50,6 @@ def read_vectors(path: Path, floating: bool) -> GoldenVectors:
 
     Columns ``demand``, ``gap`` and ``current`` are needed; ``applied`` and ``applied_gap`` stand
     for the solved current and the same gap where they are missing.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    floating : bool
-        Whether cells are numbers in single precision, not codes.
-
-    Raises
-    ------
-    InputError
-        A column is missing, or a cell is not an integer of 32 bits, or not a number.
     """
     columns = _columns(path, NEEDED, floating)
     inputs = np.empty((len(columns["demand"]), len(COMPENSATOR.inputs)), dtype=np.uint32)
@@ -85,13 +63,7 @@ def read_vectors(path: Path, floating: bool) -> GoldenVectors:
 
 
 def read_levitation(path: Path) -> GoldenVectors:
-    """Read ``controller.csv``: what a position controller is given and has to answer.
-
-    Raises
-    ------
-    InputError
-        A column is missing, or a cell is not an integer of 32 bits.
-    """
+    """Read ``controller.csv``: what a position controller is given and has to answer."""
     columns = _columns(path, (*GIVEN, *ANSWERED), floating=False)
     event = columns["dropped"] << np.uint32(16) | columns["command"]
     inputs = np.stack([*(columns[name] for name in GIVEN[:-2]), event], axis=1)

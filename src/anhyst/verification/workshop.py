@@ -36,32 +36,16 @@ class HarnessProgram(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One build of the C for one target.
+    """One build of the C for one target."""
 
-    Parameters
-    ----------
-    target, name : str
-        Target, and what sets this build apart: ``gcc -O2``, ``portable``.
-    program : HarnessProgram
-        What to run.
-    unit : str
-        What its clock counts: ``instructions``, ``cycles``, or nothing.
-    processor, compiler : str
-        What it ran on and what made it, for the report.
-    warnings : int
-        The compiler's, of the bundle and the harness.
-    image : Image or None
-        The linked program, where sizes can be read from it.
-    """
-
-    target: str
+    target: str  # target, and what sets this build apart: ``gcc -O2``, ``portable``
     name: str
-    program: HarnessProgram
-    unit: str
-    processor: str
+    program: HarnessProgram  # what to run
+    unit: str  # what its clock counts: ``instructions``, ``cycles``, or nothing
+    processor: str  # what it ran on and what made it, for the report
     compiler: str
-    warnings: int
-    image: Image | None = None
+    warnings: int  # the compiler's, of the bundle and the harness
+    image: Image | None = None  # the linked program, where sizes can be read from it
 
     @property
     def label(self) -> str:
@@ -71,21 +55,11 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Workshop:
-    """A folder with copies of everything that is compiled.
+    """A folder with copies of everything that is compiled."""
 
-    Parameters
-    ----------
-    bundle : Bundle
-        What is verified.
-    folder : Path
-        Scratch folder; the C lies in ``c``, programs beside it.
-    subject : str
-        What of it is run: ``compensator`` or ``controller``.
-    """
-
-    bundle: Bundle
-    folder: Path
-    subject: Subject = "compensator"
+    bundle: Bundle  # what is verified
+    folder: Path  # scratch folder; the C lies in ``c``, programs beside it
+    subject: Subject = "compensator"  # what of it is run: ``compensator`` or ``controller``
 
     @classmethod
     def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:

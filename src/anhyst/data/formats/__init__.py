@@ -65,12 +65,6 @@ ONE_TABLE = frozenset({".csv", ".parquet"})
 
 
 def open_table(path: PathLike, least: int = 2) -> OpenTable:
-    """Open a table by its suffix; one that is not known is taken for text.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of another kind, has no header, too few columns or no data.
-    """
+    """Open a table by its suffix; one that is not known is taken for text."""
     path = Path(path)
     return FORMATS.get(path.suffix.lower(), open_text)(path, least)

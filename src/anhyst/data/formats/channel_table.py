@@ -177,13 +177,7 @@ class ChannelTable:
 
 
 def open_channels(file: ChannelFile, least: int) -> ChannelTable:
-    """Make a table of a file's channels; there must be so many of numbers.
-
-    Raises
-    ------
-    InputError
-        There are fewer.
-    """
+    """Make a table of a file's channels; there must be so many of numbers."""
     table = ChannelTable(file)
     count = sum(not channel.is_text for channel in file.channels) + len(table.clocks[:1])
     if count < least:

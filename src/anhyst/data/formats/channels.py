@@ -61,13 +61,7 @@ class ChannelFile:
     notes: tuple[str, ...] = ()
 
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
-        """Read channels whole, or so many of their first samples.
-
-        Raises
-        ------
-        InputError
-            A damaged file, or a channel that says it is larger than `MOST_BYTES`.
-        """
+        """Read channels whole, or so many of their first samples."""
         with one_line_if_damaged(self.path):
             found = [plain(values) for values in self.samples(wanted, count)]
         for channel, values in zip(wanted, found, strict=True):
@@ -155,13 +149,7 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
 
 
 def check_size(path: Path, name: str, samples: int, size: int) -> None:
-    """Refuse a channel that says it is larger than any that can be read.
-
-    Raises
-    ------
-    InputError
-        More than `MOST_BYTES`.
-    """
+    """Refuse a channel that says it is larger than any that can be read."""
     if samples < 0 or samples * max(size, 8) > MOST_BYTES:
         raise InputError(
             f"{path}: channel '{name}' says that it holds {samples} samples, more than "
@@ -189,13 +177,7 @@ def plain(values: Values) -> Values:
 
 @contextmanager
 def one_line_if_damaged(path: Path) -> Iterator[None]:
-    """Turn whatever a library makes of a damaged file into an `InputError`.
-
-    Raises
-    ------
-    InputError
-        Anything went wrong; names the file.
-    """
+    """Turn whatever a library makes of a damaged file into an `InputError`."""
     spoken = logging.root.manager.disable
     logging.disable(logging.CRITICAL)  # what libraries log of a damaged file is not that line
     try:
@@ -221,13 +203,7 @@ def one_line_if_damaged(path: Path) -> Iterator[None]:
 
 
 def need_package(path: Path, *names: str) -> None:
-    """Refuse a file whose package is not installed, naming the extra.
-
-    Raises
-    ------
-    InputError
-        It is not.
-    """
+    """Refuse a file whose package is not installed, naming the extra."""
     for name in names:
         if importlib.util.find_spec(name) is None:
             raise InputError(

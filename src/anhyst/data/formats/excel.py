@@ -35,12 +35,6 @@ def open_excel(path: Path, least: int) -> ChannelTable:
 
     Rows above the header are skipped; a row of units below it is understood, and so is a header
     merged with the cell above. Cells of dates become seconds since the first.
-
-    Raises
-    ------
-    InputError
-        No file, damaged, no table, a cell in a column of numbers that holds none, more than fits
-        into memory, or python-calamine is not installed.
     """
     need_package(path, "python_calamine")
     try_first(path, open_excel)

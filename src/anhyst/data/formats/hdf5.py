@@ -43,11 +43,6 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
 
     Clocks are dimension scales, or what is named a time beside channels of its length; units are
     attributes ``unit`` or ``units``. A table of fields is a group.
-
-    Raises
-    ------
-    InputError
-        No file, damaged, links to other files, or h5py is not installed.
     """
     need_package(path, "h5py")
     try_first(path, open_hdf5)
@@ -74,13 +69,7 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
 
 
 def datasets(path: Path, group: Any) -> Iterator[Any]:
-    """Yield the datasets of a file once each, whatever its links.
-
-    Raises
-    ------
-    InputError
-        A link to another file, samples that stand in one, or endless groups.
-    """
+    """Yield the datasets of a file once each, whatever its links."""
     import h5py
 
     seen: set[Any] = set()
@@ -118,13 +107,7 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
 
 
 def check_dataset(path: Path, dataset: Any) -> None:
-    """Refuse a dataset whose samples stand in another file, or are more than can be read.
-
-    Raises
-    ------
-    InputError
-        It is one.
-    """
+    """Refuse a dataset whose samples stand in another file, or are more than can be read."""
     if dataset.external or dataset.is_virtual:
         raise InputError(
             f"{path}: '{dataset.name}' has its samples in other files, which are not followed; "
@@ -221,12 +204,7 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
 
 
 def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write an HDF5 file: clocks are dimension scales, units attributes.
-
-    Returns
-    -------
-    What the format cannot hold.
-    """
+    """Write an HDF5 file: clocks are dimension scales, units attributes."""
     import h5py
 
     notes = []

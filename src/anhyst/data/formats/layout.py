@@ -65,20 +65,7 @@ def split_line(text: str, delimiter: str | None) -> list[str]:
 
 
 def read_layout(path: PathLike, least: int = 2) -> Layout:
-    """Look at the beginning of a text table.
-
-    Parameters
-    ----------
-    path
-        The file.
-    least
-        Number of columns it must have.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, empty, no text, has no header, too few columns or no data.
-    """
+    """Look at the beginning of a text table."""
     path = Path(path)
     for most in _HEAD_BYTES:
         head, size = _read_head(path, most)

@@ -26,13 +26,7 @@ from anhyst.support.errors import InputError
 
 
 def open_mat(path: Path, least: int) -> ChannelTable:
-    """Look at a MAT file of version 5 or 7.3.
-
-    Raises
-    ------
-    InputError
-        No file, damaged, of version 4, without numbers, or (7.3) h5py is not installed.
-    """
+    """Look at a MAT file of version 5 or 7.3."""
     with one_line_if_damaged(path):
         with path.open("rb") as stream:
             head = stream.read(520)
@@ -98,12 +92,7 @@ def _is_empty(node: Any) -> bool:
 
 
 def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write a MAT file of version 5 as ControlDesk does: one variable with X (times) and Y.
-
-    Returns
-    -------
-    What the format cannot hold.
-    """
+    """Write a MAT file of version 5 as ControlDesk does: one variable with X (times) and Y."""
     from scipy.io import savemat
 
     clocks: list[Series] = []

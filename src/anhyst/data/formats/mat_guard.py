@@ -34,14 +34,7 @@ class MatGuard:
     _order: str = "<"
 
     def check(self, content: bytes) -> None:
-        """Check a whole file.
-
-        Raises
-        ------
-        InputError
-            A part reaches beyond what holds it, says it is larger than what is there, or is
-            nested or expanded without bounds.
-        """
+        """Check a whole file."""
         self._order = "<" if content[126:128] == b"IM" else ">"
         place, expanded = _HEADER, 0
         view = memoryview(content)

@@ -144,13 +144,7 @@ def _text(item: Any) -> Any:
 
 
 def read_tree(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
-    """Return the variables of a file, and those that are objects of a class of MATLAB.
-
-    Raises
-    ------
-    InputError
-        Links to other files, or members without end.
-    """
+    """Return the variables of a file, and those that are objects of a class of MATLAB."""
     import h5py
 
     with h5py.File(path, "r") as file:

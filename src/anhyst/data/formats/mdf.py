@@ -29,13 +29,7 @@ _TEXTS = (6, 7, 8, 9)
 
 
 def open_mdf(path: Path, least: int) -> ChannelTable:
-    """Look at an MDF 4 file: each group of channels runs on a clock of its own.
-
-    Raises
-    ------
-    InputError
-        No file, no MDF 4, damaged, too few channels of numbers, or asammdf is not installed.
-    """
+    """Look at an MDF 4 file: each group of channels runs on a clock of its own."""
     need_package(path, "asammdf")
     try_first(path, open_mdf)
     with one_line_if_damaged(path):
@@ -118,12 +112,7 @@ def _values(signal: Any, channel: Channel) -> Values:
 
 
 def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write an MDF 4.10 file, a group of channels for each group and clock.
-
-    Returns
-    -------
-    What the format cannot hold.
-    """
+    """Write an MDF 4.10 file, a group of channels for each group and clock."""
     from asammdf import MDF, Signal, Source
 
     notes = []

@@ -33,26 +33,7 @@ class Clock:
 def shared_clock(
     place: str, channels: Sequence[Channel], seconds: Callable[[Channel], FloatArray]
 ) -> tuple[Clock, tuple[str, ...]]:
-    """Find the clock that channels are read on: the finest, as far as all of them reach.
-
-    Parameters
-    ----------
-    place
-        The file, for messages.
-    channels
-        Those that are read together.
-    seconds
-        Gives the times of a clock in s.
-
-    Returns
-    -------
-    The clock, and a note where channels are brought onto it.
-
-    Raises
-    ------
-    InputError
-        Channels of different lengths without clocks, clocks that do not overlap or run backwards.
-    """
+    """Find the clock that channels are read on: the finest, as far as all of them reach."""
     clocks = list(dict.fromkeys(one.clock for one in channels if one.clock is not None))
     free = [one for one in channels if one.clock is None and one.length != 1]
     by_length = {one.length: one for one in (*free, *clocks[:1])}
@@ -114,13 +95,7 @@ def _step(place: str, clock: Channel, times: FloatArray) -> float:
 
 
 def onto(place: str, channel: Channel, own: Clock, values: FloatArray, clock: Clock) -> FloatArray:
-    """Bring a channel onto a clock.
-
-    Raises
-    ------
-    InputError
-        It pauses for longer than some of its samples, or holds no number where it is needed.
-    """
+    """Bring a channel onto a clock."""
     stop = clock.start + clock.length
     if own.times is None or clock.times is None or own.channel is clock.channel:
         return values[clock.start : stop]

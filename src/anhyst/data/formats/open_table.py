@@ -36,14 +36,7 @@ class OpenTable(Protocol):
     def read(
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
-        """Read columns by their indices.
-
-        Raises
-        ------
-        InputError
-            Text, NaN or Inf in a column of numbers (`TextInNumbersError`), or a damaged file;
-            names the place.
-        """
+        """Read columns by their indices."""
 
     def where(self, row: int) -> str:
         """Return the place of a row of data, counted from 0, such as ``file.csv: line 12``."""

@@ -27,13 +27,7 @@ _GROUP = b"group"
 
 
 def open_parquet(path: Path, least: int) -> ChannelTable:
-    """Look at a Parquet file.
-
-    Raises
-    ------
-    InputError
-        No file, damaged, too few columns of numbers, or pyarrow is not installed.
-    """
+    """Look at a Parquet file."""
     need_package(path, "pyarrow")
     try_first(path, open_parquet)
     from pyarrow import parquet
@@ -93,12 +87,7 @@ def _samples(column: Any, channel: Channel) -> Values:
 
 
 def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write a Parquet file of one section.
-
-    Returns
-    -------
-    What the format cannot hold.
-    """
+    """Write a Parquet file of one section."""
     import pyarrow
     from pyarrow import parquet
 

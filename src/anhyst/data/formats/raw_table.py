@@ -37,22 +37,7 @@ def read_raw(
     texts: Sequence[int] = (),
     progress: Progress | None = None,
 ) -> RawColumns:
-    """Read the wanted columns of a table, the others are not even parsed.
-
-    Parameters
-    ----------
-    layout
-        The table's layout, from `read_layout`.
-    numbers, texts
-        Indices of the columns to read as numbers and as text.
-    progress
-        Called after each chunk of 4 MiB with bytes read and file size.
-
-    Raises
-    ------
-    InputError
-        On a ragged row, text, NaN or Inf in a column of numbers; names line and column.
-    """
+    """Read the wanted columns of a table, the others are not even parsed."""
     reader = _Reader(layout, tuple(numbers), tuple(texts))
     digest = hashlib.sha256()
     done = 0

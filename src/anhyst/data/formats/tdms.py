@@ -33,11 +33,6 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
 
     Clocks are waveform properties (``wf_start_offset``, ``wf_increment``), or what is named a time
     beside channels of its length; units are ``unit_string``.
-
-    Raises
-    ------
-    InputError
-        No file, damaged, too few channels of numbers, or nptdms is not installed.
     """
     need_package(path, "nptdms")
     try_first(path, open_tdms)
@@ -112,12 +107,7 @@ def _samples(file: Any, channel: Channel, count: int | None) -> Values:
 
 
 def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write a TDMS file; the times of a group are a channel of it.
-
-    Returns
-    -------
-    What the format cannot hold.
-    """
+    """Write a TDMS file; the times of a group are a channel of it."""
     from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
 
     notes = []

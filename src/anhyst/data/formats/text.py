@@ -77,12 +77,7 @@ def open_text(path: Path, least: int) -> TextTable:
 
 
 def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
-    """Write sections of one length as CSV, units in the headers.
-
-    Returns
-    -------
-    What the format cannot hold.
-    """
+    """Write sections of one length as CSV, units in the headers."""
     columns: dict[str, Column] = {}
     notes = []
     for section in sections:
@@ -104,23 +99,7 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
 
 
 def write_csv(path: PathLike, columns: Mapping[str, Column]) -> None:
-    """Write columns of equal length as CSV, numbers to full precision, whole or not at all.
-
-    Parameters
-    ----------
-    path
-        The file; one that exists is replaced.
-    columns
-        Header and values of each column: float64 or bool (written 0 and 1) of shape (n,), or
-        `Texts`.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    ValueError
-        If the columns differ in length.
-    """
+    """Write columns of equal length as CSV, numbers to full precision, whole or not at all."""
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1:
         raise ValueError(f"columns of different lengths: {sorted(lengths)}")

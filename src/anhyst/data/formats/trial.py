@@ -40,12 +40,6 @@ def try_first(path: Path, opener: Callable[[Path, int], OpenTable]) -> None:
     """Read a file once in a process of its own; the same file is not tried twice.
 
     The opener is a function of a module: the process imports it by its name.
-
-    Raises
-    ------
-    InputError
-        What that process refused the file for; or it crashed, did not come to an end, or needed
-        too much memory.
     """
     if _Here.tries or not path.is_file():
         return

@@ -27,13 +27,7 @@ _SHARED = re.compile(rb't="s"')
 
 
 def check_workbook(path: Path) -> None:
-    """Refuse a workbook that would not fit into memory.
-
-    Raises
-    ------
-    InputError
-        It is one, or no whole zip file.
-    """
+    """Refuse a workbook that would not fit into memory."""
     guard = _Guard(path)
     try:
         with zipfile.ZipFile(path) as archive:

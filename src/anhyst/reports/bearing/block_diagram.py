@@ -31,15 +31,7 @@ Place = tuple[float, float]
 
 @styled
 def figure_structure(rig: BearingRig, controller: ControllerTable) -> Figure:
-    """Draw the loop: controller above, magnet and armature below.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        The bearing.
-    controller : ControllerTable
-        Its controller.
-    """
+    """Draw the loop: controller above, magnet and armature below."""
     figure = new_figure(_FIGURE[1], width=_FIGURE[0])
     figure.set_layout_engine("none")
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))

@@ -17,36 +17,14 @@ FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixe
 
 @dataclass(frozen=True, slots=True)
 class DiagramBlock:
-    """A block of the diagram.
+    """A block of the diagram."""
 
-    Parameters
-    ----------
-    title : str
-        What it is.
-    lines : tuple of str
-        Its numbers.
-    """
-
-    title: str
-    lines: tuple[str, ...]
+    title: str  # what it is
+    lines: tuple[str, ...]  # its numbers
 
 
 def blocks_of(rig: BearingRig, controller: ControllerTable) -> Mapping[str, DiagramBlock]:
-    """Say what every block of the loop is.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        The bearing.
-    controller : ControllerTable
-        Its controller.
-
-    Returns
-    -------
-    mapping of str to DiagramBlock
-        By ``controller``, ``compensator``, ``output``, ``amplifier``, ``electrical``,
-        ``hysteresis``, ``mechanics``, ``sensors`` and ``load``, in the order of the signal.
-    """
+    """Say what every block of the loop is."""
     plant = rig.settings
     return {
         "controller": _controller(controller),

@@ -22,31 +22,15 @@ _SAMPLES = 400  # of an identified loop, one way
 
 @dataclass(frozen=True)
 class LoopCurve:
-    """A loop in the plane.
+    """A loop in the plane."""
 
-    Parameters
-    ----------
-    gap : float
-        m.
-    current, force : ndarray
-        A, N.
-    """
-
-    gap: float
-    current: FloatArray
+    gap: float  # m
+    current: FloatArray  # A, N
     force: FloatArray
 
 
 def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
-    """Return the measured loops of the nearest gaps, one to either side where there are two.
-
-    Parameters
-    ----------
-    loops : Loops
-        Force over current, with a gap.
-    gap : float
-        m.
-    """
+    """Return the measured loops of the nearest gaps, one to either side where there are two."""
     held = [(loop.schedule_value, loop) for loop in loops.loops]
     at = sorted({value for value, _ in held if value is not None})
     below = [value for value in at if value <= gap][-1:]
@@ -59,17 +43,7 @@ def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
 
 
 def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
-    """Return the settled loop of a model between two currents.
-
-    Parameters
-    ----------
-    model : Model
-        Force over current.
-    gap : float
-        m.
-    low, high : float
-        Ends of the loop, A.
-    """
+    """Return the settled loop of a model between two currents."""
     half = np.linspace(low, high, _SAMPLES)
     current = np.concatenate([half, half[-2::-1]])
     force = model.predict(current, gap, history="settled").output
@@ -84,15 +58,6 @@ def figure_force_current(
 
     Below, the loops by themselves, less the single-valued curve through each: their width is a
     few per cent of the force.
-
-    Parameters
-    ----------
-    recordings : mapping of str to Recording
-        The run, as much of it as is to be shown; net force of a single magnet.
-    measured : sequence of LoopCurve
-        At the nearest gaps.
-    identified : LoopCurve or None
-        At the gap of the run.
     """
     figure = new_figure(6.4)
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))

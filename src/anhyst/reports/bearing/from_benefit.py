@@ -23,19 +23,7 @@ _TITLES: dict[Measure, str] = {
 def subject_of_benefit(
     rig: BearingRig, controller: ControllerFile, found: Benefit, command: str
 ) -> SimulationSubject:
-    """Gather what the report of the map shows.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Whose iron was varied.
-    controller : ControllerFile
-        Gains of all variants.
-    found : Benefit
-        The map.
-    command : str
-        What makes it again.
-    """
+    """Gather what the report of the map shows."""
     settings = controller.settings
     compensation = settings.compensation.model_copy(update={"variant": "full"})
     return SimulationSubject(

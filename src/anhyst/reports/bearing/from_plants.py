@@ -24,19 +24,7 @@ _SHOWN = {"overshoot_percent": ("overshoot, {} (%)", 1.0), "settling_s": ("settl
 def subject_of_plants(
     rig: BearingRig, controller: ControllerFile, found: MonteCarlo, command: str
 ) -> SimulationSubject:
-    """Gather what the report of a Monte Carlo shows.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        The nominal plant.
-    controller : ControllerFile
-        Made for it.
-    found : MonteCarlo
-        What was run.
-    command : str
-        What makes it again.
-    """
+    """Gather what the report of a Monte Carlo shows."""
     own = controller.settings.compensation.variant
     return SimulationSubject(
         rig=rig,

@@ -40,15 +40,7 @@ _FREQUENCIES = 400
 
 
 def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
-    """Gather what the report of a simulation shows; trajectories and loads are run once more.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        What was found.
-    command : str
-        What makes it again.
-    """
+    """Gather what the report of a simulation shows; trajectories and loads are run once more."""
     rig, tried = simulation.rig, simulation.rig.settings.simulate
     steps = grouped(simulation.cells)
     up = [step for step in simulation.scenario.steps if step.after < step.before]

@@ -82,8 +82,6 @@ def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -
 
     An infinite time is "never"; where levitation was lost, how often.
 
-    Examples
-    --------
     >>> interval_text(Interval(8.1234, 0.213, 20), "%").replace(NBSP, " ")
     '8.12 ± 0.22 %'
     >>> interval_text(Interval(math.nan, math.nan, 20, lost=7))

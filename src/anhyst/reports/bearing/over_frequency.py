@@ -23,21 +23,11 @@ _FLOOR, _CEILING = -40.0, 20.0  # dB, at least shown
 
 @dataclass(frozen=True)
 class Response:
-    """A complex number over frequency.
+    """A complex number over frequency."""
 
-    Parameters
-    ----------
-    frequency : ndarray, shape (n,)
-        Hz, rising.
-    value : ndarray of complex, shape (n,)
-        Sensitivity or loop gain.
-    note : str, optional
-        For the legend, such as that the loop is unstable.
-    """
-
-    frequency: FloatArray
-    value: NDArray[np.complex128]
-    note: str = ""
+    frequency: FloatArray  # Hz, rising; shape (n,)
+    value: NDArray[np.complex128]  # sensitivity or loop gain; shape (n,)
+    note: str = ""  # for the legend, such as that the loop is unstable
 
     @property
     def decibel(self) -> FloatArray:
@@ -56,15 +46,7 @@ Responses = Mapping[MethodName, Response]
 
 @styled
 def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
-    """Draw the sensitivity of the running loop, the linearised one, and the zones.
-
-    Parameters
-    ----------
-    measured : mapping of str to Response
-        By injection into the nonlinear loop.
-    linear : mapping of str to Response
-        Of the linearised loop; may be empty.
-    """
+    """Draw the sensitivity of the running loop, the linearised one, and the zones."""
     figure = new_figure(4.4)
     ax = figure.add_subplot()
     highest = max((curve.decibel.max() for curve in measured.values()), default=0.0)
@@ -111,13 +93,7 @@ def _zones(ax: Axes, top: float) -> None:
 
 @styled
 def figure_bode(loops: Responses) -> Figure:
-    """Draw magnitude and phase of the loop gain of the linearised loop.
-
-    Parameters
-    ----------
-    loops : mapping of str to Response
-        Loop gain; the sensitivity is 1/(1 + L).
-    """
+    """Draw magnitude and phase of the loop gain of the linearised loop."""
     figure = new_figure(5.0)
     above, below = figure.subplots(2, 1, sharex=True)
     for name in ordered(loops):
@@ -139,13 +115,7 @@ def figure_bode(loops: Responses) -> Figure:
 
 @styled
 def figure_nyquist(loops: Responses) -> Figure:
-    """Draw the loop gain in the complex plane, with the circle that the best zone keeps clear.
-
-    Parameters
-    ----------
-    loops : mapping of str to Response
-        Loop gain of the linearised loop.
-    """
+    """Draw the loop gain in the complex plane, with the circle that the best zone keeps clear."""
     figure = new_figure(5.2, width=7.2)
     ax = figure.add_subplot()
     turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 361))

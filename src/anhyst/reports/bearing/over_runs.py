@@ -29,52 +29,24 @@ Outcome = Literal["gain", "nothing to gain", "no gain", "loss"]
 
 @dataclass(frozen=True)
 class BenefitCell:
-    """A figure with compensation over that of a baseline, for one iron and one step.
+    """A figure with compensation over that of a baseline, for one iron and one step."""
 
-    Parameters
-    ----------
-    measure : str
-        The figure, such as "overshoot".
-    against : str
-        Which baseline, such as "ratio" or "the strongest baseline".
-    baseline : str
-        MethodName that this is here; empty if none kept the armature in the air.
-    loop_width : float
-        Of the iron, as a share of the largest current; one number for a row of the map.
-    reversible : float or None
-        Reversible fraction of the iron; None where its family has no such number, for all cells.
-    pathological : bool
-        Whether the iron hardly answers just after a reversal.
-    height : float
-        Of the step, m.
-    ratio : float
-        Below 1 where compensation gains; not a number where one of them was lost.
-    outcome : str
-        ``"gain"`` and ``"loss"`` only if it is certain.
-    """
-
-    measure: str
-    against: str
-    baseline: str
+    measure: str  # the figure, such as "overshoot"
+    against: str  # which baseline, such as "ratio" or "the strongest baseline"
+    baseline: str  # MethodName that this is here; empty if none kept the armature in the air
+    # of the iron, as a share of the largest current; one number for a row of the map
     loop_width: float
+    # reversible fraction of the iron; None where its family has no such number, for all cells
     reversible: float | None
-    pathological: bool
-    height: float
-    ratio: float
-    outcome: Outcome
+    pathological: bool  # whether the iron hardly answers just after a reversal
+    height: float  # of the step, m
+    ratio: float  # below 1 where compensation gains; not a number where one of them was lost
+    outcome: Outcome  # ``"gain"`` and ``"loss"`` only if it is certain
 
 
 @styled
 def figure_benefit(cells: Sequence[BenefitCell], variant: str) -> Figure:
-    """Draw ratios over irons: one row of maps a baseline, one column a step height.
-
-    Parameters
-    ----------
-    cells : sequence of BenefitCell
-        Of one measure, at least one; where one is missing the map stays white.
-    variant : str
-        Whose figure is divided by that of the baseline.
-    """
+    """Draw ratios over irons: one row of maps a baseline, one column a step height."""
     baselines = list(dict.fromkeys(cell.against for cell in cells))
     heights = sorted({cell.height for cell in cells})
     figure = new_figure(1.2 + 2.4 * len(baselines), width=max(6.4, 1.2 + 2.4 * len(heights)))
@@ -158,55 +130,27 @@ def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
 
 @dataclass(frozen=True)
 class GainsPoint:
-    """A set of gains that tuning looked at.
+    """A set of gains that tuning looked at."""
 
-    Parameters
-    ----------
-    variant : str
-        What it was tried with.
-    settling : float
-        Longest, s; infinite if it does not.
-    peak : float
-        Of the sensitivity.
-    kept : bool
-        Whether it keeps the other aims (overshoot, noise, effort).
-    """
-
-    variant: MethodName
-    settling: float
-    peak: float
-    kept: bool
+    variant: MethodName  # what it was tried with
+    settling: float  # longest, s; infinite if it does not
+    peak: float  # of the sensitivity
+    kept: bool  # whether it keeps the other aims (overshoot, noise, effort)
 
 
 @dataclass(frozen=True)
 class TuningPicture:
-    """What tuning found.
+    """What tuning found."""
 
-    Parameters
-    ----------
-    candidates : tuple of GainsPoint
-        All that were looked at.
-    chosen : mapping of str to GainsPoint
-        Of every variant.
-    settling_limit, peak_limit : float or None
-        Aims, if they were given. s, and a ratio.
-    """
-
-    candidates: tuple[GainsPoint, ...]
-    chosen: Mapping[MethodName, GainsPoint]
-    settling_limit: float | None
+    candidates: tuple[GainsPoint, ...]  # all that were looked at
+    chosen: Mapping[MethodName, GainsPoint]  # of every variant
+    settling_limit: float | None  # aims, if they were given. s, and a ratio
     peak_limit: float | None
 
 
 @styled
 def figure_pareto(tuning: TuningPicture) -> Figure:
-    """Draw settling against peak sensitivity: candidates, fronts, what was chosen.
-
-    Parameters
-    ----------
-    tuning : TuningPicture
-        With at least one candidate that settles.
-    """
+    """Draw settling against peak sensitivity: candidates, fronts, what was chosen."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
     settled = [one for one in tuning.candidates if math.isfinite(one.settling)]
@@ -253,29 +197,16 @@ def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
 
 @dataclass(frozen=True)
 class Spread:
-    """One figure over many plants.
+    """One figure over many plants."""
 
-    Parameters
-    ----------
-    title : str
-        What it is, with its unit.
-    values : mapping of str to ndarray
-        Of every variant, one a plant; infinite where a plant failed.
-    """
-
-    title: str
+    title: str  # what it is, with its unit
+    # of every variant, one a plant; infinite where a plant failed
     values: Mapping[MethodName, FloatArray]
 
 
 @styled
 def figure_drift(spreads: Sequence[Spread]) -> Figure:
-    """Draw the share of plants that stay below a figure, with percentiles marked.
-
-    Parameters
-    ----------
-    spreads : sequence of Spread
-        At least one.
-    """
+    """Draw the share of plants that stay below a figure, with percentiles marked."""
     figure = new_figure(3.4 * -(-len(spreads) // 3) + 0.4)
     axes = panels(figure, len(spreads))
     for ax, spread in zip(axes, spreads, strict=True):

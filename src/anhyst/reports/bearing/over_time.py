@@ -38,21 +38,11 @@ _BINS = 120  # of a spectrum
 
 @dataclass(frozen=True)
 class StepPanel:
-    """One step of the reference under several variants.
+    """One step of the reference under several variants."""
 
-    Parameters
-    ----------
-    step : ReferenceStep
-        Where in the recordings it stands.
-    recordings : mapping of str to Recording
-        Of every variant.
-    overshoot : mapping of str to Interval
-        Over the noise seeds, %; the legend names it.
-    """
-
-    step: ReferenceStep
-    recordings: Recordings
-    overshoot: Mapping[MethodName, Interval]
+    step: ReferenceStep  # where in the recordings it stands
+    recordings: Recordings  # of every variant
+    overshoot: Mapping[MethodName, Interval]  # over the noise seeds, %; the legend names it
 
     @property
     def gap(self) -> float:
@@ -62,15 +52,7 @@ class StepPanel:
 
 @styled
 def figure_steps(panels: Sequence[StepPanel], shown: float = 0.02) -> Figure:
-    """Draw step responses, one panel a step (the paper's Fig. 11), and what is off below each.
-
-    Parameters
-    ----------
-    panels : sequence of StepPanel
-        At least one.
-    shown : float, optional
-        Time after the step, s.
-    """
+    """Draw step responses, one panel a step (the paper's Fig. 11), and what is off below each."""
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
     figure = new_figure(4.8 * rows, width=4.8 * columns)
@@ -139,13 +121,7 @@ def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
 
 @styled
 def figure_forces(recordings: Recordings) -> Figure:
-    """Draw wanted and true force over time, and by how much they differ, one column a variant.
-
-    Parameters
-    ----------
-    recordings : mapping of str to Recording
-        As long as they are to be shown.
-    """
+    """Draw wanted and true force over time, and by how much they differ, one column a variant."""
     names = ordered(recordings)
     figure = new_figure(4.6, width=max(9.6, 3.0 * len(names)))
     axes = figure.subplots(
@@ -173,15 +149,7 @@ def figure_forces(recordings: Recordings) -> Figure:
 
 @styled
 def figure_tracking(recordings: Recordings, title: str) -> Figure:
-    """Draw the error of the position under a moving reference or a load, and what moves.
-
-    Parameters
-    ----------
-    recordings : mapping of str to Recording
-        As long as they are to be shown, at least one.
-    title : str
-        What was tried.
-    """
+    """Draw the error of the position under a moving reference or a load, and what moves."""
     names = ordered(recordings)
     one = recordings[names[0]]
     factor = 1e3 if one["t_s"][-1] - one["t_s"][0] < 0.5 else 1.0
@@ -213,13 +181,7 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
 
 @styled
 def figure_standstill(recordings: Recordings) -> Figure:
-    """Draw the position at a standstill over time, and its spectrum.
-
-    Parameters
-    ----------
-    recordings : mapping of str to Recording
-        Of the standstill only.
-    """
+    """Draw the position at a standstill over time, and its spectrum."""
     names = ordered(recordings)
     figure = new_figure(max(3.2, 1.1 * len(names) + 0.8))
     grid = figure.add_gridspec(len(names), 2)

@@ -50,20 +50,7 @@ _TILES = 4
 
 
 def write_simulation_report(path: PathLike, subject: SimulationSubject) -> None:
-    """Write the report of a simulation: one HTML file that needs nothing else.
-
-    Parameters
-    ----------
-    path : path-like
-        Where it is to appear, whole or not at all.
-    subject : SimulationSubject
-        What it is about; absent parts have no section.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write the report of a simulation: one HTML file that needs nothing else."""
     text = render(subject)
     with atomic_writer(path) as stream:
         stream.write(text)

@@ -26,24 +26,12 @@ Intervals = Mapping[MethodName, Interval]
 
 @dataclass(frozen=True)
 class Steps:
-    """Figures of one step, up and down, under every variant.
+    """Figures of one step, up and down, under every variant."""
 
-    Parameters
-    ----------
-    gap : float
-        Around which it goes, m.
-    load : float
-        N.
-    height : float
-        m.
-    cells : mapping of str to StepCell
-        By variant.
-    """
-
-    gap: float
-    load: float
-    height: float
-    cells: Mapping[MethodName, StepCell]
+    gap: float  # around which it goes, m
+    load: float  # N
+    height: float  # m
+    cells: Mapping[MethodName, StepCell]  # by variant
 
     def of(self, name: str) -> Intervals:
         """Return a figure of every variant, without a mean where levitation was lost."""
@@ -73,124 +61,60 @@ def grouped(cells: Iterable[StepCell]) -> tuple[Steps, ...]:
 
 @dataclass(frozen=True)
 class FigureTable:
-    """A table of one figure: a row a situation, a column a variant.
+    """A table of one figure: a row a situation, a column a variant."""
 
-    Parameters
-    ----------
-    title : str
-        What it is.
-    unit : str
-        As shown.
-    factor : float
-        From SI to that.
-    rows : mapping of str to mapping of str to Interval
-        By situation, then by variant; SI.
-    caption : str, optional
-    remarks : mapping of str to mapping of str to str, optional
-        What stands beside a figure, in the same order.
-    """
-
-    title: str
-    unit: str
-    factor: float
-    rows: Mapping[str, Intervals]
+    title: str  # what it is
+    unit: str  # as shown
+    factor: float  # from SI to that
+    rows: Mapping[str, Intervals]  # by situation, then by variant; SI
     caption: str = ""
+    # what stands beside a figure, in the same order
     remarks: Mapping[str, Mapping[MethodName, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """One thing that was tried, under every variant: a trajectory, a load step, a recovery.
+    """One thing that was tried, under every variant: a trajectory, a load step, a recovery."""
 
-    Parameters
-    ----------
-    title : str
-        What was tried.
-    recordings : mapping of str to Recording
-        As long as they are to be shown.
-    """
-
-    title: str
-    recordings: Mapping[MethodName, Recording]
+    title: str  # what was tried
+    recordings: Mapping[MethodName, Recording]  # as long as they are to be shown
 
 
 @dataclass(frozen=True)
 class SimulationSubject:
-    """All there is to say about a simulation.
+    """All there is to say about a simulation."""
 
-    Parameters
-    ----------
-    rig : BearingRig
-        The bearing.
-    controller : ControllerTable
-        Its controller; the variant it names is the one that others are held against.
-    seeds : int
-        Noise seeds behind every interval.
-    panels : tuple of StepPanel
-        Fig. 11.
-    steps : tuple of Steps
-        The figures of all steps.
-    forces : mapping of str to Recording
-        In which wanted and true force are shown.
-    run : mapping of str to Recording
-        Shown over the loops.
-    measured : tuple of LoopCurve
-        Loops of the nearest gaps.
-    identified : LoopCurve or None
-        Loop of the model at the gap of the run.
-    tracked : tuple of Tracking
-        Trajectories, load steps, recoveries.
-    standstill : mapping of str to Recording
-        At rest in the air.
-    sensitivity, linear_sensitivity, loop_gain : mapping of str to Response
-        Measured; of the linearised loop; its loop gain.
-    margins : mapping of str to Margins
-        Of the linearised loop.
-    tables : mapping of str to tuple of FigureTable
-        More tables, by the key of their section: ``steps``, ``forces``, ``tracking``,
-        ``standstill``, ``frequency``, ``drift``, ``benefit``, ``tuning``.
-    blocks : mapping of str to tuple of Block
-        Whatever else a section is to hold, by the same keys.
-    benefit : tuple of BenefitCell
-        Over irons.
-    drift : tuple of Spread
-        Over plants.
-    plants : int
-        How many.
-    tuning : TuningPicture or None
-        What tuning found.
-    notes : tuple of Note
-        What a reader must know first, such as a loop that was unstable.
-    files : mapping of str to str
-        Where it comes from: names of files and their SHA-256.
-    command : str
-        What makes it again.
-    """
-
-    rig: BearingRig
+    rig: BearingRig  # the bearing
+    # its controller; the variant it names is the one that others are held against
     controller: ControllerTable
-    seeds: int
-    panels: tuple[StepPanel, ...] = ()
-    steps: tuple[Steps, ...] = ()
+    seeds: int  # noise seeds behind every interval
+    panels: tuple[StepPanel, ...] = ()  # fig. 11
+    steps: tuple[Steps, ...] = ()  # the figures of all steps
+    # in which wanted and true force are shown
     forces: Mapping[MethodName, Recording] = field(default_factory=dict)
-    run: Mapping[MethodName, Recording] = field(default_factory=dict)
-    measured: tuple[LoopCurve, ...] = ()
-    identified: LoopCurve | None = None
-    tracked: tuple[Tracking, ...] = ()
-    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)
+    run: Mapping[MethodName, Recording] = field(default_factory=dict)  # shown over the loops
+    measured: tuple[LoopCurve, ...] = ()  # loops of the nearest gaps
+    identified: LoopCurve | None = None  # loop of the model at the gap of the run
+    tracked: tuple[Tracking, ...] = ()  # trajectories, load steps, recoveries
+    standstill: Mapping[MethodName, Recording] = field(default_factory=dict)  # at rest in the air
+    # measured; of the linearised loop; its loop gain
     sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     linear_sensitivity: Mapping[MethodName, Response] = field(default_factory=dict)
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
-    margins: Mapping[MethodName, Margins] = field(default_factory=dict)
+    margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # of the linearised loop
+    # more tables, by the key of their section: ``steps``, ``forces``, ``tracking``, ``standstill``,
+    # ``frequency``, ``drift``, ``benefit``, ``tuning``
     tables: Mapping[str, tuple[FigureTable, ...]] = field(default_factory=dict)
+    # whatever else a section is to hold, by the same keys
     blocks: Mapping[str, tuple[Block, ...]] = field(default_factory=dict)
-    benefit: tuple[BenefitCell, ...] = ()
-    drift: tuple[Spread, ...] = ()
-    plants: int = 0
-    tuning: TuningPicture | None = None
-    notes: tuple[Note, ...] = ()
+    benefit: tuple[BenefitCell, ...] = ()  # over irons
+    drift: tuple[Spread, ...] = ()  # over plants
+    plants: int = 0  # how many
+    tuning: TuningPicture | None = None  # what tuning found
+    notes: tuple[Note, ...] = ()  # what a reader must know first, such as a loop that was unstable
+    # where it comes from: names of files and their SHA-256
     files: Mapping[str, str] = field(default_factory=dict)
-    command: str = ""
+    command: str = ""  # what makes it again
 
     @property
     def variant(self) -> MethodName:

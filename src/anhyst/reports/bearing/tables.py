@@ -67,19 +67,12 @@ STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class OvershootDifference:
-    """How one overshoot differs from that of a baseline.
+    """How one overshoot differs from that of a baseline."""
 
-    Parameters
-    ----------
-    mine, baseline : float
-        Means, %.
-    certain : bool
-        Whether the difference is larger than what noise leaves open, and than what either of them
-        moves about at a standstill.
-    """
-
-    mine: float
+    mine: float  # means, %
     baseline: float
+    # whether the difference is larger than what noise leaves open, and than what either of them
+    # moves about at a standstill
     certain: bool
 
     @property
@@ -117,13 +110,6 @@ def difference(mine: Interval, baseline: Interval, floor: float) -> OvershootDif
 
     The half widths are added as if the noise of both were independent; seeds are shared, so that
     this asks for more than is needed.
-
-    Parameters
-    ----------
-    mine, baseline : Interval
-        %.
-    floor : float
-        Difference that is never certain, %: what a standstill adds to an overshoot.
     """
     unsure = max(floor, math.hypot(mine.half_width, baseline.half_width))
     certain = abs(baseline.mean - mine.mean) > unsure
@@ -267,13 +253,7 @@ def legend_table(variants: Sequence[MethodName]) -> PageTable:
 
 
 def settling_sentence(subject: SimulationSubject) -> str:
-    """Say whether settling and steady-state error change, which the paper found not to.
-
-    Returns
-    -------
-    str
-        Empty if there is nothing to compare.
-    """
+    """Say whether settling and steady-state error change, which the paper found not to."""
     if "ratio" not in subject.baselines:
         return ""
     counts = []

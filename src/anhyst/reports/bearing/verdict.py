@@ -18,21 +18,12 @@ from anhyst.support.pays import FEEDBACK
 
 @dataclass(frozen=True)
 class OvershootVerdict:
-    """What came out of the overshoots of all steps.
+    """What came out of the overshoots of all steps."""
 
-    Parameters
-    ----------
-    variant : str
-        What was judged.
-    level : str
-        ``"yes"``, ``"no"``, ``"mixed"``, or ``"unknown"`` where there is nothing to compare.
-    text : str
-        One sentence that names the baselines.
-    """
-
-    variant: MethodName
+    variant: MethodName  # what was judged
+    # ``"yes"``, ``"no"``, ``"mixed"``, or ``"unknown"`` where there is nothing to compare
     level: str
-    text: str
+    text: str  # one sentence that names the baselines
 
     def note(self) -> Note:
         """Return it as a box of the page."""
@@ -62,15 +53,7 @@ def strongest(step: Steps) -> MethodName | None:
 
 
 def judge(steps: Sequence[Steps], variant: MethodName) -> OvershootVerdict:
-    """Judge a variant, or the fullest model beside it where it has none.
-
-    Parameters
-    ----------
-    steps : sequence of Steps
-        All that were run.
-    variant : str
-        Of the controller file.
-    """
+    """Judge a variant, or the fullest model beside it where it has none."""
     names = {name for step in steps for name in step.cells}
     models = [name for name in ordered(names) if name in MODELS]
     mine = variant if variant in MODELS or not models else models[-1]

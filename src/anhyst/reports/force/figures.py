@@ -43,14 +43,7 @@ MOST_POINTS = 1500
 
 
 def draw(result: ForceControl) -> None:
-    """Draw every figure as PNG and SVG into the folder of a run.
-
-    Parameters
-    ----------
-    result : ForceControl
-        Drawn are ``fig6`` hardware structure, ``fig7`` constant gap, ``fig8`` row of positions,
-        ``moving`` armature.
-    """
+    """Draw every figure as PNG and SVG into the folder of a run."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
         stages.setdefault(outcome.trial.stage, []).append(outcome)

@@ -11,18 +11,7 @@ BINS = 60
 
 
 def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Average samples in bins of the input, and go on straight to both ends.
-
-    Parameters
-    ----------
-    drive, answer : ndarray
-        Samples, shape (n,), n >= 1.
-
-    Returns
-    -------
-    x, y : ndarray
-        Corners of the curve, `x` ascending, for :func:`numpy.interp`.
-    """
+    """Average samples in bins of the input, and go on straight to both ends."""
     x, y = smooth(drive, answer, BINS)
     if x.size < 2:
         return x, y

@@ -23,52 +23,21 @@ STALE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Measurements of a model and what they say about it.
+    """Measurements of a model and what they say about it."""
 
-    Parameters
-    ----------
-    loops : Loops
-        As they were fitted.
-    fitted : tuple of ndarray or None
-        Modelled output of each loop; None where the model cannot be computed.
-    inspection : Inspection or None
-        Of the record before thinning; None if it cannot be what its headers say.
-    verdict : Verdict
-        The baseline: the best single-valued curve, on the loops as they were fitted.
-    baseline : tuple of ndarray
-        What the best single-valued curve leaves over, loop by loop, in units of the output.
-    warnings : tuple of str
-        What a reader has to know.
-    """
-
-    loops: Loops
+    loops: Loops  # as they were fitted
+    # modelled output of each loop; None where the model cannot be computed
     fitted: tuple[FloatArray | None, ...]
+    # of the record before thinning; None if it cannot be what its headers say
     inspection: Inspection | None
-    verdict: Verdict
+    verdict: Verdict  # the baseline: the best single-valued curve, on the loops as they were fitted
+    # what the best single-valued curve leaves over, loop by loop, in units of the output
     baseline: tuple[FloatArray, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  # what a reader has to know
 
 
 def gather(model: Model, folder: PathLike) -> Evidence:
-    """Read the measurements of a model again and run the model over them.
-
-    Parameters
-    ----------
-    model : Model
-        The model; its provenance names the files.
-    folder : path-like
-        Where else to look for them: that of the model file.
-
-    Returns
-    -------
-    Evidence
-        All there is.
-
-    Raises
-    ------
-    InputError
-        The files are missing, have changed, or cannot be read.
-    """
+    """Read the measurements of a model again and run the model over them."""
     whole, loops = _read(model, folder)
     warnings = []
     try:
@@ -110,22 +79,7 @@ def _read(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
 
 
 def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
-    """Return the fit figures that belong to these parameters, and what is wrong with the file's.
-
-    Parameters
-    ----------
-    model : Model
-        The model with the figures of its file, if any.
-    evidence : Evidence
-        Its measurements.
-
-    Returns
-    -------
-    figures : FitFigures or None
-        From the measurements; those of the file where the model cannot be run over all of them.
-    warning : str
-        Empty, unless the file was edited after the identification.
-    """
+    """Return the fit figures that belong to these parameters, and what is wrong with the file's."""
     fitted = [output for output in evidence.fitted if output is not None]
     if len(fitted) < len(evidence.fitted):
         return model.fit, ""

@@ -119,20 +119,7 @@ def shown(groups: list[Group]) -> list[Group]:
 
 @styled
 def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
-    """Draw measured and modelled loops, one panel for each value of the scheduling variable.
-
-    Parameters
-    ----------
-    loopset : Loops
-        The measured loops.
-    fitted : sequence of ndarray or None
-        Modelled output of each loop, SI.
-
-    Returns
-    -------
-    Figure
-        Measured samples as grey points, the model as a line.
-    """
+    """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
     return _loops(loopset, fitted, groups_of(loopset))
 
 
@@ -143,18 +130,6 @@ def figure_differences(
     """Draw the loops as what is left of them without their best single-valued curve.
 
     Hysteresis is a few per cent of the output: over the whole range it can hardly be seen.
-
-    Parameters
-    ----------
-    loopset, fitted
-        As in :func:`figure_loops`.
-    single_valued : sequence of ndarray
-        Deviation of each loop's output from the best single-valued curve, SI.
-
-    Returns
-    -------
-    Figure
-        Measured samples as grey points, the model as a line, both less that curve.
     """
     groups = shown(groups_of(loopset))
     figure, axes = _panels(len(groups), panel_height=(3.6, 2.7, 2.2), share_y=True)
@@ -198,13 +173,7 @@ def _measured_and_model(figure: Figure) -> None:
 
 @styled
 def figure_small_loops(loopset: Loops, fitted: Fitted) -> Figure | None:
-    """Draw each loop that :func:`figure_loops` shows too small, on its own; None if there is none.
-
-    Parameters
-    ----------
-    loopset, fitted
-        As in :func:`figure_loops`.
-    """
+    """Draw each loop that :func:`figure_loops` shows too small, on its own; None if there is none."""
     groups = small_loops(loopset)
     return _loops(loopset, fitted, groups, own_units=True) if groups else None
 
@@ -233,19 +202,7 @@ def _loops(
 
 @styled
 def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
-    """Draw what the model leaves over, one panel for each value of the scheduling variable.
-
-    Parameters
-    ----------
-    loopset, fitted
-        As in :func:`figure_loops`.
-
-    Returns
-    -------
-    Figure
-        Model minus measurement over the input, rising and falling branches distinguished by colour,
-        over a band of twice the standard deviation of the noise of the output.
-    """
+    """Draw what the model leaves over, one panel for each value of the scheduling variable."""
     groups = shown(groups_of(loopset))
     figure, axes = _panels(len(groups), panel_height=(3.4, 2.5, 2.1), share_y=True)
     left_over = [
@@ -322,20 +279,7 @@ def _residuals(
 def figure_reduction(
     steps: Sequence[ReductionStep], names: Mapping[str, str] = MappingProxyType({})
 ) -> Figure:
-    """Draw the cost of each reduction step, beside what freezing another parameter would cost.
-
-    Parameters
-    ----------
-    steps : sequence of ReductionStep
-        In their order; at least one.
-    names : mapping of str to str
-        Symbols of parameters, where they are not the names of the steps.
-
-    Returns
-    -------
-    Figure
-        Bars: the mean deviation after each step; rings: the candidates that were not taken.
-    """
+    """Draw the cost of each reduction step, beside what freezing another parameter would cost."""
     figure = new_figure(3.2)
     ax = figure.subplots()
     costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
@@ -390,18 +334,7 @@ def _not_taken(step: ReductionStep) -> list[tuple[float, str]]:
 
 @styled
 def figure_correlation(unsure: Uncertainty) -> Figure:
-    """Draw the correlations of what was fitted as a heat map.
-
-    Parameters
-    ----------
-    unsure : Uncertainty
-        With a correlation matrix of shape (n, n), n >= 1.
-
-    Returns
-    -------
-    Figure
-        Blue: they rise together; red: one falls as the other rises; white: independent.
-    """
+    """Draw the correlations of what was fitted as a heat map."""
     matrix = np.array(unsure.correlation)
     count = matrix.shape[0]
     numbered = count <= NUMBERED

@@ -52,18 +52,7 @@ def running(model: Model) -> tuple[str, ...]:
 
 @styled
 def figure_parameters(model: Model) -> Figure | None:
-    """Draw every varying parameter over the scheduling variable: nodes and the curve between.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-
-    Returns
-    -------
-    Figure or None
-        None where nothing varies.
-    """
+    """Draw every varying parameter over the scheduling variable: nodes and the curve between."""
     shown = running(model)
     if not shown or model.schedule is None:
         return None
@@ -148,20 +137,7 @@ def at_and_between(model: Model) -> list[tuple[float, bool]]:
 
 @styled
 def figure_between(model: Model, check: GapCheck | None = None) -> Figure | None:
-    """Draw the loops of a model at its nodes and half-way between, and the output over the gap.
-
-    Parameters
-    ----------
-    model : Model
-        The model; its valid range says how far to drive.
-    check : GapCheck, optional
-        Outcome of the acceptance test; where it failed, the place is marked.
-
-    Returns
-    -------
-    Figure or None
-        None where nothing varies, there is one node, or no valid range.
-    """
+    """Draw the loops of a model at its nodes and half-way between, and the output over the gap."""
     if not model.varying or len(model.nodes) < 2 or model.valid is None:
         return None
     figure = new_figure(4.5)

@@ -68,20 +68,7 @@ def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, .
 
 
 def subject_of(model: Model, folder: PathLike) -> ModelSubject:
-    """Gather all there is to say about a model.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    folder : path-like
-        Where else to look for its measurements.
-
-    Returns
-    -------
-    ModelSubject
-        Without evidence if the measurements cannot be read, and why.
-    """
+    """Gather all there is to say about a model."""
     check, over_drive = model.check_over_gap(), check_over_drive(model)
     try:
         evidence = gather(model, folder)
@@ -93,20 +80,7 @@ def subject_of(model: Model, folder: PathLike) -> ModelSubject:
 
 
 def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
-    """Return the text of the report.
-
-    Parameters
-    ----------
-    subject : ModelSubject
-        What it is about.
-    file_name, file_hash : str
-        Name and SHA-256 of the model file.
-
-    Returns
-    -------
-    str
-        HTML; the same for the same subject.
-    """
+    """Return the text of the report."""
     found: list[Section | None] = [
         section_loops(subject),
         section_residuals(subject),

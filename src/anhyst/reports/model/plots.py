@@ -25,30 +25,7 @@ def write_plots(
     fitted: Sequence[FloatArray | None],
     folder: PathLike,
 ) -> tuple[Path, ...]:
-    """Write the figures of a model as PNG files.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    loopset : Loops
-        The measured loops.
-    fitted : sequence of ndarray or None
-        Modelled output of each loop, SI, in the order of the set.
-    folder : path-like
-        Where to; created if it is not there.
-
-    Returns
-    -------
-    tuple of Path
-        What was written: ``loops.png`` and ``residuals.png``; ``parameters.png`` and
-        ``between_gaps.png`` where parameters vary; ``reduction.png`` after a reduction.
-
-    Raises
-    ------
-    InputError
-        A file cannot be written.
-    """
+    """Write the figures of a model as PNG files."""
     place = Path(folder)
     figures = {
         "loops": figure_loops(loopset, fitted),

@@ -14,32 +14,16 @@ from anhyst.support.page.numbers import Scale, name_of, scale_for
 
 @dataclass(frozen=True, eq=False)
 class ModelSubject:
-    """A model under report.
+    """A model under report."""
 
-    Parameters
-    ----------
-    model : Model
-        The model.
-    fit : FitFigures or None
-        Those that belong to its parameters.
-    check : GapCheck or None
-        Outcome of the acceptance test over the gap; None where it does not apply.
-    evidence : Evidence or None
-        None where the measurements could not be read.
-    absent : str
-        Why they could not; empty if they could.
-    warnings : tuple of str
-        What a reader has to know before anything else.
-    over_drive : DriveCheck or None
-        Outcome of the acceptance test over the drive; None where it does not apply.
-    """
-
-    model: Model
-    fit: FitFigures | None
+    model: Model  # the model
+    fit: FitFigures | None  # those that belong to its parameters
+    # outcome of the acceptance test over the gap; None where it does not apply
     check: GapCheck | None
-    evidence: Evidence | None
-    absent: str = ""
-    warnings: tuple[str, ...] = ()
+    evidence: Evidence | None  # none where the measurements could not be read
+    absent: str = ""  # why they could not; empty if they could
+    warnings: tuple[str, ...] = ()  # what a reader has to know before anything else
+    # outcome of the acceptance test over the drive; None where it does not apply
     over_drive: DriveCheck | None = None
     _pictures: Iterator[int] = field(default_factory=lambda: iter(range(1, 1000)))
 

@@ -44,21 +44,7 @@ _TILES = (
 
 
 def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) -> None:
-    """Write the report of a stage: one HTML file that needs nothing else.
-
-    Parameters
-    ----------
-    path : path-like
-        Where it is to appear, whole or not at all.
-    study : TrackingStudy
-    command : str
-        What makes it again.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write the report of a stage: one HTML file that needs nothing else."""
     sections = [_scan(study), _settling(study), _limits(study), _learning(study)]
     text = render_page(
         _headline(study),

@@ -18,20 +18,12 @@ _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "set
 
 @dataclass(frozen=True)
 class TrackingVerdict:
-    """What one sentence says of one baseline.
-
-    Parameters
-    ----------
-    baseline : str
-    ratios : mapping of str to float
-        Mean measure of the compensator over that of the baseline.
-    better : bool
-        Every measure is lower by more than both intervals leave open, but for what the baseline
-        leaves nothing of.
-    """
+    """What one sentence says of one baseline."""
 
     baseline: MethodName
-    ratios: Mapping[str, float]
+    ratios: Mapping[str, float]  # mean measure of the compensator over that of the baseline
+    # every measure is lower by more than both intervals leave open, but for what the baseline
+    # leaves nothing of
     better: bool
 
     @property
@@ -66,11 +58,6 @@ def verdict(study: TrackingStudy) -> tuple[bool, str]:
 
     Each measure is compared with the strongest baseline in it: of all that have neither a model of
     the iron nor a sensor for it, the one with the lowest.
-
-    Returns
-    -------
-    tuple
-        Whether it is, and the sentence.
     """
     own = study.tried[OWN]
     if study.lost_in:

@@ -35,30 +35,7 @@ _BEAT = 0.04
 
 
 class BearingPlant:
-    """A bearing as the plant bus knows it: signals as fractions of full scale.
-
-    Parameters
-    ----------
-    setup : Setup
-        What runs, in fixed point.
-    seed : int, optional
-        Of the sensors' noise; the seed of the rig file is added.
-    bearing : Bearing, optional
-        The plant, at rest, where it is not the one that the controller was made for.
-
-    Attributes
-    ----------
-    bearing : Bearing
-        The plant.
-    rest_load, force_high, supply : float
-        Of the load drive, N; the largest force that may be asked for, N; of the amplifiers, V.
-    load, inject : float
-        Commanded to the load drive at the next tick, N; added to the gap that is shown, m.
-    dropped : bool
-        Whether the next sample of the position is lost.
-    shown : callable or None
-        Makes of what the sensors show what arrives, for faults of sensors and wires.
-    """
+    """A bearing as the plant bus knows it: signals as fractions of full scale."""
 
     def __init__(self, setup: Setup, seed: int = 0, bearing: Bearing | None = None) -> None:
         rig = setup.rig
@@ -130,19 +107,11 @@ def position_code(scales: Mapping[str, float], gap: float) -> int:
 
 @dataclass
 class LevitatingFirmware:
-    """A firmware in the air: what is done to it, tick by tick, and what it did.
-
-    Parameters
-    ----------
-    plant : BearingPlant
-    bus : PlantBus
-    link : ControllerLink
-        Its session; all its commands go over it.
-    """
+    """A firmware in the air: what is done to it, tick by tick, and what it did."""
 
     plant: BearingPlant
     bus: PlantBus
-    link: ControllerLink
+    link: ControllerLink  # its session; all its commands go over it
 
     def __post_init__(self) -> None:
         self._beat = max(1, int(_BEAT * self.link.info.rate))
@@ -151,20 +120,7 @@ class LevitatingFirmware:
         self._tick = 1.0 / self.link.info.rate
 
     def run(self, scenario: Scenario, progress: Progress | None = None) -> FloatArray:
-        """Go on with a scenario.
-
-        Parameters
-        ----------
-        scenario : Scenario
-            As the simulation runs it; nothing may be fed forward.
-        progress : callable, optional
-            Called with ticks done and all of them.
-
-        Returns
-        -------
-        ndarray, shape (n, 7)
-            See :data:`COLUMNS`; shorter where the simulation lost all bounds.
-        """
+        """Go on with a scenario."""
         rows = np.empty((scenario.ticks, len(COLUMNS)))
         for n in range(scenario.ticks):
             self.command(Command(int(scenario.command[n]) & 0xFF))
@@ -217,21 +173,7 @@ class LevitatingFirmware:
 
 @contextmanager
 def firmware_run(firmware: Path, plant: BearingPlant, board: str) -> Iterator[LevitatingFirmware]:
-    """Start the firmware of a bearing and open its link.
-
-    Parameters
-    ----------
-    firmware : Path
-        From :func:`anhyst.link.firmware.build`, for this board.
-    plant : BearingPlant
-        What it levitates.
-    board : str
-        One of :data:`BOARDS`.
-
-    Yields
-    ------
-    LevitatingFirmware
-    """
+    """Start the firmware of a bearing and open its link."""
     run = run_host if board == "host" else run_qemu
     with run(firmware, plant) as running, ControllerLink(running.url) as link:
         yield LevitatingFirmware(plant, running.bus, link)

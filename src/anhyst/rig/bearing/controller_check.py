@@ -20,21 +20,7 @@ def pair_of(rig: BearingRig) -> PairTable | None:
 
 
 def check_controller(controller: ControllerFile, rig: BearingRig) -> None:
-    """Refuse a controller that does not belong to the rig.
-
-    Parameters
-    ----------
-    controller : ControllerFile
-        Named in the error.
-    rig : BearingRig
-        What it is to control.
-
-    Raises
-    ------
-    InputError
-        Another rate, limits beyond the amplifier, a reference or the rest outside the limits,
-        force limits of the wrong arrangement or below the load, measured flux without a probe.
-    """
+    """Refuse a controller that does not belong to the rig."""
     faults = _rig_faults(controller.settings, rig)
     if faults:
         raise faults_error(controller.path, faults)

@@ -30,18 +30,11 @@ MOST_DELAY = 128
 
 @dataclass(frozen=True, slots=True)
 class PlacedMagnet:
-    """A magnet in its place.
+    """A magnet in its place."""
 
-    Parameters
-    ----------
-    table : MagnetTable
-        What it is.
-    total : float or None
-        Its gap and that of the bearing together, m, for one on the other side of the armature;
-        None for one that closes the gap.
-    """
-
-    table: MagnetTable
+    table: MagnetTable  # what it is
+    # its gap and that of the bearing together, m, for one on the other side of the armature; None
+    # for one that closes the gap
     total: float | None = None
 
     def gap(self, gap: float) -> float:
@@ -51,20 +44,11 @@ class PlacedMagnet:
 
 @dataclass(frozen=True, slots=True)
 class BearingRig:
-    """A bearing as its file describes it.
+    """A bearing as its file describes it."""
 
-    Parameters
-    ----------
-    path : Path
-        The rig file.
-    settings : BearingTable
-        What it says.
-    fitted : FittedPlant or None
-        Magnet that was fitted to the loops; `settings` holds its numbers then.
-    """
-
-    path: Path
-    settings: BearingTable
+    path: Path  # the rig file
+    settings: BearingTable  # what it says
+    # magnet that was fitted to the loops; `settings` holds its numbers then
     fitted: FittedPlant | None = None
 
     @property
@@ -118,40 +102,12 @@ def step_ends(gap: float, height: float) -> tuple[float, float]:
 
     High steps have room between the end stops then, up and down steps see the same magnet, and
     the plant linearised at the gap is that of the middle of every step.
-
-    Parameters
-    ----------
-    gap : float
-        Around which the step goes, m.
-    height : float
-        m.
-
-    Returns
-    -------
-    lower, upper : float
-        Gap with the armature down and with the armature up, m.
     """
     return gap + height / 2.0, gap - height / 2.0
 
 
 def read_bearing(path: PathLike) -> BearingRig:
-    """Read the rig file of a bearing.
-
-    Parameters
-    ----------
-    path : path-like
-        ``rig.toml``; other files are named relative to it.
-
-    Returns
-    -------
-    BearingRig
-        Its keys fit the schema and each other.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or does not fit; with file, line and key.
-    """
+    """Read the rig file of a bearing."""
     place = Path(path)
     settings = read_toml(place, BearingTable)
     faults = [*_delay_faults(settings), *_plant_faults(settings), *_simulate_faults(settings)]
@@ -162,20 +118,7 @@ def read_bearing(path: PathLike) -> BearingRig:
 
 
 def check_load(rig: BearingRig, force_max: float) -> None:
-    """Refuse a load that no current can carry.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Whose load and load steps are looked at.
-    force_max : float
-        Largest net force at the operating gap, N, as measured or computed.
-
-    Raises
-    ------
-    InputError
-        The load, alone or with a step of it, is not below that force.
-    """
+    """Refuse a load that no current can carry."""
     load = rig.load
     steps = rig.settings.simulate.load_steps_N
     faults: list[FileFault] = []
@@ -200,20 +143,7 @@ def check_load(rig: BearingRig, force_max: float) -> None:
 
 
 def check_rate(rig: BearingRig, pole_Hz: float) -> None:
-    """Refuse a sample rate that is too slow for the plant.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Whose rate is looked at.
-    pole_Hz : float
-        Unstable pole of the plant without controller, Hz.
-
-    Raises
-    ------
-    InputError
-        The rate is below 20 times that pole.
-    """
+    """Refuse a sample rate that is too slow for the plant."""
     rate, least = rig.settings.timing.rate_Hz, TICKS_PER_POLE * pole_Hz
     if rate < least:
         text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"

@@ -18,25 +18,7 @@ Numbers = NDArray[np.int_]
 
 
 def read_flux_table(path: PathLike) -> FluxTable:
-    """Read a flux table.
-
-    Parameters
-    ----------
-    path : path-like
-        A text table.
-
-    Returns
-    -------
-    FluxTable
-        Without holes, and monotone.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, a column or a point is missing, a point comes twice, the currents
-        or the flux do not begin at 0, or the flux does not rise with the current or does not fall
-        as the gap opens; names line or point.
-    """
+    """Read a flux table."""
     table = read_columns(path)
     current = table.need("current", "I_A")
     gap = table.need("gap", "gap_m")
@@ -74,23 +56,7 @@ def read_flux_table(path: PathLike) -> FluxTable:
 def check_flux_range(
     path: PathLike, table: FluxTable, gap_low: float, gap_high: float, current_high: float
 ) -> None:
-    """Refuse a flux table that ends before the plant does.
-
-    Parameters
-    ----------
-    path : path-like
-        Where it comes from.
-    table : FluxTable
-    gap_low, gap_high : float
-        Travel, m.
-    current_high : float
-        Upper end of the amplifier's range, A.
-
-    Raises
-    ------
-    InputError
-        A gap or a current of the plant lies beyond the table.
-    """
+    """Refuse a flux table that ends before the plant does."""
     low, high = float(table.gap[0]), float(table.gap[-1])
     if not (low <= gap_low and gap_high <= high):
         raise InputError(

@@ -20,23 +20,12 @@ _RESTLESS = 0.01
 
 @dataclass(frozen=True)
 class LevitationRun:
-    """A run from power on until the armature lies again.
-
-    Parameters
-    ----------
-    setup : Setup
-    recording : Recording
-        Lift-off, steps, load steps, landing.
-    steps : Scenario
-        The first part of it: lift-off and steps.
-    landing : int
-        Tick of the command to land.
-    """
+    """A run from power on until the armature lies again."""
 
     setup: Setup
-    recording: Recording
-    steps: Scenario
-    landing: int
+    recording: Recording  # lift-off, steps, load steps, landing
+    steps: Scenario  # the first part of it: lift-off and steps
+    landing: int  # tick of the command to land
 
     def fault(self) -> str | None:
         """Say why the armature was not held until the end of the steps, or None if it was."""
@@ -118,20 +107,7 @@ class LevitationRun:
 
 
 def parts_of_run(setup: Setup) -> tuple[Scenario, Scenario, int]:
-    """Return the run that a simulation records: lift-off and steps; then loads and a landing.
-
-    Parameters
-    ----------
-    setup : Setup
-        For its rig and its controller.
-
-    Returns
-    -------
-    steps, after : Scenario
-        One after the other.
-    landing : int
-        Tick of the command to land, counted over both.
-    """
+    """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
     rig = setup.rig
     cases, load = rig.settings.simulate, rig.settings.load.force_N
     steps = steps_up_and_down(rig, setup.controller, cases.gap_m, cases.steps_m)

@@ -15,18 +15,7 @@ from anhyst.rig.holding import SignalBound, find_loss
 
 
 class SimulatedLoop:
-    """One run of a setup, from power on; scenarios follow each other.
-
-    Parameters
-    ----------
-    setup : Setup
-    seed : int
-        Of the sensors' noise; the seed of the rig file is added.
-    largest_first : bool, optional
-        Whether the iron has seen the largest current before, of which the controller knows nothing.
-    bearing : Bearing, optional
-        The plant, at rest, where it is not the one that the controller was made for.
-    """
+    """One run of a setup, from power on; scenarios follow each other."""
 
     def __init__(
         self,
@@ -50,13 +39,7 @@ class SimulatedLoop:
         )
 
     def run(self, scenario: Scenario) -> Recording:
-        """Go on with a scenario.
-
-        Returns
-        -------
-        Recording
-            A row a tick; shorter than the scenario where the simulation lost all bounds.
-        """
+        """Go on with a scenario."""
         return Recording(
             self._loop.run(
                 scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
@@ -65,22 +48,7 @@ class SimulatedLoop:
 
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
-    """Return when levitation was lost: a stop was touched, or the controller gave up.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        For its stops.
-    recording : Recording
-        From power on, or from any time in the air.
-    since : int, optional
-        Tick from which on the armature should levitate.
-
-    Returns
-    -------
-    float or None
-        Time, s.
-    """
+    """Return when levitation was lost: a stop was touched, or the controller gave up."""
     mechanics = rig.settings.mechanics
     fault = recording["state"] >= FAULT
     if fault.any():

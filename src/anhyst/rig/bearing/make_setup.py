@@ -27,35 +27,14 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class IdentifiedMagnet:
-    """What a controller knows of its magnet: measured loops, and the model identified from them.
+    """What a controller knows of its magnet: measured loops, and the model identified from them."""
 
-    Parameters
-    ----------
-    loops : Loops
-        Force over current at several gaps.
-    model : Model
-        Identified from them.
-    """
-
-    loops: Loops
-    model: Model
+    loops: Loops  # force over current at several gaps
+    model: Model  # identified from them
 
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
-    """Identify the model of a bearing's magnet from its loops; the armature may move under it.
-
-    Parameters
-    ----------
-    loops : Loops
-        Force over current at several gaps.
-    options : IdentifyTable, optional
-        How, as the rig file says; the gap map is ``circuit`` where it says nothing.
-
-    Returns
-    -------
-    IdentifiedMagnet
-        The model has a dead band, unless the options forbid it: noise of the position reaches it.
-    """
+    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
@@ -66,25 +45,7 @@ def make_setup(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> Setup:
-    """Fit one variant to what is known and put it behind the controller.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    controller : ControllerTable
-        Its own variant and format do not count.
-    magnet : IdentifiedMagnet
-    variant, number_format : str
-
-    Returns
-    -------
-    Setup
-
-    Raises
-    ------
-    InputError
-        What is known does not make a compensator by this method.
-    """
+    """Fit one variant to what is known and put it behind the controller."""
     sources = Sources(
         operating_point(rig, controller, magnet.loops),
         magnet.loops,
@@ -104,27 +65,7 @@ def make_setups(
     magnet: IdentifiedMagnet,
     variants: tuple[MethodName, ...],
 ) -> Mapping[MethodName, Setup]:
-    """Fit several variants in the number format of a controller file.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    controller : ControllerFile
-        Its own variant does not count.
-    magnet : IdentifiedMagnet
-    variants : tuple of str
-
-    Returns
-    -------
-    mapping of str to Setup
-        By variant.
-
-    Raises
-    ------
-    InputError
-        The controller does not fit the rig, or what is known does not make a compensator; names the file
-        that it comes from.
-    """
+    """Fit several variants in the number format of a controller file."""
     check_controller(controller, rig)
     table = controller.settings
     found = {}
@@ -140,21 +81,7 @@ def make_setups(
 
 
 def operating_point(rig: BearingRig, controller: ControllerTable, loops: Loops) -> Operating:
-    """Return where a bearing works: each magnet of a pair around its bias.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Operating gap and load, or the bias of a pair.
-    controller : ControllerTable
-        Rate and limits.
-    loops : Loops
-        For the gaps that were measured.
-
-    Returns
-    -------
-    Operating
-    """
+    """Return where a bearing works: each magnet of a pair around its bias."""
     pair = pair_of(rig)
     measured = [gap for gap in loops.by_schedule() if gap is not None]
     return Operating(

@@ -12,13 +12,7 @@ from anhyst.support.units import QUANTITIES
 
 
 class HeldBearing:
-    """A bearing whose armature is held; of a pair, the magnet that closes the gap pulls alone.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Its magnet is whole.
-    """
+    """A bearing whose armature is held; of a pair, the magnet that closes the gap pulls alone."""
 
     def __init__(self, rig: BearingRig) -> None:
         self._rig = rig
@@ -47,16 +41,6 @@ def measure_loops(rig: BearingRig) -> Loops:
 
     Before every record the current goes to its maximum and back, as often as the file says; sensors
     read one sample at a time, quasi-statically.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Noise begins with the seed of its file: the same file gives the same loops.
-
-    Returns
-    -------
-    Loops
-        Force over current; the current is the true one behind its sensor.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))

@@ -38,19 +38,7 @@ ROWS = 129
 
 
 def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
-    """Return the magnet of a rig.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    law : Model, optional
-        What makes the force instead of the rig's own model file; not for cells.
-
-    Raises
-    ------
-    InputError
-        A model that cannot be read or makes no force of current and gap.
-    """
+    """Return the magnet of a rig."""
     settings = rig.settings.magnet
     middle = rig.settings.simulate.gap_m
     if settings.force == "cells":
@@ -65,13 +53,7 @@ def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
 
 
 def law_of(rig: BearingRig) -> Model:
-    """Return the identified law that makes a rig's force.
-
-    Raises
-    ------
-    InputError
-        A model that cannot be read or makes no force of current and gap.
-    """
+    """Return the identified law that makes a rig's force."""
     assert rig.model is not None
     model = read_model(rig.model)
     if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
@@ -84,13 +66,7 @@ def law_of(rig: BearingRig) -> Model:
 
 
 def flux_table(rig: BearingRig) -> FluxTable:
-    """Return the flux table of a rig, as measured or made from its magnet.
-
-    Raises
-    ------
-    InputError
-        The table has holes, is not monotone, or ends within the travel or the range of current.
-    """
+    """Return the flux table of a rig, as measured or made from its magnet."""
     if rig.flux_table is not None:
         table = read_flux_table(rig.flux_table)
         mechanics, high = rig.settings.mechanics, rig.settings.amplifier.current_high_A
@@ -105,19 +81,7 @@ def flux_table(rig: BearingRig) -> FluxTable:
 def static_map(
     rig: BearingRig, current: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return force, flux linkage and flux density of a path so slow that nothing is induced.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    current, gap : ndarray, shape (n,)
-        A, m; the path begins demagnetised.
-
-    Returns
-    -------
-    force, linkage, density : ndarray, shape (n,)
-        N, Wb, T.
-    """
+    """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
     found = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
     return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
 
@@ -125,18 +89,7 @@ def static_map(
 def make_bearing(
     rig: BearingRig, seed: int, magnet: Magnet | None = None, second: Magnet | None = None
 ) -> Bearing:
-    """Return the plant of a rig, at rest on the stop of the largest gap.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    seed : int
-        Of the noise of its sensors; the seed of the file is added.
-    magnet : Magnet, optional
-        Its magnet, where it has been made before.
-    second : Magnet, optional
-        That on the other side, where it is not like the first one.
-    """
+    """Return the plant of a rig, at rest on the stop of the largest gap."""
     own = magnet or make_magnet(rig)
     numbers = plant_numbers(rig)
     return Bearing(

@@ -10,15 +10,7 @@ from anhyst.rig.distance import PlantCheck, along, distance, follower, model_dis
 
 
 def check_plant(rig: BearingRig, knowledge: IdentifiedMagnet) -> PlantCheck:
-    """Hold the plant of a rig, and what its controller knows, against the loops.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Its magnet is whole.
-    knowledge : IdentifiedMagnet
-        Loops and model.
-    """
+    """Hold the plant of a rig, and what its controller knows, against the loops."""
     magnet, loops, fitted = make_magnet(rig), knowledge.loops, rig.fitted
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
     by_law = rig.settings.magnet.force == "model"

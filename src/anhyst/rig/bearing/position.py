@@ -26,40 +26,14 @@ def make_position(setup: Setup) -> LoopController:
 
 
 def check_position(setup: Setup) -> None:
-    """Refuse a controller that does not fit its compensator or its number format.
-
-    Parameters
-    ----------
-    setup : Setup
-        What is to run.
-
-    Raises
-    ------
-    InputError
-        It cannot be made.
-    """
+    """Refuse a controller that does not fit its compensator or its number format."""
     control = position_control(setup)
     control.gains(setup.compensator.format)
     control.settings(setup.compensator.format)
 
 
 def position_control(setup: Setup) -> PositionControl:
-    """Return the controller of a setup in SI units.
-
-    Parameters
-    ----------
-    setup : Setup
-        Gains and limits, compensator and rig.
-
-    Returns
-    -------
-    PositionControl
-
-    Raises
-    ------
-    InputError
-        The gains do not fit the scales of the compensator.
-    """
+    """Return the controller of a setup in SI units."""
     amplifier, parameters = setup.rig.settings.amplifier, setup.compensator.parameters
     return setup.controller.position_control(
         parameters.scales,

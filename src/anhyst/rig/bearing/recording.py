@@ -30,15 +30,9 @@ BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN = (
 
 @dataclass(frozen=True)
 class Recording:
-    """One row a tick.
+    """One row a tick."""
 
-    Parameters
-    ----------
-    table : ndarray, shape (n, len(COLUMNS))
-        As :data:`COLUMNS` names them.
-    """
-
-    table: FloatArray
+    table: FloatArray  # as :data:`COLUMNS` names them; shape (n, len(COLUMNS)
 
     def __getitem__(self, name: str) -> FloatArray:
         column: FloatArray = self.table[:, COLUMNS.index(name)]

@@ -37,19 +37,11 @@ _SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceStep:
-    """A step of the reference within a scenario.
+    """A step of the reference within a scenario."""
 
-    Parameters
-    ----------
-    begin, end : int
-        Ticks: of the step, and of the end of its hold.
-    before, after : float
-        Reference, m of gap.
-    """
-
-    begin: int
+    begin: int  # ticks: of the step, and of the end of its hold
     end: int
-    before: float
+    before: float  # reference, m of gap
     after: float
 
     @property
@@ -60,33 +52,15 @@ class ReferenceStep:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What happens at each of n ticks.
+    """What happens at each of n ticks."""
 
-    Parameters
-    ----------
-    target : ndarray, shape (n,)
-        Wanted gap, m.
-    load : ndarray, shape (n,)
-        Force commanded to the load drive, N.
-    inject : ndarray, shape (n,)
-        Added to the gap that the controller sees, m.
-    feed : ndarray, shape (n,)
-        Load that the controller gets, N.
-    command : ndarray of uint32, shape (n,)
-        :class:`Command`, :data:`DROP`.
-    steps : tuple of ReferenceStep
-        Steps of the reference in it.
-    lifted : int
-        Tick from which on the armature should levitate; 0 if nothing lifts it here.
-    """
-
-    target: FloatArray
-    load: FloatArray
-    inject: FloatArray
-    feed: FloatArray
-    command: NDArray[np.uint32]
-    steps: tuple[ReferenceStep, ...] = ()
-    lifted: int = 0
+    target: FloatArray  # wanted gap, m; shape (n,)
+    load: FloatArray  # force commanded to the load drive, N; shape (n,)
+    inject: FloatArray  # added to the gap that the controller sees, m; shape (n,)
+    feed: FloatArray  # load that the controller gets, N; shape (n,)
+    command: NDArray[np.uint32]  # :class:`Command`, :data:`DROP`; shape (n,)
+    steps: tuple[ReferenceStep, ...] = ()  # steps of the reference in it
+    lifted: int = 0  # tick from which on the armature should levitate; 0 if nothing lifts it here
 
     @property
     def ticks(self) -> int:
@@ -96,21 +70,11 @@ class Scenario:
 
 @dataclass
 class Script:
-    """Writes a scenario piece by piece.
+    """Writes a scenario piece by piece."""
 
-    Parameters
-    ----------
-    rig : BearingRig
-        For the rate, the load and its disturbances.
-    gap : float
-        First wanted gap, m.
-    load : float, optional
-        Force of the load drive, N; that of the rig file if left out.
-    """
-
-    rig: BearingRig
-    gap: float
-    load: float | None = None
+    rig: BearingRig  # for the rate, the load and its disturbances
+    gap: float  # first wanted gap, m
+    load: float | None = None  # force of the load drive, N; that of the rig file if left out
     _target: list[FloatArray] = field(default_factory=list)
     _load: list[FloatArray] = field(default_factory=list)
     _inject: list[FloatArray] = field(default_factory=list)
@@ -145,38 +109,12 @@ class Script:
         return self
 
     def hold(self, seconds: float, inject: FloatArray | None = None) -> Script:
-        """Let time pass, perhaps with something added to the sensor.
-
-        Parameters
-        ----------
-        seconds : float
-            How long, s; does not count where something is added.
-        inject : ndarray, shape (n,), optional
-            Added to the gap that the controller sees, m, for n ticks.
-
-        Returns
-        -------
-        Script
-            This one.
-        """
+        """Let time pass, perhaps with something added to the sensor."""
         count = self.count(seconds) if inject is None else inject.size
         return self._add(np.full(count, self.gap), inject)
 
     def step(self, gap: float, seconds: float) -> Script:
-        """Step the reference and let time pass.
-
-        Parameters
-        ----------
-        gap : float
-            Wanted from now on, m.
-        seconds : float
-            How long it is held, s.
-
-        Returns
-        -------
-        Script
-            This one.
-        """
+        """Step the reference and let time pass."""
         begin, before, self.gap = self.ticks, self.gap, gap
         self.hold(seconds)
         self._steps.append(ReferenceStep(begin, self.ticks, before, gap))
@@ -224,15 +162,6 @@ def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float
 
     Self-test, the ramp of the force up to where the controller gives up, the way at the speed of
     the reference, and the settling.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        For the rate and the rest.
-    controller : ControllerTable
-        For ramps, force and gains.
-    gap : float
-        Where it is lifted to, m.
     """
     gains, ramp = controller.pidd2_gains(), controller.lift_off
     settle = _SETTLE_S
@@ -267,23 +196,7 @@ def steps_up_and_down(
     load: float | None = None,
     rest: float = 0.0,
 ) -> Scenario:
-    """Lift off, then a step up and down of every height, half of it to either side of a gap.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Its file says how long each position is held.
-    controller : ControllerTable
-        Says how long lifting off takes.
-    gap : float
-        m.
-    heights : sequence of float
-        m.
-    load : float, optional
-        N; that of the rig file if left out.
-    rest : float, optional
-        How long the last position is kept beyond its hold, s.
-    """
+    """Lift off, then a step up and down of every height, half of it to either side of a gap."""
     hold = rig.settings.simulate.hold_s
     script = Script(rig, gap, load).lift_off(controller)
     for height in heights:

@@ -12,21 +12,11 @@ from anhyst.rig.bearing.file import BearingRig
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything one loop needs; goes to other processes.
+    """Everything one loop needs; goes to other processes."""
 
-    Parameters
-    ----------
-    rig : BearingRig
-        The plant.
-    controller : ControllerTable
-        Gains, limits, lift-off.
-    compensator : ForceController
-        From force to current, as fitted; never run itself.
-    """
-
-    rig: BearingRig
-    controller: ControllerTable
-    compensator: ForceController
+    rig: BearingRig  # the plant
+    controller: ControllerTable  # gains, limits, lift-off
+    compensator: ForceController  # from force to current, as fitted; never run itself
 
     @property
     def name(self) -> MethodName:

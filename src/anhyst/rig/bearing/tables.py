@@ -150,28 +150,14 @@ class LoadTable(Table):
 
 @dataclass(frozen=True, slots=True)
 class PositionSensor:
-    """A sensor of the gap with nothing left open.
+    """A sensor of the gap with nothing left open."""
 
-    Parameters
-    ----------
-    low, high : float
-        Range, m.
-    step : float
-        Resolution, m.
-    noise : float
-        Standard deviation before that, m.
-    bandwidth : float
-        Of -3 dB, Hz.
-    delay : float
-        s.
-    """
-
-    low: float
+    low: float  # range, m
     high: float
-    step: float
-    noise: float
-    bandwidth: float
-    delay: float
+    step: float  # resolution, m
+    noise: float  # standard deviation before that, m
+    bandwidth: float  # of -3 dB, Hz
+    delay: float  # s
 
 
 class PositionTable(Table):

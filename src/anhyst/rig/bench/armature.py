@@ -13,15 +13,7 @@ _FREQUENCY_MOST = 20.0
 
 
 class Armature:
-    """Goes to a gap at a speed, and to and fro about it.
-
-    Parameters
-    ----------
-    low, high : float
-        Gaps that it can have, m.
-    rate : float
-        Ticks a second.
-    """
+    """Goes to a gap at a speed, and to and fro about it."""
 
     def __init__(self, low: float, high: float, rate: float) -> None:
         self._low, self._high, self._dt = low, high, 1.0 / rate

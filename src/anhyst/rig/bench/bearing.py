@@ -83,24 +83,6 @@ class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
     A :class:`anhyst.rig.bench.protocol.Bench`. The firmware's heartbeat counts ticks.
-
-    Parameters
-    ----------
-    setup : Setup
-        What runs, in fixed point.
-    firmware : Path
-        From :func:`anhyst.link.firmware.build`, for the board ``host``.
-    seed : int, optional
-        Of the sensors' noise; the seed of the rig file is added.
-
-    Attributes
-    ----------
-    load_drive : LoadDrive
-        What pulls at the armature.
-    aim : Aim
-        The gap.
-    load_most : float
-        Of the load drive, N.
     """
 
     signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)

@@ -33,24 +33,7 @@ class _Column(NamedTuple):
 
 
 class BoardColumns:
-    """Signals, demand and settings of a controller in SI units.
-
-    Parameters
-    ----------
-    body : Body
-        What it controls.
-    sources : sequence of str
-        Signals of ``contract/signals.toml`` that come of it.
-    manifest : mapping
-        Of the compiled folder that its firmware is built around.
-
-    Attributes
-    ----------
-    signals : tuple of Signal
-        Those that come.
-    settings : tuple of KnownSetting
-        That it has.
-    """
+    """Signals, demand and settings of a controller in SI units."""
 
     def __init__(self, body: Body, sources: Sequence[str], manifest: Mapping[str, Any]) -> None:
         force, rate = body is Body.FORCE, float(manifest["rate_Hz"])

@@ -13,27 +13,13 @@ from anhyst.link.frames import Body, Setting
 
 
 class BoardLine(Protocol):
-    """An open line to a controller.
+    """An open line to a controller."""
 
-    Attributes
-    ----------
-    url : str
-        For messages.
-    name : str
-        What the controller is called.
-    body : Body
-        What the controller controls.
-    signals : tuple of str
-        Signals of ``contract/signals.toml`` that :meth:`take` returns.
-    every : int
-        Ticks from one sample to the next.
-    """
-
-    url: str
-    name: str
-    body: Body
-    signals: tuple[str, ...]
-    every: int
+    url: str  # for messages
+    name: str  # what the controller is called
+    body: Body  # what the controller controls
+    signals: tuple[str, ...]  # signals of ``contract/signals.toml`` that :meth:`take` returns
+    every: int  # ticks from one sample to the next
 
     def take(self, tick: int) -> NDArray[np.int64]:
         """Wait for the last sample up to a tick, and return all that came: tick, codes."""

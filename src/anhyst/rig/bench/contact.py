@@ -25,38 +25,7 @@ class OtherFirmware(InputError):  # noqa: N818 - it answers well, and is not the
 
 
 class Contact:
-    """A controller that answers, and what it said at first. Nothing is commanded.
-
-    Parameters
-    ----------
-    line : BoardLine
-        Open.
-    manifest : mapping
-        Of the compiled folder that the firmware is built around.
-
-    Attributes
-    ----------
-    line : BoardLine
-    columns : BoardColumns
-        What its codes mean.
-    settings : ControllerSettings
-        As they are.
-    goal : int
-        What is demanded, q31 of full scale.
-    block : list of int
-        Checksum of the parameter block in force.
-    rows : ndarray
-        First samples, as :meth:`BoardLine.take` gives them; at least one, so its ticks pass.
-    at : float
-        When the last of them came, s of the monotonic clock.
-
-    Raises
-    ------
-    OtherFirmware
-        The firmware is built around another folder.
-    InputError
-        It does not answer any more, or no tick passes.
-    """
+    """A controller that answers, and what it said at first. Nothing is commanded."""
 
     def __init__(self, line: BoardLine, manifest: Mapping[str, Any]) -> None:
         _check(line, manifest)
@@ -82,13 +51,7 @@ class Contact:
         return int(self.rows[-1, 1 + self.line.signals.index(signal)])
 
     def check_same(self, before: Contact) -> None:
-        """Refuse another controller than that of a contact before.
-
-        Raises
-        ------
-        OtherFirmware
-            It has another name, other signals, or sends them otherwise.
-        """
+        """Refuse another controller than that of a contact before."""
         mine, other = self.line, before.line
         if (mine.name, mine.body, mine.signals, mine.every) != (
             other.name,

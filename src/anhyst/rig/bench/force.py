@@ -52,26 +52,7 @@ FORCE_COMMANDS = (
 
 
 class StandPlant:
-    """The actuator as the plant bus knows it: signals as fractions of full scale.
-
-    Parameters
-    ----------
-    rig : Rig
-        What stands there, demagnetised.
-    program : Program
-        For its scales.
-    seed : int
-        Of the sensors' noise; the seed of the rig file is added.
-
-    Attributes
-    ----------
-    armature : Armature
-        What moves it.
-    gap : float
-        Where it is, m.
-    at : StandTick
-        The last tick.
-    """
+    """The actuator as the plant bus knows it: signals as fractions of full scale."""
 
     def __init__(self, rig: Rig, program: Program, seed: int) -> None:
         low, high = program.scales.gap_low, program.scales.gap_high
@@ -100,20 +81,6 @@ class ForceBench(LockStepBench[PlantBus]):
 
     A :class:`anhyst.rig.bench.protocol.Bench`, in lock-step. Virtual time passes in :meth:`advance`
     alone. The motion of the armature is among the parameters.
-
-    Parameters
-    ----------
-    rig : Rig
-        What stands there, demagnetised.
-    program : Program
-        What runs, built for the board ``host``.
-    seed : int, optional
-        Of the sensors' noise; the seed of the rig file is added.
-
-    Attributes
-    ----------
-    aim : Aim
-        The force.
     """
 
     signals: tuple[Signal, ...] = _SIGNALS
@@ -207,13 +174,7 @@ class ForceBench(LockStepBench[PlantBus]):
 
 
 def check_demand(aim: Aim, value: float, state: State) -> None:
-    """Refuse a force that a controller would not take.
-
-    Raises
-    ------
-    InputError
-        It is beyond the range, or the controller does not run.
-    """
+    """Refuse a force that a controller would not take."""
     if not aim.low <= value <= aim.high:
         raise InputError(
             f"demand: is {value:g} N; choose one from {aim.low:g} to {aim.high:g} N",

@@ -42,27 +42,6 @@ class HardwareBench:
     calls :meth:`advance`: without it there is no sign of life, and the controller goes to its safe
     state by itself. One that is lost is looked for, and no row comes meanwhile; when it is back,
     nothing is commanded or set: its settings are read anew.
-
-    Parameters
-    ----------
-    reach : callable
-        Opens a line to it; called again when it was lost.
-    manifest : mapping
-        Of the compiled folder that the firmware is built around.
-    patience : float, optional
-        How long it is looked for, s.
-
-    Attributes
-    ----------
-    aim : Aim
-        The force of a magnet, the gap of a bearing.
-    lost : str
-        Why it is looked for; empty while it answers.
-
-    Raises
-    ------
-    InputError
-        Nobody there, or the firmware is built around another folder.
     """
 
     load_most = 0.0

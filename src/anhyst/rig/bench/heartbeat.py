@@ -9,13 +9,7 @@ _BEAT_S = 0.04
 
 
 class Heartbeat:
-    """Says to a controller that its operator is there, as often as it must.
-
-    Parameters
-    ----------
-    link : ControllerLink
-        To the controller.
-    """
+    """Says to a controller that its operator is there, as often as it must."""
 
     def __init__(self, link: ControllerLink) -> None:
         self._link = link

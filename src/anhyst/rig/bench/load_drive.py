@@ -15,20 +15,7 @@ from anhyst.support.elementary import sine
 
 
 class LoadDrive:
-    """What pulls at the armature: force, damping, stiffness, a disturbance.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        For its load and what it starts with; disturbances of the file are not run.
-    bearing : Bearing
-        The plant.
-
-    Attributes
-    ----------
-    force : float
-        Commanded from the next tick on, N; positive pulls the gap open.
-    """
+    """What pulls at the armature: force, damping, stiffness, a disturbance."""
 
     def __init__(self, rig: BearingRig, bearing: Bearing) -> None:
         load, mass = rig.settings.load, rig.settings.mechanics.mass_kg

@@ -41,56 +41,25 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True, slots=True)
 class Pacing:
-    """How a bench keeps up with the clock.
+    """How a bench keeps up with the clock."""
 
-    Attributes
-    ----------
-    tick : int
-        Number of the last tick.
-    paused : bool
-    speed : float
-        Asked for, in units of the clock's.
-    factor : float
-        Run in the last second, likewise; 0 while it is paused.
-    late, late_most : float
-        Mean and largest lateness of the chunks of the last second, s: from when the last tick of a
-        chunk was due until the chunk was handed on.
-    slips : int
-        How often time was given up since the start, because the bench was late by :data:`BEHIND_S`.
-    lost : float
-        All the time given up, s of the clock.
-    waits_for : str
-        Recorder that has no room for the next chunk, so that time stands; empty where none.
-    """
-
-    tick: int
+    tick: int  # number of the last tick
     paused: bool
-    speed: float
-    factor: float
+    speed: float  # asked for, in units of the clock's
+    factor: float  # run in the last second, likewise; 0 while it is paused
+    # mean and largest lateness of the chunks of the last second, s: from when the last tick of a
+    # chunk was due until the chunk was handed on
     late: float
     late_most: float
+    # how often time was given up since the start, because the bench was late by :data:`BEHIND_S`
     slips: int
-    lost: float
+    lost: float  # all the time given up, s of the clock
+    # recorder that has no room for the next chunk, so that time stands; empty where none
     waits_for: str
 
 
 class PacedBench:
-    """Runs a bench by the clock, or as its own ticks come, until it is closed.
-
-    Parameters
-    ----------
-    bench : Bench
-        Nobody else may touch it from now on; :meth:`do` does what is wanted of it.
-    speed : float, optional
-        In units of the clock's, :data:`SLOWEST` to :data:`FASTEST`.
-    paused : bool, optional
-        Whether time stands at first.
-
-    Attributes
-    ----------
-    error : InputError or None
-        Why it ended, where the bench did not go on.
-    """
+    """Runs a bench by the clock, or as its own ticks come, until it is closed."""
 
     def __init__(self, bench: Bench, speed: float = 1.0, paused: bool = False) -> None:
         self.error: InputError | None = None
@@ -111,17 +80,7 @@ class PacedBench:
         self._thread.start()
 
     def subscribe(self, name: str, most: int = 100, complete: bool = False) -> Subscription:
-        """Let somebody look on, from the next chunk on.
-
-        Parameters
-        ----------
-        name : str
-            Who.
-        most : int, optional
-            Chunks that wait for it at most.
-        complete : bool, optional
-            Whether every tick is wanted: see :class:`Subscription`.
-        """
+        """Let somebody look on, from the next chunk on."""
         subscription = Subscription(name, most, complete)
         with self._wake:
             if self._closing:
@@ -133,11 +92,6 @@ class PacedBench:
         """Do something to the bench between two chunks, and return what it returned.
 
         Whatever it does acts from one tick on, also while time stands. What it raises is raised here.
-
-        Raises
-        ------
-        InputError
-            The bench does not go on any more.
         """
         done: Future[_Result] = Future()
 

@@ -9,20 +9,7 @@ from anhyst.support.errors import InputError
 
 
 def check_values(values: Mapping[str, float], parameters: Sequence[Parameter]) -> None:
-    """Refuse values that a bench cannot take.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        By name.
-    parameters : sequence of Parameter
-        What there is.
-
-    Raises
-    ------
-    InputError
-        No such parameter, or a value out of its range.
-    """
+    """Refuse values that a bench cannot take."""
     known = {one.name: one for one in parameters}
     for name, value in values.items():
         if name not in known:

@@ -17,17 +17,7 @@ _GO_S = 1.0
 
 
 class Search:
-    """Tries to get into contact again, with growing pauses, until a time is over.
-
-    Parameters
-    ----------
-    look : callable
-        Returns a contact, or raises InputError. Called in a thread of the search.
-    before : callable
-        Called there first: lets go of what was lost.
-    patience : float
-        How long it looks, s.
-    """
+    """Tries to get into contact again, with growing pauses, until a time is over."""
 
     def __init__(
         self, look: Callable[[], Contact], before: Callable[[], None], patience: float
@@ -43,15 +33,7 @@ class Search:
         self._thread.start()
 
     def wait(self, seconds: float) -> Contact | None:
-        """Return the contact, or None where there is none after so long.
-
-        Raises
-        ------
-        OtherFirmware
-            Another controller answers there.
-        InputError
-            The time is over; says why the last try failed.
-        """
+        """Return the contact, or None where there is none after so long."""
         self._over.wait(seconds)
         if self._given_up is not None:
             raise self._given_up

@@ -34,34 +34,19 @@ class SettingsLine(Protocol):
 
 
 class KnownSetting(NamedTuple):
-    """A setting in SI units.
+    """A setting in SI units."""
 
-    Attributes
-    ----------
-    name, unit, low, high, doc
-        As of :class:`anhyst.rig.bench.protocol.Parameter`.
-    setting : Setting
-        Which.
-    code : float
-        What one of its codes means; 1 for numbers of something, which have no values in between.
-    """
-
-    name: str
-    setting: Setting
+    name: str  # as of :class:`anhyst.rig.bench.protocol.Parameter`
+    setting: Setting  # which
     unit: str
     low: float
     high: float
+    # what one of its codes means; 1 for numbers of something, which have no values in between
     code: float
     doc: str
 
     def coded(self, value: float) -> int:
-        """Return the code of a value.
-
-        Raises
-        ------
-        InputError
-            It lies between the numbers that there are.
-        """
+        """Return the code of a value."""
         if self.code == 1.0 and value != round(value):
             raise InputError(
                 f"{self.name}: is {value:g}; choose {self.low:g} or {self.high:g}",
@@ -73,15 +58,7 @@ class KnownSetting(NamedTuple):
 
 
 class ControllerSettings:
-    """Settings that are read and written over a line.
-
-    Parameters
-    ----------
-    line : SettingsLine
-        To the controller.
-    known : sequence of KnownSetting
-        Those that there are.
-    """
+    """Settings that are read and written over a line."""
 
     def __init__(self, line: SettingsLine, known: Sequence[KnownSetting]) -> None:
         self._line = line
@@ -98,22 +75,7 @@ class ControllerSettings:
         )
 
     def write(self, values: Mapping[str, float], runs: bool) -> None:
-        """Write some of them, all or none; what is no setting is left alone.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            By name, within their ranges.
-        runs : bool
-            Whether the controller runs.
-
-        Raises
-        ------
-        InputError
-            One may not be changed while it runs, or has no such value.
-        Refused
-            The controller refuses, and says why.
-        """
+        """Write some of them, all or none; what is no setting is left alone."""
         codes = {one: one.coded(values[one.name]) for one in self._known if one.name in values}
         changed = {
             one.setting: code for one, code in codes.items() if code != self._codes[one.setting]
@@ -152,15 +114,7 @@ _COMPENSATION = KnownSetting(
 
 
 def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSetting, ...]:
-    """Return the settings of a controller of force.
-
-    Parameters
-    ----------
-    demand, current : float
-        Full scales, N and A.
-    rate : float
-        Ticks a second.
-    """
+    """Return the settings of a controller of force."""
     most, ratio = demand * rate, current / demand
     slew, follow = (
         "largest slope of the demand",
@@ -176,13 +130,7 @@ def force_settings(demand: float, current: float, rate: float) -> tuple[KnownSet
 
 
 def position_settings(gains: Sequence[float]) -> tuple[KnownSetting, ...]:
-    """Return the settings of a controller of position.
-
-    Parameters
-    ----------
-    gains : sequence of float
-        K_p, K_i, K_d, K_dd that it was compiled with, SI units.
-    """
+    """Return the settings of a controller of position."""
     found = [_COMPENSATION]
     for (setting, (unit, doc)), gain in zip(_GAINS.items(), gains, strict=True):
         if gain == 0.0:

@@ -9,23 +9,7 @@ from anhyst.support.arrays import FloatArray
 
 
 class Subscription:
-    """A bounded queue of chunks, in order, to one that looks on.
-
-    Parameters
-    ----------
-    name : str
-        Who it is.
-    most : int
-        Chunks that it holds.
-    complete : bool
-        Whether every tick is wanted: a recorder. The bench then waits where there is no room. To
-        others the oldest chunks are lost instead, and counted.
-
-    Attributes
-    ----------
-    missed : int
-        Ticks that were lost so far.
-    """
+    """A bounded queue of chunks, in order, to one that looks on."""
 
     def __init__(self, name: str, most: int, complete: bool) -> None:
         self.name = name
@@ -37,23 +21,7 @@ class Subscription:
         self._ended = False
 
     def get(self, timeout: float | None = None) -> FloatArray | None:
-        """Take the next chunk: a row a tick, as :meth:`Bench.advance` gives them.
-
-        Parameters
-        ----------
-        timeout : float, optional
-            How long to wait, s; forever if left out.
-
-        Returns
-        -------
-        ndarray or None
-            None once nothing comes any more.
-
-        Raises
-        ------
-        TimeoutError
-            Nothing came in that time.
-        """
+        """Take the next chunk: a row a tick, as :meth:`Bench.advance` gives them."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._chunks or self._ended, timeout):
                 raise TimeoutError(f"{self.name}: no chunk in {timeout:g} s")

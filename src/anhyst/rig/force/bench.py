@@ -28,27 +28,13 @@ class BenchReading(NamedTuple):
 
 @dataclass(frozen=True)
 class BenchRecording:
-    """What happened on the bench; all arrays of shape (n,), one value a tick.
+    """What happened on the bench; all arrays of shape (n,), one value a tick."""
 
-    Parameters
-    ----------
-    reference : ndarray
-        What the controller asked for at the tick, A.
-    current : ndarray
-        What flowed at the tick, A.
-    force : ndarray
-        True force, N.
-    gap : ndarray
-        True gap, m.
-    read_gap, read_force, read_current : ndarray
-        The same as the sensors said.
-    """
-
-    reference: FloatArray
-    current: FloatArray
-    force: FloatArray
-    gap: FloatArray
-    read_gap: FloatArray
+    reference: FloatArray  # what the controller asked for at the tick, A
+    current: FloatArray  # what flowed at the tick, A
+    force: FloatArray  # true force, N
+    gap: FloatArray  # true gap, m
+    read_gap: FloatArray  # the same as the sensors said
     read_force: FloatArray
     read_current: FloatArray
 
@@ -62,15 +48,7 @@ class StandTick(NamedTuple):
 
 
 class ActuatorStand:
-    """An actuator with its amplifier and its sensors, and no memory of what happened.
-
-    Parameters
-    ----------
-    rig : Rig
-        What stands there.
-    seed : list of int
-        Of the noise, apart from that of other runs.
-    """
+    """An actuator with its amplifier and its sensors, and no memory of what happened."""
 
     def __init__(self, rig: Rig, seed: list[int]) -> None:
         self._actuator = rig.actuator()
@@ -87,15 +65,7 @@ class ActuatorStand:
         self.drive(max(reference - self._amplifier.shunt_offset, 0.0), gap)
 
     def step(self, reference: float, gap: float) -> StandTick:
-        """Go on to the beginning of the next tick.
-
-        Parameters
-        ----------
-        reference : float
-            What the controller asked for in the tick before, A; it begins to flow now.
-        gap : float
-            Where the armature is at that tick, m.
-        """
+        """Go on to the beginning of the next tick."""
         if self._begun:  # nothing comes before the first tick
             self._amplifier.tick(reference)
         self._begun = True
@@ -110,20 +80,7 @@ class ActuatorStand:
 
 
 class ActuatorBench:
-    """A bench in use.
-
-    Parameters
-    ----------
-    rig : Rig
-        What stands on it.
-    gap : ndarray, shape (n,)
-        Position of the armature at every tick from :meth:`begin` on, m. Before, it rests at the
-        first one, afterwards at the last one.
-    seed : list of int
-        Of the noise, apart from that of other runs.
-    unknown_past : bool
-        Whether the iron begins somewhere in its major loop instead of demagnetised.
-    """
+    """A bench in use."""
 
     def __init__(self, rig: Rig, gap: FloatArray, seed: list[int], unknown_past: bool) -> None:
         self._stand = ActuatorStand(rig, seed)
@@ -147,18 +104,7 @@ class ActuatorBench:
         self._begin = len(self._rows)
 
     def step(self, reference: float) -> BenchReading:
-        """Go on to the beginning of the next tick.
-
-        Parameters
-        ----------
-        reference : float
-            What the controller asked for in the tick before, A; it begins to flow now.
-
-        Returns
-        -------
-        BenchReading
-            What the sensors say now.
-        """
+        """Go on to the beginning of the next tick."""
         tick = 0 if self._begin is None else len(self._rows) - self._begin
         gap = self._gap[min(tick, len(self._gap) - 1)]
         at = self._stand.step(reference, gap)
@@ -166,13 +112,7 @@ class ActuatorBench:
         return at.reading
 
     def recording(self, last: float) -> BenchRecording:
-        """Return what happened since :meth:`begin`.
-
-        Parameters
-        ----------
-        last : float
-            What the controller asked for at the last tick, A.
-        """
+        """Return what happened since :meth:`begin`."""
         table = np.array(self._rows[self._begin :])
         return BenchRecording(np.append(table[1:, 0], last), *table[:, 1:].T)
 
@@ -184,20 +124,7 @@ def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
 
 
 def run_open_loop(bench: ActuatorBench, reference: FloatArray) -> BenchRecording:
-    """Put out currents that were computed before.
-
-    Parameters
-    ----------
-    bench : ActuatorBench
-        At its beginning.
-    reference : ndarray, shape (n,)
-        What the controller asks for at every tick, A.
-
-    Returns
-    -------
-    BenchRecording
-        Of shape (n,).
-    """
+    """Put out currents that were computed before."""
     bench.begin()
     before = 0.0
     for wanted in reference.tolist():

@@ -15,21 +15,11 @@ LEAD_IN = 0.2
 
 @dataclass(frozen=True)
 class Demand:
-    """Force wanted at every tick.
+    """Force wanted at every tick."""
 
-    Parameters
-    ----------
-    name : str
-        For files and figures.
-    force : ndarray, shape (n,)
-        N.
-    lead_in : int
-        Ticks before the demand proper.
-    """
-
-    name: str
-    force: FloatArray
-    lead_in: int
+    name: str  # for files and figures
+    force: FloatArray  # N; shape (n,)
+    lead_in: int  # ticks before the demand proper
 
 
 def with_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
@@ -40,17 +30,7 @@ def with_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
 
 
 def triangle(shape: TriangleTable, force_max: float, rate: float) -> Demand:
-    """Return a triangle, beginning and ending at its low turning point.
-
-    Parameters
-    ----------
-    shape : TriangleTable
-        Turning points as shares of the largest force, period and cycles.
-    force_max : float
-        N.
-    rate : float
-        Ticks a second.
-    """
+    """Return a triangle, beginning and ending at its low turning point."""
     half = max(1, round(0.5 * shape.period_s * rate))
     phase = np.arange(2 * half * shape.cycles + 1) / half
     height = 1.0 - np.abs(phase % 2.0 - 1.0)

@@ -218,23 +218,12 @@ class Instruments:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """A rig as its file describes it.
+    """A rig as its file describes it."""
 
-    Parameters
-    ----------
-    path : Path
-        The rig file.
-    settings : ForceRigTable
-        What it says.
-    solenoid_file : SolenoidFile or None
-        Where it names one.
-    fitted : FittedPlant or None
-        Magnet that was fitted to the loops; `settings` holds its numbers then.
-    """
-
-    path: Path
-    settings: ForceRigTable
-    solenoid_file: SolenoidFile | None
+    path: Path  # the rig file
+    settings: ForceRigTable  # what it says
+    solenoid_file: SolenoidFile | None  # where it names one
+    # magnet that was fitted to the loops; `settings` holds its numbers then
     fitted: FittedPlant | None = None
 
     @property
@@ -266,15 +255,7 @@ class Rig:
         return follow
 
     def check(self, loops: Loops, model: Model) -> PlantCheck:
-        """Hold its actuator and a model against loops.
-
-        Parameters
-        ----------
-        loops : Loops
-            Those that its file names.
-        model : Model
-            That a compensator is made of.
-        """
+        """Hold its actuator and a model against loops."""
         fitted = self.fitted
         zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
         return PlantCheck(
@@ -299,15 +280,7 @@ class Rig:
         return "electromagnet", magnet.poles.turns
 
     def instruments(self, seed: list[int], dt: float | None = None) -> Instruments:
-        """Return the sensors.
-
-        Parameters
-        ----------
-        seed : list of int
-            Distinguishes this run's noise from that of others; the seed of the file is added.
-        dt : float, optional
-            Time between readings, s; that of a tick if left out.
-        """
+        """Return the sensors."""
         step = self.dt if dt is None else dt
         current = self.settings.current_sensor
         lvdt, force = self.settings.lvdt, self.settings.force_sensor
@@ -338,23 +311,7 @@ class Rig:
 
 
 def read_rig(path: PathLike) -> Rig:
-    """Read a rig file and the solenoid file it names.
-
-    Parameters
-    ----------
-    path : path-like
-        ``rig.toml``; other files are named relative to it.
-
-    Returns
-    -------
-    Rig
-        Ready to be set up.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read or does not fit its schema; with file, line and key.
-    """
+    """Read a rig file and the solenoid file it names."""
     place = Path(path)
     settings = read_toml(place, ForceRigTable)
     faults = identify_faults(settings.identify)

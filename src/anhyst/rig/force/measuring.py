@@ -9,13 +9,7 @@ from anhyst.rig.parts.solenoid import Solenoid
 
 
 class HeldActuator:
-    """A force rig whose armature is held.
-
-    Parameters
-    ----------
-    rig : Rig
-        Its magnet is whole.
-    """
+    """A force rig whose armature is held."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig

@@ -24,14 +24,7 @@ scale for plausible."""
 
 
 def loops_of_rig(rig: Rig) -> Loops:
-    """Read the loops of a rig.
-
-    Raises
-    ------
-    InputError
-        As the reader; also if there are none at the stroke's end, or they are no loops of force
-        over current.
-    """
+    """Read the loops of a rig."""
     loops = rig.measured.read()
     end = rig.settings.force_control.end_m
     if not _at(loops, end):
@@ -65,19 +58,6 @@ def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Mode
     it does not stay within the dead band that the loops allow, that is widened to span it. The
     valid range ends at the largest force of the rig, so that a program is compiled for what is
     used, or at :data:`PLAUSIBLE` of the largest measured one.
-
-    Parameters
-    ----------
-    rig : Rig
-        For the noise and the largest force.
-    loops : Loops
-        Current to force, with their history.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Model
     """
     several = len(loops.by_schedule()) > 1
     options = rig.settings.identify

@@ -24,27 +24,13 @@ ONE = 1 << 31
 
 @dataclass(frozen=True)
 class Program:
-    """A controller program, as it is flashed.
+    """A controller program, as it is flashed."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"full"`` or ``"simplified"``.
-    model : Model
-        What it was compiled from.
-    block : Block
-        Its parameters, of the kind that the model's law has.
-    cycles : int
-        Of the start-up sequence.
-    firmware : Path
-        Built for the board it runs on.
-    """
-
-    kind: Kind
-    model: Model
-    block: Block
-    cycles: int
-    firmware: Path
+    kind: Kind  # ``"full"`` or ``"simplified"``
+    model: Model  # what it was compiled from
+    block: Block  # its parameters, of the kind that the model's law has
+    cycles: int  # of the start-up sequence
+    firmware: Path  # built for the board it runs on
 
     @property
     def scales(self) -> Scales:
@@ -65,50 +51,18 @@ class Program:
 
 @dataclass(frozen=True)
 class Session:
-    """What passed between a firmware and the bench, tick by tick from power on, as codes.
+    """What passed between a firmware and the bench, tick by tick from power on, as codes."""
 
-    Parameters
-    ----------
-    gap : ndarray
-        Gap that the controller used, q31.
-    drive : ndarray
-        Current it drove, q31 of full scale.
-    demand : ndarray
-        Demand in force at the ticks of the run, q31.
-    first : int
-        First tick of the run.
-    demagnetised : bool
-        Whether the controller got this command just before: what was before does not count.
-    """
-
-    gap: Codes
-    drive: Codes
-    demand: Codes
-    first: int
+    gap: Codes  # gap that the controller used, q31
+    drive: Codes  # current it drove, q31 of full scale
+    demand: Codes  # demand in force at the ticks of the run, q31
+    first: int  # first tick of the run
+    # whether the controller got this command just before: what was before does not count
     demagnetised: bool
 
 
 def prepare(kind: Kind, model: Model, rate: float, board: str, folder: Path) -> Program:
-    """Compile a model and build the firmware around it.
-
-    Parameters
-    ----------
-    kind : str
-        ``"full"`` or ``"simplified"``.
-    model : Model
-        What is compiled.
-    rate : float
-        Ticks a second.
-    board : str
-        Where it runs, as :func:`anhyst.link.firmware.build` knows it.
-    folder : Path
-        There; it gets ``model.toml``, ``controller/`` and ``firmware``.
-
-    Raises
-    ------
-    InputError, NegativeResult
-        The model cannot be compiled, or a compiler is missing or refuses.
-    """
+    """Compile a model and build the firmware around it."""
     folder.mkdir(parents=True, exist_ok=True)
     write_model(model, folder / "model.toml")
     compiled = compile_model(
@@ -130,18 +84,6 @@ def ticks_that_differ(program: Program, session: Session) -> int:
 
     Every tick is repeated with the gap and the demand that the firmware had: what comes out is
     what the simulated program gives, and it must be the same to the last bit.
-
-    Parameters
-    ----------
-    program : Program
-        What ran.
-    session : Session
-        What passed.
-
-    Returns
-    -------
-    int
-        Ticks of the run with another current; 0 if all is well.
     """
     core = FixedCompensator(program.block.kind, program.block.words)
     gaps, drives = session.gap.tolist(), session.drive.tolist()

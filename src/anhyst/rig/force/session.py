@@ -57,34 +57,7 @@ class _Plant:
 def run_firmware(
     program: Program, bench: ActuatorBench, demand: Demand, board: str, demagnetised: bool
 ) -> tuple[BenchRecording, Session]:
-    """Run a demand through a firmware: one command over the link at every tick.
-
-    Parameters
-    ----------
-    program : Program
-        What runs.
-    bench : ActuatorBench
-        What it drives, at its beginning.
-    demand : Demand
-        What is demanded.
-    board : str
-        One of :data:`BOARDS`.
-    demagnetised : bool
-        Whether the controller gets the command that the iron is demagnetised; otherwise it goes through
-        its start-up sequence.
-
-    Returns
-    -------
-    Recording, Session
-        What happened on the bench while it ran, and all that passed between the two.
-
-    Raises
-    ------
-    InputError
-        The controller is silent or in fault.
-    NegativeResult
-        It does not follow its commands, or left its run.
-    """
+    """Run a demand through a firmware: one command over the link at every tick."""
     plant = _Plant(bench, program)
     codes = program.demand_codes(demand.force)
     with _started(program, plant, board) as running, ControllerLink(running.url) as controller:

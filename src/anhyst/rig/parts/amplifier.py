@@ -16,21 +16,6 @@ class Amplifier:
     range. What the stage controls is the current as its shunt reads it: an error of the shunt's
     zero is an error of the current.
 
-    Parameters
-    ----------
-    converter : Converter
-        Range and resolution of the reference, A.
-    bandwidth : float
-        Of the current loop, -3 dB, Hz.
-    slew : float
-        Fastest change of the current, A/s: supply voltage over inductance.
-    shunt_offset : float
-        What the shunt reads at no current, A.
-    dt : float
-        Time between ticks, s.
-
-    Examples
-    --------
     >>> amplifier = Amplifier(Converter(0.0, 1.0, 16), 1e9, 1e9, 0.0, 1e-3)
     >>> [round(amplifier.tick(reference), 3) for reference in (0.5, 0.2, 0.2)]
     [0.0, 0.5, 0.2]
@@ -48,18 +33,7 @@ class Amplifier:
         """Current that flows now, A."""
 
     def tick(self, reference: float) -> float:
-        """Go on by one tick and take the next reference.
-
-        Parameters
-        ----------
-        reference : float
-            Wanted current, A; it takes effect from the next tick on.
-
-        Returns
-        -------
-        float
-            Current at the end of this tick, A, driven by the reference before.
-        """
+        """Go on by one tick and take the next reference."""
         missing = self._reference - self.shunt_offset - self.current
         change = min(max(self._share * missing, -self._most), self._most)
         self.current = max(self.current + change, self.converter.low)

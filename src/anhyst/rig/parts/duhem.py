@@ -23,38 +23,20 @@ class DuhemSteel:
 
     It keeps no turning points: small loops about a bias walk towards the curve, and a larger loop
     wipes smaller ones out only as fast as it forgets all else.
-
-    Parameters
-    ----------
-    coercivity : float
-        Half the width of a wide loop about zero, A/m; 0 is an iron without a loop.
-    turning : float
-        Way, in T, on which this part turns round after a reversal, by a factor e.
-    fading : float
-        Share of the coercive field that is gone at saturation, 0 to below 1.
-    saturation_sharp, saturation_slow : float
-        Two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
-        approached slowly.
-    knee_sharp, knee_slow : float
-        Fields of these knees, A/m.
     """
 
-    coercivity: float
-    turning: float
-    fading: float
+    coercivity: float  # half the width of a wide loop about zero, A/m; 0 is an iron without a loop
+    turning: float  # way, in T, on which this part turns round after a reversal, by a factor e
+    fading: float  # share of the coercive field that is gone at saturation, 0 to below 1
+    # two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
+    # approached slowly
     saturation_sharp: float
-    knee_sharp: float
+    knee_sharp: float  # fields of these knees, A/m
     saturation_slow: float
     knee_slow: float
 
     def plant(self) -> Steel:
-        """Return it as the plant computes it.
-
-        Raises
-        ------
-        InputError
-            A field that would fall as the polarisation rises, or a loop that could give energy.
-        """
+        """Return it as the plant computes it."""
         self._check()
         return Steel(
             {

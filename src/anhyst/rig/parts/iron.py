@@ -25,13 +25,7 @@ class AnySteel(Protocol):
     """A steel of any family."""
 
     def plant(self) -> Steel:
-        """Return it as the plant computes it.
-
-        Raises
-        ------
-        InputError
-            Numbers that make no iron.
-        """
+        """Return it as the plant computes it."""
         ...
 
     def unpinned(self) -> Steel:
@@ -46,28 +40,16 @@ class CellSteel:
     A cell follows the field only when that has moved by more than its threshold (a play operator);
     the magnetisation is the weighted sum of one anhysteretic curve at the fields of all cells. The
     thresholds are quantiles of a Weibull distribution; cells without one are the reversible part.
-
-    Parameters
-    ----------
-    cells : int
-        Pinned cells, of equal weights.
-    reversible_fraction : float
-        Weight of the iron that nothing pins, 0 to 1.
-    pinning_scale, pinning_shape : float
-        Weibull distribution of the thresholds; the scale in A/m.
-    saturation_sharp, saturation_slow : float
-        Two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
-        approached slowly.
-    knee_sharp, knee_slow : float
-        Fields of these knees, A/m.
     """
 
-    cells: int
-    reversible_fraction: float
-    pinning_scale: float
+    cells: int  # pinned cells, of equal weights
+    reversible_fraction: float  # weight of the iron that nothing pins, 0 to 1
+    pinning_scale: float  # weibull distribution of the thresholds; the scale in A/m
     pinning_shape: float
+    # two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
+    # approached slowly
     saturation_sharp: float
-    knee_sharp: float
+    knee_sharp: float  # fields of these knees, A/m
     saturation_slow: float
     knee_slow: float
 
@@ -85,13 +67,7 @@ class CellSteel:
         return np.concatenate(([self.reversible_fraction], pinned))
 
     def plant(self) -> Steel:
-        """Return it as the plant computes it.
-
-        Raises
-        ------
-        InputError
-            Too many cells.
-        """
+        """Return it as the plant computes it."""
         if self.cells + 1 > MOST_CELLS:
             raise InputError(
                 f"cells: {self.cells} are too many; use up to {MOST_CELLS - 1}",
@@ -115,13 +91,7 @@ class CellSteel:
 
 
 class CellIron:
-    """A piece of such steel with its memory; starts demagnetised.
-
-    Parameters
-    ----------
-    steel : CellSteel
-        What it is made of.
-    """
+    """A piece of such steel with its memory; starts demagnetised."""
 
     def __init__(self, steel: CellSteel) -> None:
         self.steel = steel
@@ -137,18 +107,7 @@ class CellIron:
         return moved
 
     def flux_density(self, field: float) -> tuple[float, float]:
-        """Return flux density and slope if the field moved there; the memory is not touched.
-
-        Parameters
-        ----------
-        field : float
-            A/m; the way there from the last commit is straight.
-
-        Returns
-        -------
-        flux_density, slope : float
-            T, and T for each A/m on the way there.
-        """
+        """Return flux density and slope if the field moved there; the memory is not touched."""
         steel = self.steel
         cells = self._moved(field)
         sharp = 1.0 / np.sqrt(cells * cells + steel.knee_sharp**2)

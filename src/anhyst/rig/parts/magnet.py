@@ -22,31 +22,15 @@ _CURRENTS, _GAPS = 257, 129
 
 @dataclass(frozen=True, slots=True)
 class Poles:
-    """A two-pole magnet in front of a flat armature.
+    """A two-pole magnet in front of a flat armature."""
 
-    Parameters
-    ----------
-    turns : float
-        Of the winding.
-    resistance : float
-        Of the winding, ohm.
-    width, depth : float
-        Of a pole face, m.
-    leakage : float
-        Permeance between the legs, parallel to the gaps, H.
-    iron_length : float
-        Mean length of the flux path in the iron, m.
-    joints : float, optional
-        Air in the joints of the core, all of them together, m.
-    """
-
-    turns: float
-    resistance: float
-    width: float
+    turns: float  # of the winding
+    resistance: float  # of the winding, ohm
+    width: float  # of a pole face, m
     depth: float
-    leakage: float
-    iron_length: float
-    joints: float = 0.0
+    leakage: float  # permeance between the legs, parallel to the gaps, H
+    iron_length: float  # mean length of the flux path in the iron, m
+    joints: float = 0.0  # air in the joints of the core, all of them together, m
 
     def density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
@@ -71,22 +55,7 @@ class Poles:
 
 
 def iron_magnet(poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: float = 1e-3) -> Magnet:
-    """Return a magnet whose iron is not a Jiles-Atherton material.
-
-    Parameters
-    ----------
-    poles : Poles
-    steel : AnySteel
-    eddy_time : float, optional
-        Time by which the flux lags behind the current at this gap, s.
-    gap : float, optional
-        m; counts with eddy currents alone.
-
-    Raises
-    ------
-    InputError
-        Numbers that make no iron.
-    """
+    """Return a magnet whose iron is not a Jiles-Atherton material."""
     return _in_circuit(poles, steel.plant(), eddy_time, gap)
 
 
@@ -110,13 +79,7 @@ def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, flo
 
 
 class Electromagnet:
-    """A magnet with the memory of its iron, moved so slowly that nothing is induced.
-
-    Parameters
-    ----------
-    magnet : Magnet
-        What it is made of; it starts demagnetised.
-    """
+    """A magnet with the memory of its iron, moved so slowly that nothing is induced."""
 
     def __init__(self, magnet: Magnet) -> None:
         self._coil = Coil(magnet)
@@ -129,38 +92,17 @@ class Electromagnet:
 
 @dataclass(frozen=True, slots=True)
 class FluxTable:
-    """Flux linkage of a winding over current and gap.
+    """Flux linkage of a winding over current and gap."""
 
-    Parameters
-    ----------
-    current : ndarray, shape (i,)
-        A, rising from 0.
-    gap : ndarray, shape (g,)
-        m, rising.
-    psi : ndarray, shape (g, i)
-        Wb; rises with the current, falls as the gap opens.
-    """
-
-    current: FloatArray
-    gap: FloatArray
-    psi: FloatArray
+    current: FloatArray  # A, rising from 0; shape (i,)
+    gap: FloatArray  # m, rising; shape (g,)
+    psi: FloatArray  # Wb; rises with the current, falls as the gap opens; shape (g, i)
 
 
 def flux_table_of(
     poles: Poles, steel: AnySteel, current_high: float, gaps: tuple[float, float]
 ) -> FluxTable:
-    """Make a flux table from a magnet's poles and the anhysteretic curve of its iron.
-
-    Parameters
-    ----------
-    poles : Poles
-    steel : AnySteel
-        Its pinning is left out.
-    current_high : float
-        A.
-    gaps : tuple of float
-        Ends of the range, m.
-    """
+    """Make a flux table from a magnet's poles and the anhysteretic curve of its iron."""
     current = np.linspace(0.0, current_high, _CURRENTS)
     gap = np.linspace(*gaps, _GAPS)
     magnet = _in_circuit(poles, steel.unpinned(), 0.0, float(gap[0]))
@@ -171,26 +113,7 @@ def flux_table_of(
 def law_magnet(
     poles: Poles, iron: IronOperator, rows: FloatArray, eddy: float, table: FluxTable
 ) -> Magnet:
-    """Return a magnet whose pull an identified law makes and whose flux linkage a table.
-
-    Parameters
-    ----------
-    poles : Poles
-        Turns, resistance, and the faces under which the flux density in the gap is that which pulls.
-    iron : IronOperator
-        The law; one of the core.
-    rows : ndarray, shape (n, 5)
-        In equal steps over the gaps of the table: c_H, rho, c_out, output at no flux, current at
-        no drive.
-    eddy : float
-        gamma of the law, A s/(m T).
-    table : FluxTable
-
-    Raises
-    ------
-    InputError
-        A law that the core does not have.
-    """
+    """Return a magnet whose pull an identified law makes and whose flux linkage a table."""
     if not isinstance(iron, AnyIron):
         raise InputError(
             "model: the core does not have its law, and a virtual magnet runs there",

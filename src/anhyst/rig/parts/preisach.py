@@ -26,36 +26,18 @@ class PreisachSteel:
     lognormal distribution; the biases of the relays of one pinning a normal one, whose width grows
     with the pinning, so that the density is no product. What the relays see is the field and a
     share of the polarisation.
-
-    Parameters
-    ----------
-    saturation : float
-        Of the relays, ``mu0*M`` in T.
-    pinning : float
-        Median, A/m.
-    pinning_spread : float
-        Standard deviation of its logarithm.
-    bias : float
-        Standard deviation of the biases of relays without pinning, A/m.
-    bias_by_pinning : float
-        What it grows by for each A/m of pinning.
-    feedback : float
-        What the polarisation adds to the field, A/m for each T.
-    saturation_sharp, saturation_slow : float
-        Reversible part: polarisation in T that a sharp knee reaches, and one that is approached
-        slowly.
-    knee_sharp, knee_slow : float
-        Fields of these knees, A/m.
     """
 
-    saturation: float
-    pinning: float
-    pinning_spread: float
-    bias: float
-    bias_by_pinning: float
-    feedback: float
+    saturation: float  # of the relays, ``mu0*M`` in T
+    pinning: float  # median, A/m
+    pinning_spread: float  # standard deviation of its logarithm
+    bias: float  # standard deviation of the biases of relays without pinning, A/m
+    bias_by_pinning: float  # what it grows by for each A/m of pinning
+    feedback: float  # what the polarisation adds to the field, A/m for each T
+    # reversible part: polarisation in T that a sharp knee reaches, and one that is approached
+    # slowly
     saturation_sharp: float
-    knee_sharp: float
+    knee_sharp: float  # fields of these knees, A/m
     saturation_slow: float
     knee_slow: float
 
@@ -79,13 +61,7 @@ class PreisachSteel:
         return density
 
     def plant(self) -> Steel:
-        """Return it as the plant computes it.
-
-        Raises
-        ------
-        InputError
-            So much feedback that the polarisation would jump.
-        """
+        """Return it as the plant computes it."""
         return _plant(self, True)
 
     def unpinned(self) -> Steel:

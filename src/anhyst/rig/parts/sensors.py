@@ -17,22 +17,13 @@ _CHUNK = 4096
 class Converter:
     """An analogue-digital or digital-analogue converter: a range in equal steps.
 
-    Parameters
-    ----------
-    low, high : float
-        Ends of the range, in the unit of the quantity; what lies beyond stays at the end.
-    bits : int
-        The range has ``2**bits - 1`` steps.
-
-    Examples
-    --------
     >>> Converter(0.0, 3.0, 2)(1.6), Converter(0.0, 3.0, 2)(7.0)
     (2.0, 3.0)
     """
 
-    low: float
+    low: float  # ends of the range, in the unit of the quantity; what lies beyond stays at the end
     high: float
-    bits: int
+    bits: int  # the range has ``2**bits - 1`` steps
 
     @property
     def step(self) -> float:
@@ -46,15 +37,7 @@ class Converter:
 
 
 class Lag:
-    """A first-order low-pass, exact for an input that is held between ticks.
-
-    Parameters
-    ----------
-    bandwidth : float
-        Of -3 dB, Hz; infinite for none.
-    dt : float
-        Time between ticks, s.
-    """
+    """A first-order low-pass, exact for an input that is held between ticks."""
 
     def __init__(self, bandwidth: float, dt: float) -> None:
         self._share = passed(2.0 * math.pi * bandwidth * dt)
@@ -68,23 +51,7 @@ class Lag:
 
 
 class Sensor:
-    """A sensor: bandwidth, offset, noise, converter, in this order.
-
-    Parameters
-    ----------
-    converter : Converter
-        Range and resolution.
-    noise : float
-        Standard deviation of white noise, in the unit of the quantity.
-    seed : int or sequence of int
-        Of the noise.
-    dt : float
-        Time between readings, s.
-    offset : float
-        Constant error, in the unit of the quantity.
-    bandwidth : float
-        Of -3 dB, Hz.
-    """
+    """A sensor: bandwidth, offset, noise, converter, in this order."""
 
     def __init__(
         self,

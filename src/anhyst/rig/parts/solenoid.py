@@ -24,55 +24,24 @@ _TOLERANCE = 1e-7
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """Winding and poles.
+    """Winding and poles."""
 
-    Parameters
-    ----------
-    turns : int
-        Of the winding.
-    iron_length : float
-        Mean length of the flux path in iron, m.
-    iron_area : float
-        Its cross-section, m^2.
-    slide_reluctance : float
-        Reluctance of the sliding clearance, 1/H.
-    leakage : float
-        Permeance parallel to the working gap, H.
-    face_area : float
-        Flat face of the plunger, m^2.
-    fringe : float
-        How far the face field reaches beyond the edge: it widens the face by ``fringe`` times the
-        gap all round.
-    cone_diameter : float
-        Mean diameter of the wall of the cone, m.
-    cone_clearance : float
-        Radial clearance between plunger and wall, m.
-    cone_depth : float
-        Gap at which the plunger begins to dip into the cone, m.
-    cone_onset : float
-        Length over which this beginning is washed out by fringing, m.
-    tip_thickness : float
-        Thickness of the wall at its end, m.
-    tip_taper : float
-        How much thicker it is for each metre of depth.
-    tip_saturation : float
-        Flux density at which the wall saturates, T.
-    """
-
-    turns: int
-    iron_length: float
-    iron_area: float
-    slide_reluctance: float
-    leakage: float
-    face_area: float
+    turns: int  # of the winding
+    iron_length: float  # mean length of the flux path in iron, m
+    iron_area: float  # its cross-section, m^2
+    slide_reluctance: float  # reluctance of the sliding clearance, 1/H
+    leakage: float  # permeance parallel to the working gap, H
+    face_area: float  # flat face of the plunger, m^2
+    # how far the face field reaches beyond the edge: it widens the face by ``fringe`` times the gap
+    # all round
     fringe: float
-    cone_diameter: float
-    cone_clearance: float
-    cone_depth: float
-    cone_onset: float
-    tip_thickness: float
-    tip_taper: float
-    tip_saturation: float
+    cone_diameter: float  # mean diameter of the wall of the cone, m
+    cone_clearance: float  # radial clearance between plunger and wall, m
+    cone_depth: float  # gap at which the plunger begins to dip into the cone, m
+    cone_onset: float  # length over which this beginning is washed out by fringing, m
+    tip_thickness: float  # thickness of the wall at its end, m
+    tip_taper: float  # how much thicker it is for each metre of depth
+    tip_saturation: float  # flux density at which the wall saturates, T
 
 
 class _Gap(NamedTuple):
@@ -119,15 +88,7 @@ class _Gap(NamedTuple):
 
 
 class Solenoid:
-    """Iron and circuit together, with the memory of the iron; starts demagnetised.
-
-    Parameters
-    ----------
-    steel : AnySteel
-        Of plunger, stop and housing.
-    geometry : Geometry
-        Winding and poles.
-    """
+    """Iron and circuit together, with the memory of the iron; starts demagnetised."""
 
     def __init__(self, steel: AnySteel, geometry: Geometry) -> None:
         self.iron = CellIron(steel) if isinstance(steel, CellSteel) else Piece(steel.plant())
@@ -142,18 +103,6 @@ class Solenoid:
         """Move to a current at a gap.
 
         Exact for a step of any size, as long as the field in the iron does not turn within it.
-
-        Parameters
-        ----------
-        current : float
-            A.
-        gap : float
-            m, above 0.
-
-        Returns
-        -------
-        float
-            Pull, N.
         """
         place = self._gap(gap)
         field, density = self._field(self.geometry.turns * current, place)

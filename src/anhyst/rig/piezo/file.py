@@ -105,13 +105,7 @@ class PiezoRig:
 
 
 def read_piezo_rig(path: PathLike) -> PiezoRig:
-    """Read and check the rig file of a piezo stage.
-
-    Raises
-    ------
-    TomlFileError
-        Keys that are unknown, missing or out of range; with line and key.
-    """
+    """Read and check the rig file of a piezo stage."""
     found = read_toml(path, PiezoRigTable)
     stack = found.stack
     stage = PiezoStage(

@@ -25,48 +25,21 @@ STEP = 25e-6
 
 @dataclass(frozen=True)
 class PiezoStage:
-    """Numbers of a stack and its stage, SI.
+    """Numbers of a stack and its stage, SI."""
 
-    Parameters
-    ----------
-    stroke_per_volt, bend : float
-        Of the free stack without hysteresis, m/V and m/V^2.
-    slope, beta, gamma : float
-        Bouc and Wen: initial slope of the hysteretic part, m/V, and its two rates, 1/V.
-    creep_times, creep_shares : tuple of float
-        s, and parts of what the stack does at once.
-    resonance, damping : float
-        Of the stage with the stack, Hz, and as a ratio.
-    amplifier : float
-        Time constant, s.
-    """
-
-    stroke_per_volt: float
+    stroke_per_volt: float  # of the free stack without hysteresis, m/V and m/V^2
     bend: float
-    slope: float
+    slope: float  # bouc and Wen: initial slope of the hysteretic part, m/V, and its two rates, 1/V
     beta: float
     gamma: float
-    creep_times: tuple[float, ...]
+    creep_times: tuple[float, ...]  # s, and parts of what the stack does at once
     creep_shares: tuple[float, ...]
-    resonance: float
+    resonance: float  # of the stage with the stack, Hz, and as a ratio
     damping: float
-    amplifier: float
+    amplifier: float  # time constant, s
 
     def run(self, command: FloatArray, dt: float) -> FloatArray:
-        """Return the displacement over a command that holds for each sample, from long rest at 0 V.
-
-        Parameters
-        ----------
-        command : ndarray, shape (n,)
-            V.
-        dt : float
-            From sample to sample, s.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            At the beginning of each sample, m.
-        """
+        """Return the displacement over a command that holds for each sample, from long rest at 0 V."""
         stage = StageMotion(self, dt)
         found = np.empty(command.size)
         for i, value in enumerate(command.tolist()):

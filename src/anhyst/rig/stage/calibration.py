@@ -21,27 +21,13 @@ _PINNING = ("pinning_scale_A_per_m", "pinning_A_per_m", "coercivity_A_per_m")
 
 @dataclass(frozen=True, slots=True)
 class CalibrationErrors:
-    """How far a plant is from what its controller was made for.
+    """How far a plant is from what its controller was made for."""
 
-    Parameters
-    ----------
-    gap_zero : float
-        Added to what the gap sensor reads, m.
-    currents : tuple of float
-        Relative errors of the currents of the two magnets.
-    pinning : float
-        Of the width of the loop, relative.
-    hall : float
-        Gain error of the Hall probes.
-    eddy : float
-        Lag of the flux behind the current that the controller does not know, s.
-    """
-
-    gap_zero: float = 0.0
-    currents: tuple[float, float] = (0.0, 0.0)
-    pinning: float = 0.0
-    hall: float = 0.0
-    eddy: float = 0.0
+    gap_zero: float = 0.0  # added to what the gap sensor reads, m
+    currents: tuple[float, float] = (0.0, 0.0)  # relative errors of the currents of the two magnets
+    pinning: float = 0.0  # of the width of the loop, relative
+    hall: float = 0.0  # gain error of the Hall probes
+    eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
 
 
 CALIBRATED = CalibrationErrors()

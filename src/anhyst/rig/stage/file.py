@@ -114,18 +114,10 @@ class ShortStrokeTable(RigTable):
 
 @dataclass(frozen=True)
 class StageRig:
-    """A stage as its file describes it.
+    """A stage as its file describes it."""
 
-    Parameters
-    ----------
-    path : Path
-        The rig file.
-    settings : ShortStrokeTable
-        What it says.
-    """
-
-    path: Path
-    settings: ShortStrokeTable
+    path: Path  # the rig file
+    settings: ShortStrokeTable  # what it says
 
     @property
     def gap(self) -> float:
@@ -183,23 +175,7 @@ class StageRig:
 
 
 def read_stage(path: PathLike) -> StageRig:
-    """Read the rig file of a stage.
-
-    Parameters
-    ----------
-    path : path-like
-        ``rig.toml``; other files are named relative to it.
-
-    Returns
-    -------
-    StageRig
-        Its keys fit the schema and each other.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read or does not fit; with file, line and key.
-    """
+    """Read the rig file of a stage."""
     place = Path(path)
     settings = read_toml(place, ShortStrokeTable)
     faults = identify_faults(settings.identify)

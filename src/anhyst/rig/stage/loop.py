@@ -28,70 +28,33 @@ _COMMAND_NONE = 0
 
 @dataclass(frozen=True)
 class Feedforward:
-    """Gains of the force that is fed forward: ``mass*(a + jerk*j + snap*s)`` with ``a`` weighted.
+    """Gains of the force that is fed forward: ``mass*(a + jerk*j + snap*s)`` with ``a`` weighted."""
 
-    Parameters
-    ----------
-    acceleration : float
-        1 for the mass that the file says.
-    jerk : float
-        s.
-    snap : float
-        s2.
-    """
-
-    acceleration: float = 1.0
-    jerk: float = 0.0
-    snap: float = 0.0
+    acceleration: float = 1.0  # 1 for the mass that the file says
+    jerk: float = 0.0  # s
+    snap: float = 0.0  # s2
 
 
 @dataclass(frozen=True)
 class StageSetup:
-    """Everything one run needs; goes to other processes.
+    """Everything one run needs; goes to other processes."""
 
-    Parameters
-    ----------
-    rig : StageRig
-        The plant.
-    compensator : ForceController
-        From force to current, as fitted; never run itself.
-    errors : CalibrationErrors, optional
-        By which the plant is not what was calibrated.
-    """
-
-    rig: StageRig
-    compensator: ForceController
-    errors: CalibrationErrors = CALIBRATED
+    rig: StageRig  # the plant
+    compensator: ForceController  # from force to current, as fitted; never run itself
+    errors: CalibrationErrors = CALIBRATED  # by which the plant is not what was calibrated
 
 
 @dataclass(frozen=True)
 class TrackedRun:
-    """A motion as it went.
-
-    Parameters
-    ----------
-    motion : SetPoint
-    dt : float
-        Time between ticks, s.
-    table : ndarray, shape (n, columns)
-        The loop's record.
-    frame : ndarray, shape (n + 1,)
-        Place of the magnets, m.
-    reference : ndarray, shape (n,)
-        Wanted position, m.
-    late : float
-        Ticks after which a demanded force is looked for.
-    loss : Loss or None
-        Where the loop was lost, if it was.
-    """
+    """A motion as it went."""
 
     motion: SetPoint
-    dt: float
-    table: FloatArray
-    frame: FloatArray
-    reference: FloatArray
-    late: float
-    loss: Loss | None
+    dt: float  # time between ticks, s
+    table: FloatArray  # the loop's record; shape (n, columns)
+    frame: FloatArray  # place of the magnets, m; shape (n + 1,)
+    reference: FloatArray  # wanted position, m; shape (n,)
+    late: float  # ticks after which a demanded force is looked for
+    loss: Loss | None  # where the loop was lost, if it was
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return a column of the loop's record."""
@@ -181,23 +144,7 @@ def track(
     seed: int = 0,
     learnt: FloatArray | None = None,
 ) -> TrackedRun:
-    """Follow a motion from rest, the iron demagnetised.
-
-    Parameters
-    ----------
-    setup : StageSetup
-    motion : SetPoint
-    gains : Feedforward
-    seed : int, optional
-        Of all noise; the seed of the rig file is added.
-    learnt : ndarray, optional
-        Force added to what is fed forward, N, one a tick.
-
-    Returns
-    -------
-    TrackedRun
-        Shorter than the motion where the simulation lost all bounds; its ``loss`` says so.
-    """
+    """Follow a motion from rest, the iron demagnetised."""
     rig, settings = setup.rig, setup.rig.settings
     n = ticks_of(rig, motion)
     time = instants(rig, n + 1)

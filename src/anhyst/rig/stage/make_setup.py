@@ -12,13 +12,7 @@ from anhyst.support.errors import InputError
 
 
 def make_stage(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> StageSetup:
-    """Fit one variant to what is known and put it behind the controller.
-
-    Raises
-    ------
-    InputError
-        What is known does not make a compensator by this method; names the loops.
-    """
+    """Fit one variant to what is known and put it behind the controller."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
         operating = Operating(

@@ -13,21 +13,12 @@ from anhyst.support.arrays import FloatArray
 
 @dataclass(frozen=True)
 class SetPoint:
-    """A motion that begins at rest, at any time.
+    """A motion that begins at rest, at any time."""
 
-    Parameters
-    ----------
-    peaks : tuple of float
-        Largest acceleration of each turnaround, m/s2; the first one begins at rest.
-    speed : float
-        Between turnarounds, m/s.
-    cruise, jerk_phase, snap_phase : float
-        s. The jerk rises and falls in a snap phase each at both ends of a jerk phase.
-    """
-
+    # largest acceleration of each turnaround, m/s2; the first one begins at rest
     peaks: tuple[float, ...]
-    speed: float
-    cruise: float
+    speed: float  # between turnarounds, m/s
+    cruise: float  # s. The jerk rises and falls in a snap phase each at both ends of a jerk phase.
     jerk_phase: float
     snap_phase: float
 

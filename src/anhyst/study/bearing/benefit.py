@@ -53,57 +53,32 @@ _Runs = Sequence[Sequence[Mapping[str, float]]]
 
 @dataclass(frozen=True)
 class IronFigures:
-    """One iron of the map, as it shows in measurements.
+    """One iron of the map, as it shows in measurements."""
 
-    Parameters
-    ----------
-    scale : float
-        Factor on the pinning.
-    reversible_fraction : float or None
-        Weight of what nothing pins; None where the family has no such number.
-    loop_width : float
-        Largest of the measured loops, in parts of the largest current.
-    after_reversal : float or None
-        Slope just after a reversal over the static slope, estimated from the measured loops; None
-        where they leave it open.
-    after_reversal_true : float
-        The same of the virtual magnet at its operating point.
-    label : str
-        ``"regular"`` or ``"pathological"``, by that.
-    """
-
-    scale: float
+    scale: float  # factor on the pinning
+    # weight of what nothing pins; None where the family has no such number
     reversible_fraction: float | None
-    loop_width: float
+    loop_width: float  # largest of the measured loops, in parts of the largest current
+    # slope just after a reversal over the static slope, estimated from the measured loops; None
+    # where they leave it open
     after_reversal: float | None
-    after_reversal_true: float
-    label: str
+    after_reversal_true: float  # the same of the virtual magnet at its operating point
+    label: str  # ``"regular"`` or ``"pathological"``, by that
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """The full compensator against a baseline, in one figure.
+    """The full compensator against a baseline, in one figure."""
 
-    Parameters
-    ----------
-    baseline : str or None
-        Strongest of those that kept the armature in the air; None if none did.
-    quotient : Quotient or None
-        Figure of ``full`` over that of the baseline; None where one of them has lost the armature.
-    difference : Interval or None
-        Figure of the baseline less that of ``full``, seed by seed.
-    floor : float or None
-        Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
-        of the two. None for other figures.
-    small : bool
-        Both means are below the floor.
-    """
-
+    # strongest of those that kept the armature in the air; None if none did
     baseline: MethodName | None
+    # figure of ``full`` over that of the baseline; None where one of them has lost the armature
     quotient: Quotient | None
-    difference: Interval | None
+    difference: Interval | None  # figure of the baseline less that of ``full``, seed by seed
+    # Overshoot that is none, % of the height: :data:`STANDSTILLS` times the larger standstill rms
+    # of the two. None for other figures.
     floor: float | None = None
-    small: bool = False
+    small: bool = False  # both means are below the floor
 
     @property
     def outcome(self) -> Outcome:
@@ -122,30 +97,19 @@ class Comparison:
 
 @dataclass(frozen=True)
 class MapCell:
-    """One iron and step height.
-
-    Parameters
-    ----------
-    iron : IronFigures
-    height : float
-        m.
-    figures : mapping of str to mapping of str to Interval
-        By variant, then by :data:`MEASURES`; a variant that lost the armature is missing.
-    standstill : mapping of str to float
-        Rms of the gap at the end of the holds, mean over seeds and directions, m; by variant.
-    strongest, ratio : mapping of str to Comparison
-        By :data:`MEASURES`: against the strongest of :data:`BASELINES` in this very figure, and
-        against ``ratio``.
-    flux : mapping of str to Comparison
-        Against ``flux``, which measures the flux density instead; empty without a Hall probe.
-    """
+    """One iron and step height."""
 
     iron: IronFigures
-    height: float
+    height: float  # m
+    # by variant, then by :data:`MEASURES`; a variant that lost the armature is missing
     figures: Mapping[MethodName, Mapping[Measure, Interval]]
+    # rms of the gap at the end of the holds, mean over seeds and directions, m; by variant
     standstill: Mapping[MethodName, float]
+    # by :data:`MEASURES`: against the strongest of :data:`BASELINES` in this very figure, and
+    # against ``ratio``
     strongest: Mapping[Measure, Comparison]
     ratio: Mapping[Measure, Comparison]
+    # against ``flux``, which measures the flux density instead; empty without a Hall probe
     flux: Mapping[Measure, Comparison]
 
 
@@ -216,28 +180,6 @@ def benefit(
 
     Loops of each magnet are measured through the sensors of the rig, all variants are fitted to
     these loops, and all run with the gains of the controller file.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        With an iron of any family.
-    controller : ControllerFile
-        A model that it names is not used.
-    scales : sequence of float, optional
-        Factors on the pinning.
-    fractions : sequence of float, optional
-        Reversible fractions, of cells alone; :data:`FRACTIONS` of these if left out.
-    heights : sequence of float, optional
-        Of steps, m; those of the rig file if left out.
-    seeds : int, optional
-        Of noise, the same for all variants; as many as the rig file says if left out.
-    progress, jobs
-        See :func:`anhyst.support.jobs.each`.
-
-    Raises
-    ------
-    InputError
-        An identified law makes the force, or a file does not fit.
     """
     check_controller(controller, rig)
     tried = rig.settings.simulate

@@ -40,49 +40,26 @@ _STEP_M = 10e-6
 
 @dataclass(frozen=True)
 class Injection:
-    """What goes wrong.
+    """What goes wrong."""
 
-    Parameters
-    ----------
-    name : str
-        In words.
-    reason : Fault
-        That the controller gives; ``NONE`` where it goes on.
-    act : callable
-        What is done.
-    """
-
-    name: str
-    reason: Fault
-    act: Act
+    name: str  # in words
+    reason: Fault  # that the controller gives; ``NONE`` where it goes on
+    act: Act  # what is done
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a fault in the air ended.
-
-    Parameters
-    ----------
-    injection : Injection
-    reason : Fault
-        That the controller gave.
-    levitates : bool
-        Whether it went on hovering.
-    seconds : float
-        From the fault until the armature lay without current, s; NaN where it went on.
-    rest_speed, magnet_speed : float
-        At which it first came to the stop on which it rests, and to that at the magnet, m/s; 0
-        where it did not.
-    away : float
-        Largest distance from where it hovered while it went on, m; NaN where it came down.
-    """
+    """How a fault in the air ended."""
 
     injection: Injection
-    reason: Fault
-    levitates: bool
-    seconds: float
+    reason: Fault  # that the controller gave
+    levitates: bool  # whether it went on hovering
+    seconds: float  # from the fault until the armature lay without current, s; NaN where it went on
+    # at which it first came to the stop on which it rests, and to that at the magnet, m/s; 0 where
+    # it did not
     rest_speed: float
     magnet_speed: float
+    # largest distance from where it hovered while it went on, m; NaN where it came down
     away: float
 
     @property
@@ -220,15 +197,7 @@ def injections() -> Iterator[Injection]:
 
 
 class FaultRuns:
-    """Lifts, hovers, does something bad and watches, again and again in one session.
-
-    Parameters
-    ----------
-    setup : Setup
-        What levitates.
-    running : LevitatingFirmware
-        From power on.
-    """
+    """Lifts, hovers, does something bad and watches, again and again in one session."""
 
     def __init__(self, setup: Setup, running: LevitatingFirmware) -> None:
         self.setup = setup
@@ -239,13 +208,7 @@ class FaultRuns:
         self._first = True
 
     def run(self, injection: Injection) -> Ending:
-        """Let one thing go wrong in the air.
-
-        Raises
-        ------
-        NegativeResult
-            The armature did not lift before.
-        """
+        """Let one thing go wrong in the air."""
         self._hover()
         ending = self._watch(injection)
         self._recover(ending)

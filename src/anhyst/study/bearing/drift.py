@@ -24,27 +24,18 @@ CUT = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """How far one plant is from the one in the rig file.
+    """How far one plant is from the one in the rig file."""
 
-    Parameters
-    ----------
-    pinning, reversible, saturation, mass, resistance : float
-        Relative changes: 0.1 is 10 % more.
-    position_gain, current_gain, flux_gain : float
-        Gain errors of the sensors; that of the position around the operating gap.
-    gap_offset : float
-        Error of the position sensor at the operating gap, m.
-    """
-
-    pinning: float = 0.0
+    pinning: float = 0.0  # relative changes: 0.1 is 10 % more
     reversible: float = 0.0
     saturation: float = 0.0
     mass: float = 0.0
     resistance: float = 0.0
+    # gain errors of the sensors; that of the position around the operating gap
     position_gain: float = 0.0
     current_gain: float = 0.0
     flux_gain: float = 0.0
-    gap_offset: float = 0.0
+    gap_offset: float = 0.0  # error of the position sensor at the operating gap, m
 
     def as_dict(self) -> dict[str, float]:
         """Return it with units in the keys."""
@@ -56,15 +47,7 @@ class Drift:
 
 
 def draw_drift(spread: DriftTable, rng: np.random.Generator) -> Drift:
-    """Draw a plant.
-
-    Parameters
-    ----------
-    spread : DriftTable
-        Standard deviations.
-    rng : Generator
-        As many values are drawn whatever the deviations are, but for those beyond :data:`CUT`.
-    """
+    """Draw a plant."""
     gain = spread.sensor_gain_percent
     deviations = {
         "pinning": 0.01 * spread.pinning_percent,
@@ -145,16 +128,7 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
 
 
 def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Bearing:
-    """Return a plant that has drifted, at rest.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        As it was when the controller was made.
-    drift : Drift
-    seed : int
-        Of the noise of its sensors.
-    """
+    """Return a plant that has drifted, at rest."""
     other = drifted_rig(rig, drift)
     law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
     return make_bearing(other, seed, make_magnet(other, law))

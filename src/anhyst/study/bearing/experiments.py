@@ -49,20 +49,11 @@ class ExperimentTrial:
 
 @dataclass(frozen=True)
 class ExperimentOutcome:
-    """What an experiment gave.
+    """What an experiment gave."""
 
-    Parameters
-    ----------
-    figures : dict of str to float
-        Numbers by name.
-    lost : bool
-        Whether levitation was lost.
-    cycles : tuple of LimitCycle, optional
-        The limit cycle if there was one; None where nobody looked for any.
-    """
-
-    figures: dict[str, float]
-    lost: bool
+    figures: dict[str, float]  # Numbers by name
+    lost: bool  # whether levitation was lost
+    # the limit cycle if there was one; None where nobody looked for any
     cycles: tuple[LimitCycle, ...] | None = None
 
 
@@ -73,16 +64,7 @@ def of_all(
     what: TrajectoryTable | Event | float | None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Run an experiment with every setup and every seed.
-
-    Returns
-    -------
-    dict
-        By variant ``runs``, how many seeds, and ``lost``, in how many of them levitation was lost.
-        Only if in none, by name of the figure ``mean``, ``half_width`` (of the 95 % interval) and
-        ``count``; and of limit cycles ``limit_cycles``, in how many seeds there was one, with the
-        medians of these.
-    """
+    """Run an experiment with every setup and every seed."""
     trials = [ExperimentTrial(setup, seed, what) for setup in setups.values() for seed in seeds]
     outcomes = all_of(work, trials, progress)
     return {
@@ -240,12 +222,6 @@ def excess_band(rig: BearingRig, excess: FloatArray) -> float:
     Three times what one reading is uncertain by, noise and resolution together. Runs that differ
     by a few readings long ago may stay apart by more than that, as the iron goes other minor loops:
     four times the standard deviation of the last third, if that is more.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    excess : ndarray
-        From the event on, m.
     """
     reading = 3.0 * position_resolution(rig)
     return max(reading, 4.0 * float(np.std(excess[-(len(excess) // 3) :])), LEAST_BAND_M)

@@ -31,56 +31,20 @@ _PADDING = 8
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """A lasting oscillation.
+    """A lasting oscillation."""
 
-    Parameters
-    ----------
-    amplitude : float
-        Of its fundamental, in the unit of the signal.
-    period : float
-        s.
-    share : float
-        Of the signal's variance that the fundamental makes up, 0..1.
-    """
-
-    amplitude: float
-    period: float
-    share: float
+    amplitude: float  # of its fundamental, in the unit of the signal
+    period: float  # s
+    share: float  # of the signal's variance that the fundamental makes up, 0..1
 
 
 def lowest_frequency(duration: float) -> float:
-    """Return below which frequency no cycle can be distinguished from noise.
-
-    Parameters
-    ----------
-    duration : float
-        Of the record, s.
-
-    Returns
-    -------
-    float
-        Hz.
-    """
+    """Return below which frequency no cycle can be distinguished from noise."""
     return _PERIODS * _PIECES / duration
 
 
 def limit_cycle(time: ArrayLike, position: ArrayLike, floor: float = 1e-9) -> LimitCycle | None:
-    """Look for a limit cycle in a record of a standstill.
-
-    Parameters
-    ----------
-    time : array_like, shape (n,)
-        Seconds, at equal distances.
-    position : array_like, shape (n,)
-        Metres.
-    floor : float, optional
-        Amplitude below which a cycle does not count, m.
-
-    Returns
-    -------
-    LimitCycle or None
-        None where there is none above :func:`lowest_frequency`.
-    """
+    """Look for a limit cycle in a record of a standstill."""
     t = np.asarray(time, dtype=float)
     y = np.asarray(position, dtype=float)
     y = y - np.polynomial.Polynomial.fit(t, y, 1)(t)

@@ -36,70 +36,36 @@ _LOWEST = 1e-5  # of them, in parts of the rate
 
 @dataclass(frozen=True)
 class Compensation:
-    """What stands between demand and current: ``i = (u - k_s p)/k_i``.
+    """What stands between demand and current: ``i = (u - k_s p)/k_i``."""
 
-    Parameters
-    ----------
-    k_i : float
-        N/A.
-    k_s : float, optional
-        N/m; 0 for a constant ratio of force and current.
-    """
-
-    k_i: float
-    k_s: float = 0.0
+    k_i: float  # N/A
+    k_s: float = 0.0  # n/m; 0 for a constant ratio of force and current
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far a loop is from instability.
+    """How far a loop is from instability."""
 
-    Parameters
-    ----------
-    stable : bool
-        Whether the closed loop is; the margins mean something only if it is.
-    gain_down, gain_up : float
-        Factors below and above 1 by which the loop gain may change; 0 and infinite without limit.
-    phase : float
-        Least phase margin, degrees.
-    delay : float
-        Additional delay that makes it unstable, s (exact for whole ticks); infinite if none does.
-    crossover : float
-        Highest frequency with a loop gain of 1, Hz; 0 if there is none.
-    peak : float
-        Of the sensitivity.
-    peak_frequency : float
-        Hz.
-    """
-
-    stable: bool
+    stable: bool  # whether the closed loop is; the margins mean something only if it is
+    # factors below and above 1 by which the loop gain may change; 0 and infinite without limit
     gain_down: float
     gain_up: float
-    phase: float
+    phase: float  # least phase margin, degrees
+    # additional delay that makes it unstable, s (exact for whole ticks); infinite if none does
     delay: float
-    crossover: float
-    peak: float
-    peak_frequency: float
+    crossover: float  # highest frequency with a loop gain of 1, Hz; 0 if there is none
+    peak: float  # of the sensitivity
+    peak_frequency: float  # Hz
 
 
 @dataclass(frozen=True)
 class LinearLoop:
-    """A linear loop.
-
-    Parameters
-    ----------
-    point : Point
-    amplifier : CurrentLoop or DigitalAmplifier
-    chain : Chain
-    controller : Pidd2
-        Of the rate of the chain.
-    compensation : Compensation
-    """
+    """A linear loop."""
 
     point: Point
     amplifier: CurrentLoop | DigitalAmplifier
     chain: Chain
-    controller: Pidd2
+    controller: Pidd2  # of the rate of the chain
     compensation: Compensation
 
     def __post_init__(self) -> None:
@@ -115,24 +81,12 @@ class LinearLoop:
         return sampled(self.point, self.amplifier, self.chain)
 
     def plant_response(self, frequency: ArrayLike) -> Complexes:
-        """Return the position read for each ampere of the reference, m/A.
-
-        Parameters
-        ----------
-        frequency : array_like, shape (n,)
-            Hz.
-        """
+        """Return the position read for each ampere of the reference, m/A."""
         a, b, c = self.plant
         return _response(a, b, c, self._z(frequency))
 
     def response(self, frequency: ArrayLike) -> Complexes:
-        """Return the loop gain L; the sensitivity is 1/(1 + L).
-
-        Parameters
-        ----------
-        frequency : array_like, shape (n,)
-            Hz.
-        """
+        """Return the loop gain L; the sensitivity is 1/(1 + L)."""
         z = self._z(frequency)
         a, b, c, d = _controller(self.controller)
         feedback = -(_response(a, b[:, 1], c, z) + d[1])  # of the position
@@ -140,13 +94,7 @@ class LinearLoop:
         return np.asarray(current * _response(*self.plant, z))
 
     def sensitivity(self, frequency: ArrayLike) -> Complexes:
-        """Return what the controller sees of what is added to the sensor.
-
-        Parameters
-        ----------
-        frequency : array_like, shape (n,)
-            Hz.
-        """
+        """Return what the controller sees of what is added to the sensor."""
         return np.asarray(1.0 / (1.0 + self.response(frequency)))
 
     @cached_property

@@ -25,34 +25,17 @@ from anhyst.support.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Point:
-    """What a bearing is for small movements.
+    """What a bearing is for small movements."""
 
-    Parameters
-    ----------
-    mass : float
-        kg.
-    k_i : float
-        Force for each ampere, N/A.
-    k_s : float
-        Force for each metre that the gap closes, N/m, less what the load drive gives; positive
-        where the magnet is unstable.
-    inductance : float
-        For small changes at this gap, H.
-    resistance : float
-        Ohm.
-    damping : float, optional
-        N s/m.
-    eddy_time : float, optional
-        By which the flux lags behind the current, s.
-    """
-
-    mass: float
-    k_i: float
+    mass: float  # kg
+    k_i: float  # force for each ampere, N/A
+    # force for each metre that the gap closes, N/m, less what the load drive gives; positive where
+    # the magnet is unstable
     k_s: float
-    inductance: float
-    resistance: float
-    damping: float = 0.0
-    eddy_time: float = 0.0
+    inductance: float  # for small changes at this gap, H
+    resistance: float  # ohm
+    damping: float = 0.0  # N s/m
+    eddy_time: float = 0.0  # by which the flux lags behind the current, s
 
     @property
     def pole_at_current(self) -> float:
@@ -67,18 +50,10 @@ class Point:
 
 @dataclass(frozen=True)
 class CurrentLoop:
-    """An analogue current controller, ``v = gain e + reset times the integral of e``.
+    """An analogue current controller, ``v = gain e + reset times the integral of e``."""
 
-    Parameters
-    ----------
-    gain : float
-        V/A.
-    reset : float
-        V/(A s).
-    """
-
-    gain: float
-    reset: float
+    gain: float  # V/A
+    reset: float  # V/(A s)
 
 
 @dataclass(frozen=True)
@@ -86,59 +61,28 @@ class DigitalAmplifier:
     """A current controller that computes a voltage once a tick.
 
     ``v = feed r + gain (r - i) + I``, ``I`` grows by ``reset (r - i)`` a tick; r is the reference.
-
-    Parameters
-    ----------
-    feed : float
-        V/A; the resistance that it knows.
-    gain : float
-        V/A.
-    reset : float
-        V/A a tick.
-    sensor_bandwidth : float, optional
-        Of the current it reads, Hz; infinite: no lag.
     """
 
-    feed: float
-    gain: float
-    reset: float
-    sensor_bandwidth: float = math.inf
+    feed: float  # V/A; the resistance that it knows
+    gain: float  # V/A
+    reset: float  # V/A a tick
+    sensor_bandwidth: float = math.inf  # of the current it reads, Hz; infinite: no lag
 
 
 @dataclass(frozen=True)
 class Chain:
-    """When and how fast the loop measures and acts.
+    """When and how fast the loop measures and acts."""
 
-    Parameters
-    ----------
-    rate : float
-        Ticks a second, Hz.
-    delay_ticks : float
-        From the sample to the amplifier's command, those of sensor and amplifier included.
-    sensor_bandwidth : float, optional
-        Of the position, Hz; infinite: no lag.
-    """
-
-    rate: float
+    rate: float  # ticks a second, Hz
+    # from the sample to the amplifier's command, those of sensor and amplifier included
     delay_ticks: float
-    sensor_bandwidth: float = math.inf
+    sensor_bandwidth: float = math.inf  # of the position, Hz; infinite: no lag
 
 
 def sampled(
     point: Point, amplifier: CurrentLoop | DigitalAmplifier, chain: Chain
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return matrices a, b, c from the current's reference at a tick to the position read, m/A.
-
-    Parameters
-    ----------
-    point : Point
-    amplifier : CurrentLoop or DigitalAmplifier
-    chain : Chain
-
-    Returns
-    -------
-    a, b, c : ndarray, shapes (n, n), (n,), (n,)
-    """
+    """Return matrices a, b, c from the current's reference at a tick to the position read, m/A."""
     motion, into, current, direct = voltage_matrices(point)
     if isinstance(amplifier, CurrentLoop):
         motion, into = _under_current(motion, into, current, direct, amplifier)
@@ -174,15 +118,7 @@ def _padded(row: FloatArray, length: int) -> FloatArray:
 
 
 def voltage_matrices(point: Point) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return what the voltage does, without an amplifier.
-
-    Returns
-    -------
-    a, b : ndarray, shapes (3, 3), (3,)
-        Of position, velocity and i_m.
-    current, direct : ndarray, shape (3,), and float
-        The winding's current, as a row over the states and a part of the voltage.
-    """
+    """Return what the voltage does, without an amplifier."""
     held = point.eddy_time / point.inductance
     share = 1.0 / (1.0 + point.resistance * held)
     into = np.array([0.0, 0.0, share / point.inductance])

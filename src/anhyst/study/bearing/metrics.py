@@ -25,58 +25,29 @@ _NOISE = 0.5
 
 @dataclass(frozen=True)
 class StepFigures:
-    """What a step of the reference did.
+    """What a step of the reference did."""
 
-    Parameters
-    ----------
-    start : float
-        Time of the step, s.
-    height : float
-        Change of the reference, m; negative where the gap closes.
-    overshoot : float
-        Largest way beyond the new reference, % of the height, noise included; 0 if it was not
-        reached.
-    noise : float
-        Largest deviation of the gap from its mean over the last half of the hold, % of the height:
-        an overshoot that is no larger shows nothing of the step.
-    undershoot : float
-        Largest way back behind the old reference, % of the height.
-    rise_time : float
-        From 10 to 90 % of the height, s; infinite if 90 % was not reached.
-    settling_time : float
-        From the step until the gap stays within :data:`SETTLED` of the height around the new
-        reference, s; infinite if it did not within the hold.
-    settling_time_in_noise : float
-        The same for :func:`settling_band`, s.
-    band : float
-        Half width of that band, m.
-    steady_error : float
-        Mean of gap less reference over the last quarter of the hold, m.
-    standstill : float
-        Standard deviation of the gap there, m.
-    """
-
-    start: float
-    height: float
+    start: float  # time of the step, s
+    height: float  # change of the reference, m; negative where the gap closes
+    # largest way beyond the new reference, % of the height, noise included; 0 if it was not reached
     overshoot: float
+    # largest deviation of the gap from its mean over the last half of the hold, % of the height: an
+    # overshoot that is no larger shows nothing of the step
     noise: float
-    undershoot: float
-    rise_time: float
+    undershoot: float  # largest way back behind the old reference, % of the height
+    rise_time: float  # from 10 to 90 % of the height, s; infinite if 90 % was not reached
+    # from the step until the gap stays within :data:`SETTLED` of the height around the new
+    # reference, s; infinite if it did not within the hold
     settling_time: float
-    settling_time_in_noise: float
-    band: float
-    steady_error: float
-    standstill: float
+    settling_time_in_noise: float  # the same for :func:`settling_band`, s
+    band: float  # half width of that band, m
+    steady_error: float  # mean of gap less reference over the last quarter of the hold, m
+    standstill: float  # standard deviation of the gap there, m
 
 
 @dataclass(frozen=True)
 class TrackingError:
-    """How far one signal was from another, in their unit.
-
-    Parameters
-    ----------
-    rms, peak : float
-    """
+    """How far one signal was from another, in their unit."""
 
     rms: float
     peak: float
@@ -84,39 +55,22 @@ class TrackingError:
 
 @dataclass(frozen=True)
 class CurrentEffort:
-    """What a current cost.
+    """What a current cost."""
 
-    Parameters
-    ----------
-    change : float
-        Root mean square of its rate of change, A/s; times the inductance, the voltage it took.
-    heat : float
-        Mean power in the winding, W.
-    """
-
+    # root mean square of its rate of change, A/s; times the inductance, the voltage it took
     change: float
-    heat: float
+    heat: float  # mean power in the winding, W
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A mean and how well it is known.
-
-    Parameters
-    ----------
-    mean : float
-    half_width : float
-        Of the confidence interval.
-    count : int
-        Of the runs behind it.
-    lost : int, optional
-        Of these, the ones in which levitation was lost. If there are any, there is no mean: what
-        the others did would flatter.
-    """
+    """A mean and how well it is known."""
 
     mean: float
-    half_width: float
-    count: int
+    half_width: float  # of the confidence interval
+    count: int  # of the runs behind it
+    # Of these, the ones in which levitation was lost. If there are any, there is no mean: what the
+    # others did would flatter.
     lost: int = 0
 
     def exceeds(self, floor: Interval) -> bool:
@@ -133,18 +87,6 @@ def settling_band(height: float, resolution: float) -> float:
     """Return within which distance of its reference a position counts as arrived.
 
     It depends on the step and the sensor alone: whoever trembles more gets no wider one.
-
-    Parameters
-    ----------
-    height : float
-        Of the step, m.
-    resolution : float
-        Of the position sensor, rms, m: what no controller can distinguish from the reference.
-
-    Returns
-    -------
-    float
-        Half width, m: :data:`SETTLED` of the height, or three times the resolution if that is more.
     """
     return max(SETTLED * abs(height), _RESOLUTIONS * resolution)
 
@@ -152,24 +94,7 @@ def settling_band(height: float, resolution: float) -> float:
 def step_figures(
     time: ArrayLike, reference: ArrayLike, gap: ArrayLike, resolution: float
 ) -> StepFigures:
-    """Judge one step: one sample of the old level, then the hold at the new one.
-
-    Parameters
-    ----------
-    time, reference, gap : array_like, shape (n,)
-        From the last sample before the step to the last one of the hold.
-    resolution : float
-        Of the position sensor, rms, m.
-
-    Returns
-    -------
-    StepFigures
-
-    Raises
-    ------
-    ValueError
-        If the reference does not step after the first sample and stay.
-    """
+    """Judge one step: one sample of the old level, then the hold at the new one."""
     t, r, y = (np.asarray(row, dtype=float) for row in (time, reference, gap))
     if len(t) < 8 or r[0] == r[1] or np.any(r[1:] != r[1]):
         raise ValueError("the reference must step after the first sample and stay for at least 7")
@@ -196,54 +121,20 @@ def step_figures(
 
 
 def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) -> float:
-    """Return how long after a disturbance an error stays within a band.
-
-    Parameters
-    ----------
-    time, error : array_like, shape (n,)
-    start : float
-        When the disturbance ended, s.
-    band : float
-        Half width, in the unit of the error.
-
-    Returns
-    -------
-    float
-        s; infinite if the last sample is still outside.
-    """
+    """Return how long after a disturbance an error stays within a band."""
     t = np.asarray(time, dtype=float)
     later = t >= start
     return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
 
 
 def deviation(signal: ArrayLike, wanted: ArrayLike) -> TrackingError:
-    """Compare a gap with its reference, or a force with its demand.
-
-    Parameters
-    ----------
-    signal, wanted : array_like, shape (n,)
-
-    Returns
-    -------
-    TrackingError
-    """
+    """Compare a gap with its reference, or a force with its demand."""
     off = np.asarray(signal, dtype=float) - np.asarray(wanted, dtype=float)
     return TrackingError(rms=float(np.sqrt(np.mean(off**2))), peak=float(np.max(np.abs(off))))
 
 
 def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> CurrentEffort:
-    """Return what a current cost.
-
-    Parameters
-    ----------
-    time, current : array_like, shape (n,)
-    resistance : float
-        Of the winding, ohm.
-
-    Returns
-    -------
-    CurrentEffort
-    """
+    """Return what a current cost."""
     t, row = np.asarray(time, dtype=float), np.asarray(current, dtype=float)
     slope = np.diff(row) / np.diff(t)
     return CurrentEffort(
@@ -252,18 +143,7 @@ def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> CurrentEff
 
 
 def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
-    """Return the mean of repeated measurements and its confidence interval (Student).
-
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        One of each noise seed, n >= 2. Infinite ones make the mean infinite and its width NaN.
-    level : float, optional
-
-    Returns
-    -------
-    Interval
-    """
+    """Return the mean of repeated measurements and its confidence interval (Student)."""
     row = np.asarray(values, dtype=float)
     if len(row) < 2:
         raise ValueError("a confidence interval needs two values at least")

@@ -42,24 +42,14 @@ FIGURES = ("overshoot_percent", "settling_s", "standstill_rms_m")
 
 @dataclass(frozen=True)
 class PlantRun:
-    """What one plant did behind one controller.
+    """What one plant did behind one controller."""
 
-    Parameters
-    ----------
-    overshoot : tuple of float
-        One a step height, %; larger one of up and down. Infinite where levitation was lost.
-    settling : tuple of float
-        Likewise, s; into the band of :func:`anhyst.study.bearing.metrics.settling_band`.
-    standstill : float
-        Rms of the gap, m.
-    lost : float or None
-        When levitation was lost, s.
-    """
-
+    # One a step height, %; larger one of up and down. Infinite where levitation was lost.
     overshoot: tuple[float, ...]
+    # likewise, s; into the band of :func:`anhyst.study.bearing.metrics.settling_band`
     settling: tuple[float, ...]
-    standstill: float
-    lost: float | None
+    standstill: float  # rms of the gap, m
+    lost: float | None  # when levitation was lost, s
 
     def figure(self, name: str, place: int) -> float:
         """Return one of :data:`FIGURES` at a step height."""
@@ -134,8 +124,6 @@ class MonteCarlo:
 def percentile(values: Sequence[float], percent: float) -> float:
     """Return the least of the values that so many percent of them do not exceed.
 
-    Examples
-    --------
     >>> percentile([3.0, 1.0, 2.0, math.inf], 50), percentile([3.0, 1.0, 2.0, math.inf], 99)
     (2.0, inf)
     """
@@ -152,32 +140,7 @@ def monte_carlo(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> MonteCarlo:
-    """Run plants that have drifted; the controller keeps what it learnt from the nominal one.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        The nominal plant, and the spreads in its table ``[drift]``.
-    controller : ControllerFile
-        Gains and number format.
-    path : path-like
-        File of results, one line a plant. If it is there, the run goes on from it.
-    count : int, optional
-        Plants in all.
-    variants : sequence of str, optional
-        All control the same plants with the same noise.
-    seed : int, optional
-        That of the rig file if left out. A plant depends on it and its own number alone.
-    progress, jobs
-        See :func:`anhyst.support.jobs.each`.
-
-    Raises
-    ------
-    InputError
-        Files that do not fit; a file of results that belongs to something else.
-    Interrupted
-        After ctrl-C; what was run is kept.
-    """
+    """Run plants that have drifted; the controller keeps what it learnt from the nominal one."""
     seed = rig.settings.seed if seed is None else seed
     ready = make_ready(rig, controller)
     rig, knowledge = ready.rig, ready.knowledge()

@@ -146,33 +146,7 @@ def run_board(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> BoardComparison:
-    """Compile the controller of a rig, build the firmware of a board around it, and run it.
-
-    Parameters
-    ----------
-    rig_path : path-like
-        Rig file of a bearing.
-    out : path-like
-        ``.json`` that is going to be written.
-    board : str
-        ``"host"``, a process, or ``"qemu-mps2"``, an emulated Cortex-M3.
-    controller_path : path-like, optional
-        Controller file; ``controller.toml`` beside the rig file if left out.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    BoardComparison
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read or does not fit the others; a controller that is not compiled;
-        compiler or emulator missing.
-    NegativeResult
-        The armature was not held.
-    """
+    """Compile the controller of a rig, build the firmware of a board around it, and run it."""
     if Path(out).suffix != ".json":
         raise InputError(
             f"{out}: the run of a firmware is written as .json; name it so", code="wrong-ending"
@@ -220,31 +194,7 @@ def build_firmware(
     board: str,
     place: Path,
 ) -> tuple[Setup, Path]:
-    """Compile what a rig is simulated with, and build a firmware around it.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Its magnet is whole.
-    controller : ControllerFile
-    knowledge : IdentifiedMagnet
-        Loops and model.
-    board : str
-    place : Path
-        Folder for what is made on the way, and for the firmware.
-
-    Returns
-    -------
-    setup : Setup
-        As it is simulated.
-    firmware : Path
-
-    Raises
-    ------
-    InputError
-        As ``anhyst compile`` with this controller file, or the file does not say of the amplifiers
-        or of a second magnet what the rig says.
-    """
+    """Compile what a rig is simulated with, and build a firmware around it."""
     model = place / "model.toml"
     if controller.model is None:
         write_model(knowledge.model, model)

@@ -22,42 +22,20 @@ _GAP_STEP = 2e-6
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """What a bearing is where it works.
+    """What a bearing is where it works."""
 
-    Parameters
-    ----------
-    gap : float
-        m.
-    force : float
-        Of one magnet, N.
-    current : float
-        Midway between the rising and the falling branch, A.
-    force_max : float
-        Largest at this gap, N.
-    slopes : Reversal
-        Static slopes, and those just after the current was turned.
-    point : linear.Point
-        The whole bearing for small movements; a pair as one magnet with the windings in series,
-        whose current is the difference of each one from its bias.
-    """
-
-    gap: float
-    force: float
-    current: float
-    force_max: float
-    slopes: Reversal
+    gap: float  # m
+    force: float  # of one magnet, N
+    current: float  # midway between the rising and the falling branch, A
+    force_max: float  # largest at this gap, N
+    slopes: Reversal  # static slopes, and those just after the current was turned
+    # the whole bearing for small movements; a pair as one magnet with the windings in series, whose
+    # current is the difference of each one from its bias
     point: linear.Point
 
 
 def find_operating_point(rig: BearingRig) -> OperatingPoint:
-    """Measure the magnet of a rig at its operating gap and load.
-
-    Raises
-    ------
-    InputError
-        No current carries the load, there or at the rest; a Hall probe ends below the largest flux
-        density; or the sample rate is too slow for the unstable pole.
-    """
+    """Measure the magnet of a rig at its operating gap and load."""
     settings = rig.settings
     gap, high = settings.simulate.gap_m, settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
@@ -146,17 +124,6 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
 
     Constants are those of the drive where it has any; a constant ratio cancels no negative
     stiffness. Every other drive counts as knowing the static slopes.
-
-    Parameters
-    ----------
-    setup : Setup
-        Controller, drive and rig.
-    at : OperatingPoint
-        Of the same rig.
-
-    Returns
-    -------
-    linear.Loop
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier

@@ -28,22 +28,7 @@ class PlantRow(Table):
 
 
 def fault_of(row: Mapping[str, Any], variants: Sequence[str], heights: int) -> str | None:
-    """Say what keeps a line from being the result of a plant.
-
-    Parameters
-    ----------
-    row : mapping
-        The line as read.
-    variants : sequence of str
-        That must have run it.
-    heights : int
-        How many values there are of every figure of a step.
-
-    Returns
-    -------
-    str or None
-        Key and what is wrong with it; None if nothing is.
-    """
+    """Say what keeps a line from being the result of a plant."""
     try:
         found = PlantRow.model_validate(row)
     except ValidationError as error:

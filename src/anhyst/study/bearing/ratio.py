@@ -12,18 +12,10 @@ from scipy.special import stdtrit
 
 @dataclass(frozen=True)
 class Quotient:
-    """A ratio of means with its confidence interval.
+    """A ratio of means with its confidence interval."""
 
-    Parameters
-    ----------
-    value : float
-        Infinite over a mean of zero.
-    low, high : float
-        Ends of the interval; 0 and infinite where the lower mean may be zero.
-    """
-
-    value: float
-    low: float
+    value: float  # infinite over a mean of zero
+    low: float  # ends of the interval; 0 and infinite where the lower mean may be zero
     high: float
 
 
@@ -32,12 +24,6 @@ def quotient(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> Quotien
 
     It holds all ratios R for which the mean of ``upper - R lower`` may be zero. So it holds 1
     exactly where the mean of the difference may be zero.
-
-    Parameters
-    ----------
-    upper, lower : array_like, shape (n,)
-        Not negative, one pair of each noise seed, n >= 2.
-    level : float, optional
     """
     rows = np.array([upper, lower], dtype=float)
     count = rows.shape[1]

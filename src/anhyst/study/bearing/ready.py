@@ -31,23 +31,12 @@ def read_files(
 
 @dataclass(frozen=True)
 class Ready:
-    """A rig, a controller and the loops, read and checked against each other.
+    """A rig, a controller and the loops, read and checked against each other."""
 
-    Parameters
-    ----------
-    rig : BearingRig
-        Its magnet is whole.
-    controller : ControllerFile
-    loops : Loops
-    model : Model or None
-        That the controller file names.
-    at : OperatingPoint
-    """
-
-    rig: BearingRig
+    rig: BearingRig  # its magnet is whole
     controller: ControllerFile
     loops: Loops
-    model: Model | None
+    model: Model | None  # that the controller file names
     at: OperatingPoint
 
     def knowledge(self) -> IdentifiedMagnet:
@@ -60,29 +49,7 @@ class Ready:
 def make_ready(
     rig: BearingRig, controller: ControllerFile, outputs: Sequence[PathLike] = ()
 ) -> Ready:
-    """Read and check everything that a rig and a controller name, before any work.
-
-    Parameters
-    ----------
-    rig : BearingRig
-        Names the loops, and the gap that they must lie around.
-    controller : ControllerFile
-        Names the model, if any.
-    outputs : sequence of path-like, optional
-        What is going to be written.
-
-    Returns
-    -------
-    Ready
-        A magnet whose iron comes from the loops has been fitted to them.
-
-    Raises
-    ------
-    InputError
-        The magnet does not carry the load; the controller does not fit the rig; a file cannot be
-        read or written; the loops are none of force over current at gaps around the operating gap;
-        or the model is of another device.
-    """
+    """Read and check everything that a rig and a controller name, before any work."""
     files = [rig.path, controller.path, controller.model, rig.model, rig.flux_table]
     reads = [*rig.measured.files, *(one for one in files if one is not None)]
     for path in outputs:

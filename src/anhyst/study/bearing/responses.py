@@ -74,29 +74,17 @@ class StepResult:
 
 @dataclass(frozen=True)
 class StepCell:
-    """One variant, gap, load and height over all seeds and both directions.
-
-    Parameters
-    ----------
-    variant : str
-    gap, height : float
-        m.
-    load : float
-        N.
-    figures : dict of str to Interval
-        By :data:`FIGURES`: mean over the seeds, and half the width of its 95 % interval. Both
-        directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
-        Empty if levitation was lost in any of them.
-    lost, runs : int
-        Seeds in which levitation was lost, and all seeds.
-    """
+    """One variant, gap, load and height over all seeds and both directions."""
 
     variant: MethodName
-    gap: float
+    gap: float  # m
     height: float
-    load: float
+    load: float  # N
+    # By :data:`FIGURES`: mean over the seeds, and half the width of its 95 % interval. Both
+    # directions of a seed count as one value, their mean; of overshoot and noise, the larger one.
+    # Empty if levitation was lost in any of them.
     figures: Mapping[str, Interval]
-    lost: int
+    lost: int  # seeds in which levitation was lost, and all seeds
     runs: int
 
     def of(self, name: str) -> Interval:
@@ -116,15 +104,7 @@ def position_resolution(rig: BearingRig) -> float:
 
 
 def run_steps(run: StepRun) -> tuple[list[StepResult], float | None]:
-    """Run all steps of a run.
-
-    Returns
-    -------
-    list of StepResult
-        Empty if levitation was lost.
-    float or None
-        When, s.
-    """
+    """Run all steps of a run."""
     rig = run.setup.rig
     scenario = steps_up_and_down(rig, run.setup.controller, run.gap, run.heights, run.load)
     recording = SimulatedLoop(run.setup, run.seed).run(scenario)
@@ -175,26 +155,7 @@ def compare(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> list[StepCell]:
-    """Run every setup at every gap and load with every seed, and sum up.
-
-    Parameters
-    ----------
-    setups : sequence of Setup
-        One a variant.
-    gaps, heights : sequence of float
-        m.
-    loads : sequence of float
-        N.
-    seeds : sequence of int
-        All variants see the same noise.
-    progress, jobs
-        See :func:`anhyst.support.jobs.each`.
-
-    Returns
-    -------
-    list of StepCell
-        In the order setup, gap, load, height.
-    """
+    """Run every setup at every gap and load with every seed, and sum up."""
     runs = [
         StepRun(setup, gap, tuple(heights), load, seed)
         for setup, gap, load, seed in product(setups, gaps, loads, seeds)

@@ -24,25 +24,14 @@ _SETTLE_PERIODS, _SETTLE_SECONDS = 2, 0.02
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """A measured sensitivity.
+    """A measured sensitivity."""
 
-    Parameters
-    ----------
-    frequency : ndarray, shape (n,)
-        Hz.
-    ratio : ndarray of complex, shape (n,)
-        What the controller saw over what was injected.
-    rest : ndarray, shape (n,)
-        Root mean square of what the sine does not explain (noise, harmonics), over that of the
-        injected sine.
-    amplitude : float
-        Of the injected sine, m.
-    """
-
-    frequency: FloatArray
-    ratio: NDArray[np.complex128]
+    frequency: FloatArray  # Hz; shape (n,)
+    ratio: NDArray[np.complex128]  # what the controller saw over what was injected; shape (n,)
+    # root mean square of what the sine does not explain (noise, harmonics), over that of the
+    # injected sine; shape (n,)
     rest: FloatArray
-    amplitude: float
+    amplitude: float  # of the injected sine, m
 
     @property
     def magnitude(self) -> FloatArray:
@@ -86,29 +75,7 @@ def measure_sensitivity(
     amplitude: float,
     rate: float,
 ) -> Sensitivity:
-    """Measure the sensitivity of a loop.
-
-    Parameters
-    ----------
-    run : callable
-        Runs the loop from a standstill with this injection (m of gap, one number a tick) and
-        returns those ticks.
-    frequencies : array_like, shape (n,)
-        Hz, below half the rate. Peaks between them are not seen.
-    amplitude : float
-        Of the sine, m: small against the travel, large against the noise.
-    rate : float
-        Ticks a second, Hz.
-
-    Returns
-    -------
-    Sensitivity
-
-    Raises
-    ------
-    ValueError
-        If a frequency is not within 0..rate/2, or the run is of another length.
-    """
+    """Measure the sensitivity of a loop."""
     wanted = np.atleast_1d(np.asarray(frequencies, dtype=float))
     if not (np.all(wanted > 0.0) and np.all(wanted < 0.5 * rate)):
         raise ValueError(f"frequencies must lie between 0 and {0.5 * rate:g} Hz, half the rate")

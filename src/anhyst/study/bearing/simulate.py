@@ -184,34 +184,7 @@ def explore(
     controller_path: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Simulate a bearing with every kind of compensation.
-
-    Parameters
-    ----------
-    rig_path : path-like
-        Rig file of a bearing.
-    out : path-like, optional
-        Recording to be written, in any format that is written; ``figures.json`` goes beside it. Whether both
-        can be is found out first.
-    controller_path : path-like, optional
-        Controller file; ``controller.toml`` beside the rig file if left out.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Simulation
-        Where levitation was lost in the test cases beside the steps of the recording, its
-        ``lost_in`` says so: see `refuse_losses`.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read or does not fit the others.
-    NegativeResult
-        Levitation was lost before anything could be compared; the recording is kept, the figures
-        of a run before it are removed.
-    """
+    """Simulate a bearing with every kind of compensation."""
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller, _places(out, controller))
     rig = ready.rig
@@ -247,19 +220,7 @@ def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike,
 
 
 def write_simulation(found: Simulation, out: PathLike) -> None:
-    """Write recording, identified model and ``figures.json``.
-
-    Parameters
-    ----------
-    found : Simulation
-    out : path-like
-        Of the recording.
-
-    Raises
-    ------
-    InputError
-        A place cannot be written.
-    """
+    """Write recording, identified model and ``figures.json``."""
     _write_recording(out, found.recording, found.controller, found.knowledge)
     with atomic_writer(Path(out).parent / FIGURES) as stream:
         stream.write(json_text(found.figures))

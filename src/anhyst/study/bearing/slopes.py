@@ -25,37 +25,19 @@ _TURN = 0.0005  # of the range: how far the current goes back
 
 @dataclass(frozen=True)
 class Slopes:
-    """Force and its slopes at an operating point.
+    """Force and its slopes at an operating point."""
 
-    Parameters
-    ----------
-    force : float
-        N.
-    k_i : float
-        For each ampere, N/A.
-    k_s : float
-        For each metre that the gap closes, N/m.
-    """
-
-    force: float
-    k_i: float
-    k_s: float
+    force: float  # N
+    k_i: float  # for each ampere, N/A
+    k_s: float  # for each metre that the gap closes, N/m
 
 
 @dataclass(frozen=True)
 class Reversal:
-    """Slopes of a magnet with a memory.
+    """Slopes of a magnet with a memory."""
 
-    Parameters
-    ----------
-    static : Slopes
-        Of the middle between the rising and the falling branch of the settled loop.
-    after_rise, after_fall : float
-        Force for each ampere just after the current was turned, N/A.
-    """
-
-    static: Slopes
-    after_rise: float
+    static: Slopes  # of the middle between the rising and the falling branch of the settled loop
+    after_rise: float  # force for each ampere just after the current was turned, N/A
     after_fall: float
 
     @property
@@ -76,21 +58,7 @@ def measure_slopes(
     current_step: float,
     gap_step: float,
 ) -> Slopes:
-    """Measure the slopes of a force without memory by central differences.
-
-    Parameters
-    ----------
-    force : callable
-        Of current (A) and gap (m), N.
-    current, gap : float
-        Operating point, A and m.
-    current_step, gap_step : float
-        To either side, A and m.
-
-    Returns
-    -------
-    Slopes
-    """
+    """Measure the slopes of a force without memory by central differences."""
     over_current = force(current + current_step, gap) - force(current - current_step, gap)
     over_gap = force(current, gap + gap_step) - force(current, gap - gap_step)
     return Slopes(
@@ -108,29 +76,7 @@ def measure_reversal(
     high: float,
     gap_step: float,
 ) -> Reversal:
-    """Measure the slopes of a magnet with a memory on its settled loop.
-
-    Parameters
-    ----------
-    step : callable
-        Goes to a current (A) at a gap (m) and returns the force (N); slow enough for no eddy
-        currents. It ends in another state than it began.
-    current, gap : float
-        Operating point, A and m; the current well within the range.
-    low, high : float
-        Ends of the loop, A.
-    gap_step : float
-        To either side, for k_s, m.
-
-    Returns
-    -------
-    Reversal
-
-    Raises
-    ------
-    ValueError
-        If the operating current is not within the loop by a margin.
-    """
+    """Measure the slopes of a magnet with a memory on its settled loop."""
     around, turn = _AROUND * (high - low), _TURN * (high - low)
     if not low + around < current < high - around:
         raise ValueError(f"the current of {current:g} A is not well within {low:g}..{high:g} A")

@@ -20,25 +20,7 @@ class _LostError(Exception):
 def sweep(
     setup: Setup, gap: float, load: float, frequencies: FloatArray, seed: int
 ) -> Sensitivity | None:
-    """Measure the sensitivity of a loop by a swept sine.
-
-    Parameters
-    ----------
-    setup : Setup
-    gap : float
-        At which the armature levitates, m.
-    load : float
-        Of the load drive, N.
-    frequencies : ndarray, shape (n,)
-        Hz.
-    seed : int
-        Of the sensors' noise.
-
-    Returns
-    -------
-    Sensitivity or None
-        None if levitation was lost.
-    """
+    """Measure the sensitivity of a loop by a swept sine."""
     rig = setup.rig
     loop = SimulatedLoop(setup, seed)
     loop.run(Script(rig, gap, load).lift_off(setup.controller).build())

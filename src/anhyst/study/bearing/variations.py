@@ -13,19 +13,7 @@ from anhyst.support.errors import InputError
 
 
 def changed(rig: BearingRig, changes: dict[str, Any]) -> BearingRig:
-    """Return a rig with other settings.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    changes : dict
-        Value by key path, as ``{"magnet.iron.reversible_fraction": 0.3}``.
-
-    Raises
-    ------
-    KeyError
-        There is no such key.
-    """
+    """Return a rig with other settings."""
     settings = rig.settings
     for path, value in changes.items():
         settings = _set(settings, path.split("."), value)
@@ -35,21 +23,7 @@ def changed(rig: BearingRig, changes: dict[str, Any]) -> BearingRig:
 def with_iron(
     rig: BearingRig, reversible_fraction: float | None = None, width: float = 1.0
 ) -> BearingRig:
-    """Return a rig with another iron of the same family.
-
-    Parameters
-    ----------
-    rig : BearingRig
-    reversible_fraction : float, optional
-        Weight of the iron that nothing pins; that of the file if left out. Of cells alone.
-    width : float, optional
-        Factor on the pinning, and so on the width of the loops.
-
-    Raises
-    ------
-    InputError
-        The force is made by an identified law, or the family has no reversible fraction.
-    """
+    """Return a rig with another iron of the same family."""
     magnet = rig.settings.magnet
     if magnet.force != "cells":
         raise InputError(

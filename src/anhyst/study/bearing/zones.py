@@ -11,17 +11,10 @@ Zone = Literal["A", "B", "C", "D"]
 
 @dataclass(frozen=True)
 class Boundary:
-    """The upper end of a zone.
-
-    Parameters
-    ----------
-    zone : {"A", "B", "C"}
-    ratio : float
-        Peak of the sensitivity.
-    """
+    """The upper end of a zone."""
 
     zone: Zone
-    ratio: float
+    ratio: float  # peak of the sensitivity
 
     @property
     def decibel(self) -> float:
@@ -36,17 +29,6 @@ BOUNDARIES = (Boundary("A", 3.0), Boundary("B", 4.0), Boundary("C", 5.0))
 def zone(peak: float) -> Zone:
     """Return the zone of a peak sensitivity; beyond C, and where it is not a number, D.
 
-    Parameters
-    ----------
-    peak : float
-        Largest ratio of what the controller sees to what was injected.
-
-    Returns
-    -------
-    {"A", "B", "C", "D"}
-
-    Examples
-    --------
     >>> zone(2.1), zone(3.0), zone(4.4), zone(9.0)
     ('A', 'A', 'C', 'D')
     """

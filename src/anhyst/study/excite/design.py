@@ -44,26 +44,13 @@ LEAST = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One record: what puts the iron into a known state, and what is then measured.
-
-    Parameters
-    ----------
-    name : str
-    before : tuple of float
-        Turning points on the way to the first sample, A.
-    approach : ndarray
-        The same, sample by sample, A.
-    path : ndarray
-        Currents that are recorded, A.
-    history : History
-        What the approach leaves.
-    """
+    """One record: what puts the iron into a known state, and what is then measured."""
 
     name: str
-    before: tuple[float, ...]
-    approach: FloatArray
-    path: FloatArray
-    history: History
+    before: tuple[float, ...]  # turning points on the way to the first sample, A
+    approach: FloatArray  # the same, sample by sample, A
+    path: FloatArray  # currents that are recorded, A
+    history: History  # what the approach leaves
 
     @property
     def whole(self) -> FloatArray:
@@ -100,16 +87,7 @@ def step_of(specimen: Specimen) -> float:
 
 
 def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
-    """Return what is run at a gap.
-
-    Parameters
-    ----------
-    specimen : Specimen
-    peak : float
-        Largest current at the gap, A.
-    operating : float
-        Current about which inner loops are run, A.
-    """
+    """Return what is run at a gap."""
     step = step_of(specimen)
     if demagnetises(specimen, peak):
         before = [0.0, *decaying(0.0, peak, DEMAGNETISE)]
@@ -147,13 +125,7 @@ def _below(peak: float, operating: float, step: float) -> FloatArray:
 
 
 def coolest_peak(specimen: Specimen) -> Bound:
-    """Return the largest current at which every record can be run, A, and what limits it.
-
-    Raises
-    ------
-    InputError
-        The winding does not stand even a quarter of it, or the supply drives no current.
-    """
+    """Return the largest current at which every record can be run, A, and what limits it."""
     if not specimen.rate.value > 0.0:
         raise InputError(
             f"{specimen.rate.key}: the supply does not drive {specimen.current.value:g} A through "

@@ -37,48 +37,23 @@ _PROBE = 1000
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """What was found at a gap before loops were measured there.
+    """What was found at a gap before loops were measured there."""
 
-    Parameters
-    ----------
-    gap : float
-        m.
-    peak : Bound
-        Largest current, A, and what limits it.
-    force : float
-        Largest force that was read on the way there, N.
-    operating : float
-        Current about which inner loops are run, A.
-    reached : bool
-        Whether it gives the operating force.
-    """
-
-    gap: float
-    peak: Bound
-    force: float
-    operating: float
-    reached: bool
+    gap: float  # m
+    peak: Bound  # largest current, A, and what limits it
+    force: float  # largest force that was read on the way there, N
+    operating: float  # current about which inner loops are run, A
+    reached: bool  # whether it gives the operating force
 
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """All that the amplifier was asked for, rests included; one value a sample.
+    """All that the amplifier was asked for, rests included; one value a sample."""
 
-    Parameters
-    ----------
-    time : ndarray
-        s.
-    current : ndarray
-        A.
-    gap : ndarray
-        m.
-    warmth : ndarray
-        Of the winding, 1 where it just may stay for ever; not a number where nothing is known.
-    """
-
-    time: FloatArray
-    current: FloatArray
-    gap: FloatArray
+    time: FloatArray  # s
+    current: FloatArray  # A
+    gap: FloatArray  # m
+    # of the winding, 1 where it just may stay for ever; not a number where nothing is known
     warmth: FloatArray
 
 
@@ -186,17 +161,6 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
     From the largest gap to the smallest: the flux rises from gap to gap, so that conditioning wipes
     out what was before. At each gap the current is first raised once, until it, the force or the
     winding is at its limit: that is the largest current of the records there.
-
-    Parameters
-    ----------
-    specimen : Specimen
-    progress : callable, optional
-        Called with records done and to be done.
-
-    Raises
-    ------
-    InputError
-        The limits leave nothing that is worth measuring; says which one.
     """
     cool = coolest_peak(specimen)
     magnet, clock = specimen.held.magnet(), _Clock(specimen)
@@ -246,25 +210,7 @@ def _probe(
 def place_of(
     specimen: Specimen, gap: float, gone: FloatArray, forces: Sequence[float], cool: Bound
 ) -> Place:
-    """Return what the first rise of the current at a gap showed.
-
-    Parameters
-    ----------
-    specimen : Specimen
-    gap : float
-        m.
-    gone : ndarray
-        Currents on the way up, A.
-    forces : sequence of float
-        What was read at them, N; the last may be at the limit.
-    cool : Bound
-        Largest current that the winding stands.
-
-    Raises
-    ------
-    InputError
-        There is no room for a loop.
-    """
+    """Return what the first rise of the current at a gap showed."""
     peak = cool
     if forces[-1] >= HEADROOM * specimen.force.value:
         # One sample back: what was there is below the limit for certain.
@@ -364,29 +310,7 @@ def excite(
     progress: Progress | None = None,
     how: Measuring = measure,
 ) -> Excitation:
-    """Measure the loops of a rig and write them, with a sidecar that says how they begin.
-
-    Parameters
-    ----------
-    rig : path-like
-        Rig file, of a bearing or of force control.
-    out : path-like
-        CSV; the sidecar is the TOML of the same name.
-    progress : callable, optional
-        Called with records done and to be done.
-    how : callable, optional
-        On the virtual rig if left out.
-
-    Returns
-    -------
-    Excitation
-
-    Raises
-    ------
-    InputError
-        The rig file does not fit its schema, nothing can be measured within its limits, or a file
-        cannot be written.
-    """
+    """Measure the loops of a rig and write them, with a sidecar that says how they begin."""
     place = Path(out)
     if place.suffix.lower() != ".csv":
         raise InputError(
@@ -409,16 +333,7 @@ def excite(
 
 
 def write_excitation(measured: Excitation, rig: Path, out: Path) -> None:
-    """Write measured loops, and the sidecar that says how they begin.
-
-    Parameters
-    ----------
-    measured : Excitation
-    rig : Path
-        Rig file, for a comment.
-    out : Path
-        CSV; the sidecar is the TOML of the same name.
-    """
+    """Write measured loops, and the sidecar that says how they begin."""
     histories = {loop.label: str(loop.history) for loop in measured.loops.loops}
     with atomic_writer(out.with_suffix(".toml")) as file:
         file.write(_sidecar(rig, histories, measured.notes))

@@ -24,59 +24,28 @@ CYCLES = 3
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A bound, and the key of the rig file that sets it.
+    """A bound, and the key of the rig file that sets it."""
 
-    Parameters
-    ----------
-    value : float
-        In SI units.
-    key : str
-    """
-
-    value: float
+    value: float  # in SI units
     key: str
 
 
 @dataclass(frozen=True, slots=True)
 class Specimen:
-    """What is measured, and within what.
+    """What is measured, and within what."""
 
-    Parameters
-    ----------
-    held : HeldRig
-        The rig, its armature held.
-    gaps : tuple of float
-        Where it is held, m.
-    operating : Bound
-        Force about which inner loops are run, N.
-    current, rate, force : Bound
-        Largest current, A; its fastest change, A/s; largest force, N.
-    lowest : float
-        Lowest current of the amplifier, A.
-    winding : Winding or None
-        None where the rig file says nothing about its temperature.
-    sweep : float
-        Wanted rate of the current, A/s.
-    sample : float
-        Wanted time from row to row, s.
-    cycles : int
-        Of conditioning.
-    pause : float
-        To set the next gap, s.
-    """
-
-    held: HeldRig
-    gaps: tuple[float, ...]
-    operating: Bound
-    current: Bound
+    held: HeldRig  # the rig, its armature held
+    gaps: tuple[float, ...]  # where it is held, m
+    operating: Bound  # force about which inner loops are run, N
+    current: Bound  # largest current, A; its fastest change, A/s; largest force, N
     rate: Bound
     force: Bound
-    lowest: float
-    winding: Winding | None
-    sweep: float
-    sample: float
-    cycles: int
-    pause: float
+    lowest: float  # lowest current of the amplifier, A
+    winding: Winding | None  # none where the rig file says nothing about its temperature
+    sweep: float  # wanted rate of the current, A/s
+    sample: float  # wanted time from row to row, s
+    cycles: int  # of conditioning
+    pause: float  # to set the next gap, s
 
 
 def bearing_specimen(rig: BearingRig) -> Specimen:

@@ -112,21 +112,6 @@ def measure_on_board(
     """Measure loops at the gap where the armature is held, within the limits.
 
     At the end the controller is stopped, its settings as before, and idle if it was.
-
-    Parameters
-    ----------
-    specimen : Specimen
-        Of the rig file.
-    bench : DrivenBoard
-        A controller of force; nobody else may command it meanwhile but a stop.
-    progress : callable, optional
-        Called with records done and to be done.
-
-    Raises
-    ------
-    InputError
-        The limits leave nothing that is worth measuring, the armature stands elsewhere, or the
-        controller does not do it or stopped; says which.
     """
     drive = BoardDrive(specimen, bench)
     held = replace(specimen, gaps=(drive.gap,), current=drive.most)
@@ -154,25 +139,7 @@ def measure_on_board(
 
 
 class BoardDrive:
-    """A current that a controller of force drives by its constant ratio.
-
-    Parameters
-    ----------
-    specimen : Specimen
-    bench : DrivenBoard
-
-    Attributes
-    ----------
-    gap : float
-        Of the rig file, at which the armature is held, m.
-    most : Bound
-        Largest current that the controller can be asked for, A.
-
-    Raises
-    ------
-    InputError
-        It controls no force, does not say what is needed, or the armature is held elsewhere.
-    """
+    """A current that a controller of force drives by its constant ratio."""
 
     def __init__(self, specimen: Specimen, bench: DrivenBoard) -> None:
         self._specimen, self._bench = specimen, bench
@@ -242,18 +209,7 @@ class BoardDrive:
                 self._bench.command(Command.IDLE)
 
     def go(self, current: float) -> tuple[FloatArray, FloatArray]:
-        """Go straight to a current, A, and stay a moment.
-
-        Returns
-        -------
-        current, force : ndarray
-            A and N, as the sensors read them, sample by sample; the last is where it stayed.
-
-        Raises
-        ------
-        InputError
-            The force went beyond its limit, or the controller does not run any more.
-        """
+        """Go straight to a current, A, and stay a moment."""
         force = min(current / self._ratio, self._bench.aim.high)
         self._bench.demand(force)
         parts = [self._running(self._chunk)]

@@ -16,27 +16,14 @@ from anhyst.support.toml_file import take_kind
 
 @dataclass(frozen=True, slots=True)
 class ReadSpecimen:
-    """What is measured, and the files that say so.
-
-    Parameters
-    ----------
-    specimen : Specimen
-    reads : tuple of Path
-        Must not be written over.
-    """
+    """What is measured, and the files that say so."""
 
     specimen: Specimen
-    reads: tuple[Path, ...]
+    reads: tuple[Path, ...]  # must not be written over
 
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
-    """Read a rig file of a bearing or of force control.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read or does not fit its schema.
-    """
+    """Read a rig file of a bearing or of force control."""
     place = Path(path)
     if take_kind(place, TAKES["excite"]) is FileKind.FORCE:
         rig = read_rig(place)

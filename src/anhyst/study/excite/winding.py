@@ -19,17 +19,10 @@ class Winding:
 
     Warmth stands for the temperature above the surroundings, in parts of that at which a current
     that flows for ever is just allowed.
-
-    Parameters
-    ----------
-    continuous : float
-        Current that may flow for ever, A.
-    time : float
-        Time constant, s.
     """
 
-    continuous: float
-    time: float
+    continuous: float  # current that may flow for ever, A
+    time: float  # time constant, s
 
     def along(self, current: FloatArray, dt: float, before: float = 0.0) -> FloatArray:
         """Return the warmth after each sample of a current, A, in steps of `dt`, s."""

@@ -223,30 +223,6 @@ def fleet(
 
     A run that was stopped goes on where it was; a magnet whose files or settings have changed is
     done again. The same files, settings and version give the same result in any order of work.
-
-    Parameters
-    ----------
-    folder : path-like
-        A file of loops, or a folder of them, for each magnet.
-    out : path-like
-        Folder to write to.
-    settings : FleetSettings
-    progress : callable, optional
-        Called with magnets done and all.
-    jobs : int, optional
-        Processes; as many as there are cores if left out.
-
-    Returns
-    -------
-    Fleet
-        Written.
-
-    Raises
-    ------
-    InputError
-        The folder holds no magnet, or results are to lie in it, or a place cannot be written.
-    NegativeResult
-        Not one magnet could be judged.
     """
     members = find_members(folder)
     place = Path(out)

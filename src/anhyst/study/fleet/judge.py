@@ -32,60 +32,33 @@ _VERIFIED_STEPS = 20_000
 
 @dataclass(frozen=True)
 class FleetSettings:
-    """What is done with every magnet.
+    """What is done with every magnet."""
 
-    Parameters
-    ----------
-    rate : float
-        Ticks a second of the controllers, Hz.
-    kind, io : str
-        Of the compensators.
-    law, gap_map : str
-        The same for all, so that parameters compare; ``auto``: what most of the first magnets
-        choose.
-    on : str
-        Targets that the C is verified on.
-    tolerance : float
-        Largest rms deviation of the force of a good magnet, per cent of its largest.
-    seed : int
-        Of the search.
-    history : str or None
-        What happened before every loop; None: as sidecars say, or as each record proposes.
-    """
-
-    rate: float
-    kind: BlockKind = "full"
+    rate: float  # ticks a second of the controllers, Hz
+    kind: BlockKind = "full"  # of the compensators
     io: Io = "q31"
+    # the same for all, so that parameters compare; ``auto``: what most of the first magnets choose
     law: str = "auto"
     gap_map: str = "auto"
-    on: str = "host"
+    on: str = "host"  # targets that the C is verified on
+    # largest rms deviation of the force of a good magnet, per cent of its largest
     tolerance: float = 1.0
-    seed: int = 1
+    seed: int = 1  # of the search
+    # what happened before every loop; None: as sidecars say, or as each record proposes
     history: str | None = None
 
 
 @dataclass(frozen=True)
 class FleetTask:
-    """A magnet and what to do with it.
-
-    Parameters
-    ----------
-    member : Member
-    settings : FleetSettings
-    out : Path
-        Results go to a folder of the magnet's name in it.
-    search : tuple of str
-        Law and gap map to ask identification for: those of the settings, or ``auto`` for one whose
-        own choice they are.
-    found : IdentifyResult or None
-        What that gives, where it is known already.
-    """
+    """A magnet and what to do with it."""
 
     member: Member
     settings: FleetSettings
-    out: Path
+    out: Path  # results go to a folder of the magnet's name in it
+    # law and gap map to ask identification for: those of the settings, or ``auto`` for one whose
+    # own choice they are
     search: tuple[str, str]
-    found: IdentifyResult | None = None
+    found: IdentifyResult | None = None  # what that gives, where it is known already
 
     @property
     def folder(self) -> Path:
@@ -97,13 +70,6 @@ def judge(task: FleetTask) -> dict[str, Any]:
     """Identify, compile and verify one magnet; what is done already is not done again.
 
     Whatever goes wrong with one magnet stands in its result and stops no other.
-
-    Returns
-    -------
-    dict
-        ``name``; ``error`` where it could not be judged, or figures: ``fit_rms`` and
-        ``compiled_rms`` in parts of the largest output, ``verified``, law, gap map, fitted
-        quantities with their covariance.
     """
     settings = asdict(task.settings)
     settings.pop("tolerance")  # has no say in the figures
@@ -135,13 +101,7 @@ def _known(path: Path, made_from: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def identified(task: FleetTask) -> IdentifyResult:
-    """Identify the model of one magnet.
-
-    Raises
-    ------
-    InputError
-        Its files cannot be read, or hold what cannot be identified.
-    """
+    """Identify the model of one magnet."""
     loops = read_loops(task.member.source, history=task.settings.history)
     law, gap_map = task.search
     return identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed)

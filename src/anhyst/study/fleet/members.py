@@ -14,27 +14,13 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class Member:
-    """One magnet of a fleet.
+    """One magnet of a fleet."""
 
-    Parameters
-    ----------
-    name : str
-        Of its file without the ending, or of its folder.
-    source : Path
-        A file of loops, or a folder of them.
-    """
-
-    name: str
-    source: Path
+    name: str  # of its file without the ending, or of its folder
+    source: Path  # A file of loops, or a folder of them
 
     def digest(self) -> str:
-        """Return the SHA-256 of all that is read of it.
-
-        Raises
-        ------
-        InputError
-            A file cannot be read.
-        """
+        """Return the SHA-256 of all that is read of it."""
         whole = hashlib.sha256()
         for path in files_read(self.source):
             whole.update(path.name.encode())
@@ -49,13 +35,7 @@ class Member:
 
 
 def find_members(folder: PathLike) -> list[Member]:
-    """Return the magnets of a folder, by name: every file of loops, and every folder of them.
-
-    Raises
-    ------
-    InputError
-        It is no folder, it holds no magnet, or two magnets have the same name.
-    """
+    """Return the magnets of a folder, by name: every file of loops, and every folder of them."""
     place = Path(folder)
     if not place.is_dir():
         raise InputError(

@@ -26,20 +26,12 @@ CHOICE = "choice.json"
 
 @dataclass(frozen=True)
 class FleetChoice:
-    """What was decided.
+    """What was decided."""
 
-    Parameters
-    ----------
-    settings : FleetSettings
-        With the law and the gap map that all get.
-    pilots : tuple of str
-        Names of those that chose just these: nothing else is to be fitted to them.
-    found : dict
-        Their identifications by name, where they were made just now.
-    """
-
-    settings: FleetSettings
+    settings: FleetSettings  # with the law and the gap map that all get
+    # names of those that chose just these: nothing else is to be fitted to them
     pilots: tuple[str, ...] = ()
+    # their identifications by name, where they were made just now
     found: dict[str, IdentifyResult] = field(default_factory=dict)
 
     def task(self, member: Member, asked: FleetSettings, out: Path) -> FleetTask:

@@ -9,15 +9,7 @@ from anhyst.study.fleet.spread import Coordinate
 
 
 def coordinate_of(law: str, quantity: str) -> Coordinate:
-    """Return the one that identification moves; of a law that says none, the logarithm.
-
-    Parameters
-    ----------
-    law : str
-        One of :data:`anhyst.laws.registry.LAWS`.
-    quantity : str
-        As the uncertainty of a model calls it: its meaning, then unit and gap.
-    """
+    """Return the one that identification moves; of a law that says none, the logarithm."""
     kernel = LAWS[law].kernel
     numbers = (*(kernel.numbers if isinstance(kernel, Kernel) else ()), *AROUND)
     found = {one.meaning: one.coordinate for one in numbers}

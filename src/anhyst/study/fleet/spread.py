@@ -41,19 +41,12 @@ NARROWEST, WIDEST = 1e-9, 1e3
 
 @dataclass(frozen=True)
 class MagnetEstimate:
-    """What identification says of one magnet.
+    """What identification says of one magnet."""
 
-    Parameters
-    ----------
-    values, std : ndarray, shape (q,)
-        In units of the quantities; infinite where the loops leave a quantity open.
-    correlation : ndarray, shape (q, q)
-        Of the coordinates.
-    """
-
+    # in units of the quantities; infinite where the loops leave a quantity open; shape (q,)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray
+    correlation: FloatArray  # of the coordinates; shape (q, q)
 
     @classmethod
     def of(
@@ -78,30 +71,19 @@ class MagnetEstimate:
 
 @dataclass(frozen=True)
 class FleetSpread:
-    """Mean and scatter of each quantity over a fleet, and each magnet in their light.
+    """Mean and scatter of each quantity over a fleet, and each magnet in their light."""
 
-    Parameters
-    ----------
-    mean, scatter : ndarray, shape (q,)
-        In units of the quantities.
-    values, std : ndarray, shape (n, q)
-        Of each magnet in the light of the fleet: its own, as far as its loops determine them, drawn
-        towards the mean; and what is then left open. Outliers keep their own.
-    correlation : ndarray, shape (n, q, q)
-        Of what is left open.
-    distance : ndarray, shape (n,)
-        Of its own values from the mean, in standard deviations of both kinds: the root of the
-        Mahalanobis distance over the number of quantities.
-    outlier : ndarray of bool, shape (n,)
-        Magnets that do not belong: farther than one in :data:`RARE` fleets would have one.
-    """
-
-    mean: FloatArray
+    mean: FloatArray  # in units of the quantities; shape (q,)
     scatter: FloatArray
+    # Of each magnet in the light of the fleet: its own, as far as its loops determine them, drawn
+    # towards the mean; and what is then left open. Outliers keep their own; shape (n, q)
     values: FloatArray
     std: FloatArray
-    correlation: FloatArray
+    correlation: FloatArray  # of what is left open; shape (n, q, q)
+    # of its own values from the mean, in standard deviations of both kinds: the root of the
+    # Mahalanobis distance over the number of quantities; shape (n,)
     distance: FloatArray
+    # magnets that do not belong: farther than one in :data:`RARE` fleets would have one; shape (n,)
     outlier: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
@@ -148,15 +130,7 @@ class _Coordinates:
 def spread_of(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
-    """Find mean and scatter of a fleet; outliers have no say in either.
-
-    Parameters
-    ----------
-    estimates : sequence of MagnetEstimate
-        At least three, of the same quantities.
-    coordinates : sequence of str
-        In which each quantity is normal; as it is if left out.
-    """
+    """Find mean and scatter of a fleet; outliers have no say in either."""
     own = np.array([one.values for one in estimates])
     change = _Coordinates.of(own, coordinates or ["plain"] * own.shape[1])
     values = change.inward(own)

@@ -26,20 +26,13 @@ TITLES: Mapping[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """How far a force is from the demand, after the lead-in.
+    """How far a force is from the demand, after the lead-in."""
 
-    Parameters
-    ----------
-    worst_N, rms_N, mean_N : float
-        Largest and root-mean-square deviation, and mean of its size, N.
-    worst_percent, rms_percent, mean_percent : float
-        The same over the largest force of the rig.
-    """
-
+    # largest and root-mean-square deviation, and mean of its size, N
     worst_N: float  # noqa: N815 - keys of a file carry units
     rms_N: float  # noqa: N815
     mean_N: float  # noqa: N815
-    worst_percent: float
+    worst_percent: float  # the same over the largest force of the rig
     rms_percent: float
     mean_percent: float
 
@@ -53,23 +46,12 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """One controller in one trial.
+    """One controller in one trial."""
 
-    Parameters
-    ----------
-    true : Errors
-        Of the true force, which only a simulation knows.
-    read : Errors
-        Of the force as its sensor reads it: with noise and its delay.
-    simulated : Errors or None
-        Of the force that the simulated program expects.
-    differing : int or None
-        Ticks at which the simulated program gave another current than the firmware.
-    """
-
-    true: Errors
-    read: Errors
-    simulated: Errors | None
+    true: Errors  # of the true force, which only a simulation knows
+    read: Errors  # of the force as its sensor reads it: with noise and its delay
+    simulated: Errors | None  # of the force that the simulated program expects
+    # ticks at which the simulated program gave another current than the firmware
     differing: int | None
 
 
@@ -93,15 +75,7 @@ def score(outcome: ForceOutcome, force_max: float) -> dict[str, Score]:
 
 
 def summary(scores: Sequence[tuple[ForceOutcome, dict[str, Score]]]) -> dict[str, Any]:
-    """Worst errors of each stage and start by controller, and against the single-valued curve.
-
-    Returns
-    -------
-    dict
-        By stage (``end``, ``end_demagnetised``, ``positions``, ``moving``) and controller:
-        ``worst_percent``, ``rms_percent`` (largest of all trials) and ``of_single``, the worst
-        error as a part of that of the best single-valued curve.
-    """
+    """Worst errors of each stage and start by controller, and against the single-valued curve."""
     groups: dict[str, list[dict[str, Score]]] = {}
     for outcome, found in scores:
         past = "_demagnetised" if outcome.trial.start == "demagnetised" else ""

@@ -22,29 +22,17 @@ Start = Literal["unknown", "demagnetised"]
 
 @dataclass(frozen=True)
 class ForceTrial:
-    """One demand at one place.
+    """One demand at one place."""
 
-    Parameters
-    ----------
-    stage : str
-        ``"end"``: models of the stroke's end, there; ``"positions"``: models of the whole stroke,
-        the armature held; ``"moving"``: the same, the armature moving.
-    demand : Demand
-        What is wanted.
-    position : float or None
-        Of the armature, m; None where it moves.
-    start : str
-        ``"unknown"``: the iron has any past, and the controller begins with its start-up sequence;
-        ``"demagnetised"``: iron and controller begin there.
-    number : int
-        Of all trials; decides the noise.
-    """
-
+    # ``"end"``: models of the stroke's end, there; ``"positions"``: models of the whole stroke, the
+    # armature held; ``"moving"``: the same, the armature moving
     stage: Stage
-    demand: Demand
-    position: float | None
+    demand: Demand  # what is wanted
+    position: float | None  # of the armature, m; None where it moves
+    # ``"unknown"``: the iron has any past, and the controller begins with its start-up sequence;
+    # ``"demagnetised"``: iron and controller begin there
     start: Start
-    number: int
+    number: int  # of all trials; decides the noise
 
     @property
     def name(self) -> str:
@@ -63,23 +51,13 @@ class ForceTrial:
 
 @dataclass(frozen=True)
 class Controllers:
-    """All controllers of one stage.
+    """All controllers of one stage."""
 
-    Parameters
-    ----------
-    programs : tuple of Program
-        Firmwares.
-    baselines : mapping of str to Compensator
-        ``ratio``, the paper's uncompensated case: one ratio, of the stroke's end;
-        ``ratio_over_gap``, the same with a ratio for every gap; ``single``, the best curve without
-        memory.
-    board : str
-        Where the firmwares run.
-    """
-
-    programs: tuple[Program, ...]
+    programs: tuple[Program, ...]  # firmwares
+    # ``ratio``, the paper's uncompensated case: one ratio, of the stroke's end; ``ratio_over_gap``,
+    # the same with a ratio for every gap; ``single``, the best curve without memory
     baselines: Mapping[str, Compensator]
-    board: str
+    board: str  # where the firmwares run
 
     @property
     def conditioning(self) -> list[float]:
@@ -89,24 +67,15 @@ class Controllers:
 
 @dataclass(frozen=True)
 class ForceOutcome:
-    """What one trial gave.
+    """What one trial gave."""
 
-    Parameters
-    ----------
-    trial : ForceTrial
-        Which.
-    recordings : dict of str to BenchRecording
-        By controller: ``full``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``.
-    simulated : dict of str to ndarray
-        For each firmware the force, N, that its simulated program expects: the same arithmetic,
-        with the model instead of the solenoid.
-    differing : dict of str to int
-        For each firmware the ticks at which the simulated program gave another current.
-    """
-
-    trial: ForceTrial
+    trial: ForceTrial  # which
+    # by controller: ``full``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``
     recordings: Mapping[str, BenchRecording]
+    # for each firmware the force, N, that its simulated program expects: the same arithmetic, with
+    # the model instead of the solenoid
     simulated: Mapping[str, FloatArray] = field(default_factory=dict)
+    # for each firmware the ticks at which the simulated program gave another current
     differing: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -129,21 +98,7 @@ def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
 
 
 def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOutcome:
-    """Run one trial under every controller of its stage; all see the same noise.
-
-    Parameters
-    ----------
-    rig : Rig
-        The rig.
-    trial : ForceTrial
-        Which.
-    controllers : Controllers
-        Of its stage.
-
-    Returns
-    -------
-    ForceOutcome
-    """
+    """Run one trial under every controller of its stage; all see the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
     demagnetised = trial.start == "demagnetised"
     recordings: dict[str, BenchRecording] = {}

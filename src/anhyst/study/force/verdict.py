@@ -18,19 +18,7 @@ def strongest(stage: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def verdict(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
-    """Judge ``full`` at every stage.
-
-    Parameters
-    ----------
-    summary : mapping
-        See :func:`anhyst.study.force.results.summary`.
-
-    Returns
-    -------
-    dict
-        ``level``, ``"yes"``, ``"no"`` or ``"mixed"``; ``text``, one sentence, which ends on where
-        it would pay if not here; ``strongest``, the baseline by stage.
-    """
+    """Judge ``full`` at every stage."""
     against = {stage: strongest(found) for stage, found in summary.items()}
     parts = [
         found["full"][WORST] / found[against[stage]][WORST] for stage, found in summary.items()

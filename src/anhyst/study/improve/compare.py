@@ -19,32 +19,18 @@ _POINTS = 100
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """What a model leaves of measured loops, noise of the sensors included.
+    """What a model leaves of measured loops, noise of the sensors included."""
 
-    Parameters
-    ----------
-    rms, worst : float
-        In units of the output.
-    """
-
-    rms: float
+    rms: float  # in units of the output
     worst: float
 
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """An old model and a new one.
+    """An old model and a new one."""
 
-    Parameters
-    ----------
-    loops : Loops
-        Both are held against them.
-    old, new : tuple of ndarray
-        What each predicts, loop by loop.
-    """
-
-    loops: Loops
-    old: tuple[FloatArray, ...]
+    loops: Loops  # both are held against them
+    old: tuple[FloatArray, ...]  # what each predicts, loop by loop
     new: tuple[FloatArray, ...]
 
     def misfit(self, predicted: tuple[FloatArray, ...], gap: float | None = None) -> Misfit:
@@ -77,15 +63,7 @@ class Compared:
 
 
 def compare(old: Model, new: Model, loops: Loops) -> Compared:
-    """Hold two models against the same loops.
-
-    Parameters
-    ----------
-    old, new : Model
-        Of the same input and output.
-    loops : Loops
-        With their histories.
-    """
+    """Hold two models against the same loops."""
     return Compared(loops, _predicted(old, loops), _predicted(new, loops))
 
 

@@ -44,23 +44,7 @@ def limits_of(prepared: Improvable) -> dict[str, Any]:
 def measure_loops(
     progress: Progress, prepared: Improvable, folder: Path, tighter: Mapping[str, float]
 ) -> dict[str, Any]:
-    """Design a drive, run it on the rig with its armature held, and write the loops.
-
-    Parameters
-    ----------
-    progress : callable
-    prepared : Improvable
-        The bench.
-    folder : Path
-        For :data:`LOOPS`.
-    tighter : mapping of str to float
-        Limits below those of the rig file, by the names of :func:`limits_of`.
-
-    Returns
-    -------
-    dict
-        Figures, and the drive to be drawn.
-    """
+    """Design a drive, run it on the rig with its armature held, and write the loops."""
     found = measure(within(prepared.specimen(), tighter), progress)
     return _written(found, prepared, folder)
 
@@ -72,16 +56,7 @@ def measure_running(
     folder: Path,
     tighter: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Design a drive, run it through a controller that runs, and write the loops.
-
-    Parameters
-    ----------
-    progress : callable
-    bench : DrivenBoard
-        The controller.
-    prepared, folder, tighter
-        As of :func:`measure_loops`.
-    """
+    """Design a drive, run it through a controller that runs, and write the loops."""
     found = measure_on_board(within(prepared.specimen(), tighter), bench, progress)
     return _written(found, prepared, folder)
 
@@ -98,13 +73,7 @@ def _written(found: Excitation, prepared: Improvable, folder: Path) -> dict[str,
 
 
 def within(specimen: Specimen, tighter: Mapping[str, float]) -> Specimen:
-    """Return a specimen with tighter limits.
-
-    Raises
-    ------
-    InputError
-        No such limit, or it is wider than that of the rig file.
-    """
+    """Return a specimen with tighter limits."""
     bounds = _bounds(specimen)
     for name, value in tighter.items():
         if name not in bounds:
@@ -142,23 +111,7 @@ def _bounds(specimen: Specimen) -> dict[str, Bound]:
 def identify_model(
     progress: Progress, prepared: Improvable, folder: Path, old: Model
 ) -> dict[str, Any]:
-    """Identify a model of the measured loops, as the rig file wants it; write and compare it.
-
-    Parameters
-    ----------
-    progress : callable
-    prepared : Improvable
-        The bench.
-    folder : Path
-        With :data:`LOOPS`; for :data:`MODEL`.
-    old : Model
-        In force now.
-
-    Returns
-    -------
-    dict
-        Law, and both models against the loops in newtons.
-    """
+    """Identify a model of the measured loops, as the rig file wants it; write and compare it."""
     loops = read_loops(folder / LOOPS)
     new = prepared.identify(loops, progress)
     write_model(new, folder / MODEL)
@@ -166,13 +119,7 @@ def identify_model(
 
 
 def compile_block(progress: Progress, prepared: Improvable, folder: Path) -> dict[str, Any]:
-    """Compile the model for the running board, and hold the block against it.
-
-    Returns
-    -------
-    dict
-        The words of the block, and how far it is off its model along paths within its limits.
-    """
+    """Compile the model for the running board, and hold the block against it."""
     model = read_model(folder / MODEL)
     plan = prepared.compile(model)
     progress(1.0, 2.0)

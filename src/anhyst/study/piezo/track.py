@@ -168,13 +168,7 @@ class PiezoTracking(Result):
 
 
 def track(rig: PiezoRig) -> PiezoTracking:
-    """Identify, compile and follow the triangle in all ways.
-
-    Raises
-    ------
-    InputError
-        The reference lies beyond what the loops reach.
-    """
+    """Identify, compile and follow the triangle in all ways."""
     loops = measure(rig)
     model = identify(loops).model
     wanted = reference(rig)

@@ -19,21 +19,7 @@ _PADDING = 4096
 
 
 def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[TrackedRun]:
-    """Repeat the test set-point and add after each trial what the model of the loop asks for.
-
-    Parameters
-    ----------
-    setup : StageSetup
-    gains : Feedforward
-        Of the first trial, and of all others beneath what is learnt.
-    trials : int, optional
-        Their noise differs.
-
-    Returns
-    -------
-    list of TrackedRun
-        Fewer where a trial was lost.
-    """
+    """Repeat the test set-point and add after each trial what the model of the loop asks for."""
     table = setup.rig.settings.tracking
     motion = motion_of(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed=0)]

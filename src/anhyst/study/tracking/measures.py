@@ -20,31 +20,19 @@ EXPOSE_AFTER_S = 5e-3
 
 @dataclass(frozen=True)
 class Measures:
-    """Figures of one run; the first scan, into which the iron comes demagnetised, is left out.
+    """Figures of one run; the first scan, into which the iron comes demagnetised, is left out."""
 
-    Parameters
-    ----------
-    peak_m : float
-        Largest error.
-    rms_m : float
-        Of the error.
-    average_m, deviation_m : float
-        Largest moving average and standard deviation over the slit, in windows that begin 5 ms or
-        more after the acceleration and end with the cruise.
-    settling_50_s, settling_10_s : float
-        From the end of the acceleration until the error stays within 50 and 10 nm, mean of the
-        scans; a scan that never does counts with the whole cruise.
-    force_peak_N, force_rms_N : float
-        Force less what was demanded a delay earlier.
-    """
-
-    peak_m: float
-    rms_m: float
+    peak_m: float  # largest error
+    rms_m: float  # of the error
+    # largest moving average and standard deviation over the slit, in windows that begin 5 ms or
+    # more after the acceleration and end with the cruise
     average_m: float
     deviation_m: float
+    # from the end of the acceleration until the error stays within 50 and 10 nm, mean of the scans;
+    # a scan that never does counts with the whole cruise
     settling_50_s: float
     settling_10_s: float
-    force_peak_N: float
+    force_peak_N: float  # force less what was demanded a delay earlier
     force_rms_N: float
 
     @property

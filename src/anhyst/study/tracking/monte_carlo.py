@@ -107,15 +107,7 @@ def _try(job: _Job) -> dict[str, tuple[Measures, ...]]:
 def calibrate_wrongly(
     path: PathLike, out: PathLike, plants: int, progress: Progress | None = None
 ) -> CalibrationStudy:
-    """Read a rig file, try every variant on plants that were calibrated wrongly, write the figures.
-
-    Raises
-    ------
-    InputError
-        The rig file, its loops or the place to write to will not do.
-    NegativeResult
-        The loop is unstable.
-    """
+    """Read a rig file, try every variant on plants that were calibrated wrongly, write the figures."""
     if Path(out).suffix != ".json":
         raise InputError(
             f"{out}: wrong calibrations are written as .json; name it so", code="wrong-ending"

@@ -45,36 +45,18 @@ _STILL_S = 0.2
 
 @dataclass(frozen=True)
 class TriedVariant:
-    """One variant on the test set-point.
+    """One variant on the test set-point."""
 
-    Parameters
-    ----------
-    gains : Feedforward
-        Found on the training set-point.
-    measures : tuple of Measures
-        One a seed.
-    settled : tuple of tuple of float
-        For each of the bands the settling of every scan of every seed, s.
-    shown : TrackedRun
-        Of the first seed.
-    small : Measures
-        The same gains, a tenth of the accelerations.
-    repeated : Measures
-        Gains found on the very test set-point: what a single, repeated one would show.
-    standstill_m : float
-        Error at rest, rms, the long stroke moving.
-    trials_m : tuple of float
-        Peak of each trial of learning control, m.
-    """
-
-    gains: Feedforward
-    measures: tuple[Measures, ...]
+    gains: Feedforward  # found on the training set-point
+    measures: tuple[Measures, ...]  # one a seed
+    # for each of the bands the settling of every scan of every seed, s
     settled: tuple[tuple[float, ...], ...]
-    shown: TrackedRun
-    small: Measures
+    shown: TrackedRun  # of the first seed
+    small: Measures  # the same gains, a tenth of the accelerations
+    # gains found on the very test set-point: what a single, repeated one would show
     repeated: Measures
-    standstill_m: float
-    trials_m: tuple[float, ...]
+    standstill_m: float  # error at rest, rms, the long stroke moving
+    trials_m: tuple[float, ...]  # peak of each trial of learning control, m
 
     def of(self, name: str) -> Interval:
         """Return a measure over the seeds; no mean where one of the runs was lost."""
@@ -260,19 +242,7 @@ def make_variants(
 
 
 def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
-    """Refuse a loop that does not even hold a tenth of the accelerations, with no gains found yet.
-
-    Parameters
-    ----------
-    setup : StageSetup
-    out : path-like, optional
-        Where the recording of a loop that was lost is kept; figures of a run before it go.
-
-    Raises
-    ------
-    NegativeResult
-        Says when it was lost, and how.
-    """
+    """Refuse a loop that does not even hold a tenth of the accelerations, with no gains found yet."""
     table = setup.rig.settings.tracking
     gently = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2[:2]])
     run = track(setup, gently, Feedforward(), seed=1)
@@ -296,25 +266,7 @@ def explore_stage(
     progress: Progress | None = None,
     out: PathLike | None = None,
 ) -> TrackingStudy:
-    """Try variants on a stage.
-
-    Parameters
-    ----------
-    rig : StageRig
-    magnet : IdentifiedMagnet, optional
-        What is known of the magnets; identified from the loops of the rig file if left out.
-    names : sequence of str, optional
-        The variants, the compensator among them.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-    out : path-like, optional
-        As of :func:`refuse_unstable`.
-
-    Raises
-    ------
-    NegativeResult
-        The loop is unstable; see also ``lost_in`` of what is returned.
-    """
+    """Try variants on a stage."""
     known = magnet or identify_magnet(rig.measured.read(), rig.settings.identify)
     made, left_out = make_variants(rig, known, names)
     refuse_unstable(made[OWN], out)
@@ -325,15 +277,7 @@ def explore_stage(
 def simulate_stage(
     path: PathLike, out: PathLike, progress: Progress | None = None
 ) -> TrackingStudy:
-    """Read a rig file, try every variant, write recording and ``figures.json``.
-
-    Raises
-    ------
-    InputError
-        The rig file, its loops or a place to write to will not do.
-    NegativeResult
-        The loop is unstable.
-    """
+    """Read a rig file, try every variant, write recording and ``figures.json``."""
     rig = read_stage(path)
     reads = [rig.path, *rig.measured.files]
     check_recording(out, reads)

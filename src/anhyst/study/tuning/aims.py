@@ -26,27 +26,13 @@ LOST = 1e6
 
 @dataclass(frozen=True)
 class Figures:
-    """What gains reach, as the worst of everything that was tried.
+    """What gains reach, as the worst of everything that was tried."""
 
-    Parameters
-    ----------
-    overshoot_percent : float
-        Of the height of a step; of both directions, the larger one.
-    settling_time_s : float
-        Until the gap stays within 2 % of the height; mean of both directions.
-    peak_sensitivity : float
-        Measured with a sine that is added to the position sensor.
-    standstill_rms_m : float
-        Of the gap, after a step has settled.
-    current_rate_rms_A_per_s : float
-        Rate of change of the current over a step and its hold.
-    """
-
-    overshoot_percent: float
-    settling_time_s: float
-    peak_sensitivity: float
-    standstill_rms_m: float
-    current_rate_rms_A_per_s: float
+    overshoot_percent: float  # of the height of a step; of both directions, the larger one
+    settling_time_s: float  # until the gap stays within 2 % of the height; mean of both directions
+    peak_sensitivity: float  # measured with a sine that is added to the position sensor
+    standstill_rms_m: float  # of the gap, after a step has settled
+    current_rate_rms_A_per_s: float  # rate of change of the current over a step and its hold
 
     def worse(self, other: Figures) -> Figures:
         """Return the worse of each."""
@@ -75,23 +61,11 @@ def text_of(name: str, value: float) -> str:
 
 @dataclass(frozen=True)
 class Aims:
-    """Upper limits of the figures; the settling time is made as small as they allow.
-
-    Parameters
-    ----------
-    overshoot_percent, peak_sensitivity : float
-    settling_time_s, standstill_rms_m, current_rate_rms_A_per_s : float or None, optional
-        None: no limit.
-
-    Raises
-    ------
-    InputError
-        A limit that is not above zero, or a peak sensitivity that no loop stays below.
-    """
+    """Upper limits of the figures; the settling time is made as small as they allow."""
 
     overshoot_percent: float = 2.0
     peak_sensitivity: float = 3.0
-    settling_time_s: float | None = None
+    settling_time_s: float | None = None  # none: no limit
     standstill_rms_m: float | None = None
     current_rate_rms_A_per_s: float | None = None
 

@@ -21,24 +21,13 @@ WORST = float("inf")
 
 @dataclass(frozen=True)
 class Check:
-    """What gains reach over all noise seeds.
+    """What gains reach over all noise seeds."""
 
-    Parameters
-    ----------
-    figures : dict of Condition to Figures
-        Means over the seeds, worst of all heights; all infinite where levitation was lost.
-    cells : tuple of StepCell
-        Every height with confidence intervals.
-    peaks : dict of Condition to float
-        Frequency of the peak of the sensitivity, Hz.
-    seeds : int
-        Noise seeds behind every mean.
-    """
-
+    # means over the seeds, worst of all heights; all infinite where levitation was lost
     figures: dict[Condition, Figures]
-    cells: tuple[StepCell, ...]
-    peaks: dict[Condition, float]
-    seeds: int
+    cells: tuple[StepCell, ...]  # every height with confidence intervals
+    peaks: dict[Condition, float]  # frequency of the peak of the sensitivity, Hz
+    seeds: int  # noise seeds behind every mean
 
     @property
     def worst(self) -> Figures:
@@ -56,15 +45,7 @@ class Check:
 
 
 def check(setup: Setup, conditions: Sequence[Condition], jobs: int | None = None) -> Check:
-    """Run the steps of all conditions with every noise seed, and a fine swept sine at each.
-
-    Parameters
-    ----------
-    setup : Setup
-    conditions : sequence of Condition
-    jobs : int, optional
-        See :func:`anhyst.support.jobs.each`.
-    """
+    """Run the steps of all conditions with every noise seed, and a fine swept sine at each."""
     seeds = default_seeds(setup.rig)
     heights = setup.rig.settings.simulate.steps_m
     gaps = list(dict.fromkeys(one.gap for one in conditions))

@@ -29,19 +29,12 @@ _NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
 
 @dataclass(frozen=True)
 class Limit:
-    """One thing that limits.
+    """One thing that limits."""
 
-    Parameters
-    ----------
-    what : str
-        Name of a figure of :class:`anhyst.study.tuning.aims.Figures`, or ``noise``, ``force``,
-        ``voltage``, ``current``, ``delay``, ``amplifier``, ``pinning``.
-    text : str
-        A sentence for a person, with numbers.
-    """
-
+    # name of a figure of :class:`anhyst.study.tuning.aims.Figures`, or ``noise``, ``force``,
+    # ``voltage``, ``current``, ``delay``, ``amplifier``, ``pinning``
     what: str
-    text: str
+    text: str  # A sentence for a person, with numbers
 
 
 def find_limits(
@@ -52,25 +45,7 @@ def find_limits(
     seed: int,
     jobs: int | None = None,
 ) -> list[Limit]:
-    """Report what limits gains that were found and checked.
-
-    Parameters
-    ----------
-    setup : Setup
-        With these gains.
-    conditions : sequence of Condition
-    aims : Aims
-    reached : Check
-    seed : int
-        Of the noise in what is run once more, and of the search on linear loops.
-    jobs : int, optional
-        See :func:`anhyst.support.jobs.each`.
-
-    Returns
-    -------
-    list of Limit
-        What binds, by kind: aims, noise, what the hardware gives; then what would help.
-    """
+    """Report what limits gains that were found and checked."""
     if not math.isfinite(reached.worst.settling_time_s):
         return [Limit("settling_time_s", "no gains settled within the hold at every condition")]
     found = [

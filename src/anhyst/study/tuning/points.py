@@ -33,13 +33,6 @@ def make_screen(
 
     Small steps turn the current, and just after a turn only the reversible part of the iron
     answers. A loop whose magnet gives a slope between the two stands for such steps.
-
-    Parameters
-    ----------
-    setup : Setup
-    conditions : sequence of Condition
-    firmness : float, optional
-        Of the softened loops: 0 with the slope just after a turn, 1 with the static one.
     """
     limits = setup.controller.limits
     largest = max(setup.rig.settings.simulate.steps_m)

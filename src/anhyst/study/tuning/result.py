@@ -23,21 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tuned:
-    """What tuning one variant gave.
-
-    Parameters
-    ----------
-    variant : str
-    found : FoundGains
-        The search.
-    limits : tuple of Limit
-        What limits.
-    aims : Aims
-    """
+    """What tuning one variant gave."""
 
     variant: MethodName
-    found: FoundGains
-    limits: tuple[Limit, ...]
+    found: FoundGains  # the search
+    limits: tuple[Limit, ...]  # what limits
     aims: Aims
 
     @property

@@ -31,19 +31,13 @@ REFINED = (24, 32)
 
 @dataclass(frozen=True)
 class Screened:
-    """What linear loops do with n sets of gains, worst of all conditions.
+    """What linear loops do with n sets of gains, worst of all conditions."""
 
-    Parameters
-    ----------
-    overshoot_percent, settling_time_s, peak_sensitivity : ndarray, shape (n,)
-        Settling is infinite where it takes longer than was looked at, or for ever.
-    effort : ndarray, shape (n,)
-        Force that the largest step asks for, in parts of what there is.
-    """
-
+    # settling is infinite where it takes longer than was looked at, or for ever; shape (n,)
     overshoot_percent: FloatArray
     settling_time_s: FloatArray
     peak_sensitivity: FloatArray
+    # force that the largest step asks for, in parts of what there is; shape (n,)
     effort: FloatArray
 
     def costs(self, aims: Aims, horizon: float) -> FloatArray:
@@ -60,18 +54,7 @@ class Screened:
 
 
 class Screen:
-    """Linear loops at several conditions, around which gains are tried.
-
-    Parameters
-    ----------
-    loops : sequence of LinearLoop
-        Of their plants and compensations; their controllers do not count.
-    reserves : sequence of float
-        For each of them, the force that the largest step may add or take away, N for each metre of
-        its height.
-    horizon : float
-        How long a step is looked at, s.
-    """
+    """Linear loops at several conditions, around which gains are tried."""
 
     def __init__(
         self, loops: Sequence[LinearLoop], reserves: Sequence[float], horizon: float
@@ -156,20 +139,7 @@ def _demand(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def closed_loop(loop: LinearLoop, per_tick: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return matrices of closed loops over a tick, and what a reference of 1 adds.
-
-    Parameters
-    ----------
-    loop : LinearLoop
-        Plant and compensation.
-    per_tick : ndarray, shape (n, 11)
-        As :attr:`anhyst.control.Pidd2.per_tick`.
-
-    Returns
-    -------
-    matrix, into : ndarray, shape (n, m, m) and (n, m)
-        States: the plant's; position and velocity behind their filters; the integral.
-    """
+    """Return matrices of closed loops over a tick, and what a reference of 1 adds."""
     a, b, c = loop.plant
     n, m = per_tick.shape[0], a.shape[0]
     p, k, d, e, _, _, s, t, weight = per_tick.T[:9]

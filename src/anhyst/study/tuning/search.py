@@ -48,49 +48,24 @@ _WORK_AFTER = 40.0  # finding out what limits the best gains
 
 @dataclass(frozen=True, eq=False)
 class TriedGains:
-    """Gains that were tried, and what they gave.
+    """Gains that were tried, and what they gave."""
 
-    Parameters
-    ----------
-    place : ndarray, shape (7,)
-        In the box that is searched.
-    outcome : GainOutcome
-        With one noise seed.
-    """
-
-    place: FloatArray
-    outcome: GainOutcome
+    place: FloatArray  # in the box that is searched; shape (7,)
+    outcome: GainOutcome  # with one noise seed
 
 
 @dataclass(frozen=True)
 class FoundGains:
-    """What a search found.
+    """What a search found."""
 
-    Parameters
-    ----------
-    setup : Setup
-        With the best gains.
-    numbers : dict of str to float
-        The best place in the box, by name.
-    check : Check or None
-        Of the best; None if the search was interrupted before.
-    before : GainOutcome
-        Of the gains as they were, one noise seed.
-    candidates : tuple of TriedGains
-        All that were tried at every condition, those of the front included.
-    tried : int
-        Sets of gains in the nonlinear loop.
-    interrupted : bool
-        Whether ctrl-C ended the search.
-    """
-
-    setup: Setup
-    numbers: dict[str, float]
-    check: Check | None
-    before: GainOutcome
+    setup: Setup  # with the best gains
+    numbers: dict[str, float]  # the best place in the box, by name
+    check: Check | None  # of the best; None if the search was interrupted before
+    before: GainOutcome  # of the gains as they were, one noise seed
+    # all that were tried at every condition, those of the front included
     candidates: tuple[TriedGains, ...]
-    tried: int
-    interrupted: bool
+    tried: int  # sets of gains in the nonlinear loop
+    interrupted: bool  # whether ctrl-C ended the search
 
     @property
     def figures(self) -> Figures:
@@ -102,31 +77,15 @@ class FoundGains:
 
 @dataclass
 class GainSearch:
-    """A search for the gains of one setup.
+    """A search for the gains of one setup."""
 
-    Parameters
-    ----------
-    setup : Setup
-        Of the variant; all of its controller but the gains is kept.
-    conditions : tuple of Condition
-    aims : Aims
-    budget : int
-        Sets of gains tried in the nonlinear loop before the first check.
-    seed : int
-        Of everything random in the search, and of the noise in it.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-    jobs : int, optional
-        Processes; as many as there are cores if left out.
-    """
-
-    setup: Setup
+    setup: Setup  # of the variant; all of its controller but the gains is kept
     conditions: tuple[Condition, ...]
     aims: Aims
-    budget: int = BUDGET
-    seed: int = 0
-    progress: Progress | None = None
-    jobs: int | None = None
+    budget: int = BUDGET  # sets of gains tried in the nonlinear loop before the first check
+    seed: int = 0  # of everything random in the search, and of the noise in it
+    progress: Progress | None = None  # called with what is done and what there is in all
+    jobs: int | None = None  # processes; as many as there are cores if left out
     _space: GainSpace = field(init=False)
     _brief: Setup = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
@@ -144,15 +103,7 @@ class GainSearch:
         self._whole = front + self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
 
     def run(self) -> FoundGains:
-        """Search.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            Too early for any gains.
-        NegativeResult
-            No gains hold the armature at all conditions.
-        """
+        """Search."""
         before = run_trial(GainTrial(self._brief, self.conditions, self.aims, seed=self.seed))
         checked: list[tuple[float, TriedGains, Check]] = []
         interrupted = False

@@ -32,18 +32,10 @@ class Axis(NamedTuple):
 
 @dataclass(frozen=True)
 class GainSpace:
-    """The box that is searched.
+    """The box that is searched."""
 
-    Parameters
-    ----------
-    rate : float
-        Of the controller, Hz; frequencies are searched in parts of it.
-    mass : float
-        What moves, kg.
-    """
-
-    rate: float
-    mass: float
+    rate: float  # of the controller, Hz; frequencies are searched in parts of it
+    mass: float  # what moves, kg
 
     @property
     def axes(self) -> dict[str, Axis]:

@@ -12,19 +12,7 @@ from anhyst.support.arrays import FloatArray
 
 
 class Strategy:
-    """Draws points around a mean, and moves mean and spread to where the better ones lie.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (n,)
-        Where to begin, within the unit box.
-    sigma : float
-        First standard deviation along every axis.
-    seed : list of int
-        Of everything random.
-    children : int
-        Points of a generation; the better half of them counts for more.
-    """
+    """Draws points around a mean, and moves mean and spread to where the better ones lie."""
 
     def __init__(self, mean: FloatArray, sigma: float, seed: list[int], children: int) -> None:
         box = np.tile([0.0, 1.0], (mean.size, 1))

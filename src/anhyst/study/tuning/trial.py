@@ -23,18 +23,10 @@ from anhyst.support.errors import InputError
 
 @dataclass(frozen=True)
 class Condition:
-    """Where a bearing is tried.
+    """Where a bearing is tried."""
 
-    Parameters
-    ----------
-    gap : float
-        m.
-    load : float
-        N.
-    """
-
-    gap: float
-    load: float
+    gap: float  # m
+    load: float  # N
 
     @property
     def text(self) -> str:
@@ -54,45 +46,24 @@ def default_conditions(rig: BearingRig) -> tuple[Condition, ...]:
 
 @dataclass(frozen=True)
 class GainTrial:
-    """Gains to be tried.
+    """Gains to be tried."""
 
-    Parameters
-    ----------
-    setup : Setup
-        With these gains.
-    conditions : tuple of Condition
-        Tried one after the other.
-    aims : Aims
-    ceiling : float, optional
-        Cost from which on gains are given up: the rest of the conditions is not tried.
-    seed : int, optional
-        Of the noise.
-    """
-
-    setup: Setup
-    conditions: tuple[Condition, ...]
+    setup: Setup  # with these gains
+    conditions: tuple[Condition, ...]  # tried one after the other
     aims: Aims
+    # cost from which on gains are given up: the rest of the conditions is not tried
     ceiling: float = math.inf
-    seed: int = 0
+    seed: int = 0  # of the noise
 
 
 @dataclass(frozen=True)
 class GainOutcome:
-    """What a trial gave.
+    """What a trial gave."""
 
-    Parameters
-    ----------
-    cost : float
-        By :meth:`Aims.cost`; a lower bound of it where the trial was given up.
-    figures : dict of Condition to Figures
-        Of what was tried before it was given up, or levitation lost.
-    complete : bool
-        Whether everything was tried.
-    """
-
-    cost: float
+    cost: float  # by :meth:`Aims.cost`; a lower bound of it where the trial was given up
+    # of what was tried before it was given up, or levitation lost
     figures: dict[Condition, Figures]
-    complete: bool
+    complete: bool  # whether everything was tried
 
     @property
     def worst(self) -> Figures:

@@ -39,44 +39,7 @@ def tune(
     progress: Progress | None = None,
     jobs: int | None = None,
 ) -> Tuning:
-    """Find gains for stated aims over gaps, step heights and loads at once; write the files.
-
-    Parameters
-    ----------
-    rig_path : path-like
-        Rig file of a bearing: its gaps, steps and load are the test cases, and two thirds of that
-        load.
-    out : path-like
-        Folder to write to: ``controller.toml`` (with `all_variants`, one for each:
-        ``controller-full.toml``), ``tuning.json`` and ``tuning.md``;
-        :func:`anhyst.reports.bearing.tuning.write_pareto` adds the picture.
-    controller_path : path-like, optional
-        Controller file to begin with; ``controller.toml`` beside the rig file if left out.
-        Everything but the gains, filters and set-point weight is kept.
-    aims : Aims, optional
-    all_variants : bool, optional
-        Tune every variant for itself, with the same aims, budget and seed.
-    budget : int, optional
-        Sets of gains that are tried in the nonlinear loop, for each variant.
-    seed : int, optional
-        The same seed gives the same result on any number of cores.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-    jobs : int, optional
-        Processes; as many as there are cores if left out.
-
-    Returns
-    -------
-    Tuning
-        Written even if aims are missed; see :func:`~anhyst.study.tuning.output.shortfall`.
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read, written, or does not fit the others.
-    Interrupted
-        Ctrl-C, too early for any gains.
-    """
+    """Find gains for stated aims over gaps, step heights and loads at once; write the files."""
     if budget < 10:
         raise InputError(
             f"--budget: {budget} sets of gains are too few; give 10 or more",

@@ -16,11 +16,6 @@ def worth(tuning: Tuning) -> str:
     """Say in a sentence whether it is, against which baseline, and how measured flux does.
 
     What counts is the settling time of those whose gains meet the aims.
-
-    Parameters
-    ----------
-    tuning : Tuning
-        With all variants, or there is nothing to compare.
     """
     models = [one for name, one in tuning.tuned.items() if name in MODELS]
     baselines = [one for name, one in tuning.tuned.items() if name in BASELINES]

@@ -24,15 +24,6 @@ _MOST_CORRELATION = 0.9
 def threshold(run_length: float, allowance: float = SMALLEST) -> float:
     """Return the threshold of a one-sided chart, in standard deviations.
 
-    Parameters
-    ----------
-    run_length : float
-        Mean number of independent normal values to a false alarm.
-    allowance : float, optional
-        By which values must be off before they add to the sum, in standard deviations.
-
-    Examples
-    --------
     >>> round(threshold(465.0), 1)  # tables say 5 for a mean run of 465
     4.8
     """
@@ -43,21 +34,13 @@ def threshold(run_length: float, allowance: float = SMALLEST) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a row of numbers is like while nothing is wrong.
-
-    Parameters
-    ----------
-    mean : float
-    scatter : float
-        Standard deviation of one value that would have the same effect on a sum if values were
-        independent, from above.
-    error : float
-        By which the mean may be off.
-    """
+    """What a row of numbers is like while nothing is wrong."""
 
     mean: float
+    # standard deviation of one value that would have the same effect on a sum if values were
+    # independent, from above
     scatter: float
-    error: float
+    error: float  # by which the mean may be off
 
     @classmethod
     def of(cls, values: Sequence[float]) -> Reference:
@@ -82,20 +65,11 @@ class Reference:
 
 @dataclass(slots=True)
 class Chart:
-    """A two-sided cumulative sum.
-
-    Parameters
-    ----------
-    reference : Reference
-    least : float
-        Smallest shift worth an alarm, in the unit of the values; half of it is allowed.
-    run_length : float
-        Mean number of values to a false alarm, of both sides together.
-    """
+    """A two-sided cumulative sum."""
 
     reference: Reference
-    least: float
-    run_length: float
+    least: float  # smallest shift worth an alarm, in the unit of the values; half of it is allowed
+    run_length: float  # mean number of values to a false alarm, of both sides together
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0])
     _counts: list[int] = field(default_factory=lambda: [0, 0])
     _shifts: list[float] = field(default_factory=lambda: [0.0, 0.0])
@@ -115,13 +89,7 @@ class Chart:
         return threshold(2.0 * self.run_length) * self.reference.scatter
 
     def add(self, value: float) -> tuple[float, int] | None:
-        """Take the next value.
-
-        Returns
-        -------
-        shift, count
-            Mean shift since it began, and how many values ago that was; None where all is well.
-        """
+        """Take the next value."""
         away = value - self.reference.mean
         for side, sign in enumerate((1.0, -1.0)):
             self._sums[side] += sign * away - self.allowance

@@ -36,46 +36,23 @@ TURN = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Drifted:
-    """A drift that was found.
+    """A drift that was found."""
 
-    Parameters
-    ----------
-    name : str
-        ``"level"`` or ``"width"``.
-    shift : float
-        Of its mean against the first cycles, in units of the output (N).
-    since : int
-        Tick at which it began, as far as can be said: the end of the last cycle before.
-    found : int
-        Tick at which it was found.
-    """
-
-    name: Name
-    shift: float
-    since: int
-    found: int
+    name: Name  # ``"level"`` or ``"width"``
+    shift: float  # of its mean against the first cycles, in units of the output (N)
+    since: int  # tick at which it began, as far as can be said: the end of the last cycle before
+    found: int  # tick at which it was found
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What is known of a model by now.
+    """What is known of a model by now."""
 
-    Parameters
-    ----------
-    cycles : int
-        Complete ones.
-    learning : bool
-        Whether there are too few of them yet to say anything.
-    drifted : Drifted or None
-        The first drift; None while the model fits.
-    usual, left : float
-        What the model left of the output while it was seen to fit, and leaves in the last cycle:
-        rms, in its unit, noise included. 0 before there is a cycle.
-    """
-
-    cycles: int
-    learning: bool
-    drifted: Drifted | None
+    cycles: int  # complete ones
+    learning: bool  # whether there are too few of them yet to say anything
+    drifted: Drifted | None  # the first drift; None while the model fits
+    # what the model left of the output while it was seen to fit, and leaves in the last cycle: rms,
+    # in its unit, noise included. 0 before there is a cycle
     usual: float = field(default=0.0, compare=False)
     left: float = field(default=0.0, compare=False)
 
@@ -145,28 +122,15 @@ class _Cycles:
 
 @dataclass(slots=True)
 class DriftWatch:
-    """Watches one model, chunk by chunk; what comes out does not depend on how it is cut.
+    """Watches one model, chunk by chunk; what comes out does not depend on how it is cut."""
 
-    Parameters
-    ----------
-    model : Model
-        Of force over current, and gap.
-    gap : float
-        Where the armature is at the beginning, m.
-    history : History, optional
-        Of the iron before the first sample; as the model says, if left out. What it gets wrong
-        must be wiped out by the first cycle.
-    run_length : float, optional
-        Mean number of cycles of the current to a false alarm.
-    least : float, optional
-        Smallest drift worth an alarm, N; a thousandth of the model's largest output if
-        left out.
-    """
-
-    model: Model
-    gap: float
+    model: Model  # of force over current, and gap
+    gap: float  # where the armature is at the beginning, m
+    # Of the iron before the first sample; as the model says, if left out. What it gets wrong must
+    # be wiped out by the first cycle.
     history: History | str | None = None
-    run_length: float = RUN_LENGTH
+    run_length: float = RUN_LENGTH  # mean number of cycles of the current to a false alarm
+    # smallest drift worth an alarm, N; a thousandth of the model's largest output if left out
     least: float | None = None
     finding: Finding = field(default=Finding(0, True, None), init=False)
     _stepper: Stepper = field(init=False)
@@ -196,25 +160,7 @@ class DriftWatch:
     def take(
         self, ticks: FloatArray, current: FloatArray, gap: FloatArray, force: FloatArray
     ) -> Finding:
-        """Go on by a chunk.
-
-        Parameters
-        ----------
-        ticks : ndarray, shape (n,)
-            Rising; every tick, or every so many.
-        current, gap, force : ndarray, shape (n,)
-            As they were measured, A, m, N.
-
-        Returns
-        -------
-        Finding
-            After the first drift it stays as it is.
-
-        Raises
-        ------
-        InputError
-            Ticks that do not rise, or values that are none.
-        """
+        """Go on by a chunk."""
         if ticks.size == 0 or self.finding.drifted is not None:
             return self.finding
         if np.any(np.diff(ticks) <= 0) or (self._tick is not None and ticks[0] <= self._tick):

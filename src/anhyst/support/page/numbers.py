@@ -51,20 +51,6 @@ class Scale:
 def scale_of(unit: str, values: Iterable[float | None]) -> Scale:
     r"""Choose the unit in which values are easiest to read.
 
-    Parameters
-    ----------
-    unit : str
-        Their SI unit.
-    values : iterable of float or None
-        The values, SI; the largest decides.
-
-    Returns
-    -------
-    Scale
-        Gaps and other lengths come out in mm, or in µm below 0.05 mm.
-
-    Examples
-    --------
     >>> scale_of("m", [0.3e-3, 0.6e-3]).span(0.3e-3, 0.6e-3)
     '0.3 to 0.6\xa0mm'
     >>> scale_of("A/m", [55e3]).show(54997.2)
@@ -95,8 +81,6 @@ def scale_for(quantity: Quantity, values: Iterable[float | None]) -> Scale:
 def number(value: float, digits: int = 3, *, short: bool = False) -> str:
     """Write a number with so many significant digits, what is before the point always whole.
 
-    Examples
-    --------
     >>> number(0.76436), number(1234.4), number(0.3), number(0.3, short=True), number(2.5e-7)
     ('0.764', '1234', '0.300', '0.3', '2.5×10⁻⁷')
     """
@@ -118,8 +102,6 @@ def number(value: float, digits: int = 3, *, short: bool = False) -> str:
 def percent(share: float | None, digits: int = 2) -> str:
     r"""Write a share of one as a percentage.
 
-    Examples
-    --------
     >>> percent(0.002622), percent(1.5), percent(float("inf"))
     ('0.26\xa0%', '150\xa0%', '∞\xa0%')
     """
@@ -129,8 +111,6 @@ def percent(share: float | None, digits: int = 2) -> str:
 def with_deviation(value: float, deviation: float) -> str:
     """Write an estimate with its standard deviation, both to the digits that mean something.
 
-    Examples
-    --------
     >>> with_deviation(1.747004, 0.141138), with_deviation(392.274, 7.2005)
     ('1.75 ± 0.14', '392.3 ± 7.2')
     >>> with_deviation(1.7, float("inf"))

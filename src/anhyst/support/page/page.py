@@ -39,26 +39,7 @@ class Headline:
 def render_page(
     head: Headline, sections: Sequence[Section], version: str, *, kind: str, source: str
 ) -> str:
-    """Return the text of a page.
-
-    Parameters
-    ----------
-    head : Headline
-        What a reader sees first.
-    sections : sequence of Section
-        What follows.
-    version : str
-        Of anhyst; may be empty.
-    kind : str
-        What the page is about, in two words.
-    source : str
-        What it was written from.
-
-    Returns
-    -------
-    str
-        HTML that needs nothing else.
-    """
+    """Return the text of a page."""
     return _template().render(
         head=head, sections=sections, version=version, kind=kind, source=source
     )

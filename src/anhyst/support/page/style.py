@@ -99,20 +99,7 @@ def columns_of(count: int) -> int:
 
 @styled
 def svg_text(figure: Figure, prefix: str) -> str:
-    """Render a figure as an SVG element to be put into a page.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    prefix : str
-        Put before every identifier, so that figures of one page do not meet.
-
-    Returns
-    -------
-    str
-        ``<svg>...</svg>`` without prologue; the same for the same figure.
-    """
+    """Render a figure as an SVG element to be put into a page."""
     stream = io.StringIO()
     figure.savefig(stream, format="svg", dpi=RESOLUTION, metadata=_NO_METADATA)
     text = stream.getvalue()
@@ -127,13 +114,7 @@ def svg_text(figure: Figure, prefix: str) -> str:
 
 @styled
 def write_png(figure: Figure, path: PathLike, dpi: int = 150) -> None:
-    """Write a figure as a PNG file, without a time stamp.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a figure as a PNG file, without a time stamp."""
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
     write_bytes(path, stream.getvalue())

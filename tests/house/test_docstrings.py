@@ -1,0 +1,64 @@
+"""Sections stand in the docstrings of exported names alone: elsewhere annotations and comments do."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import anhyst
+
+SOURCES = Path(anhyst.__file__).parent
+SECTION = re.compile(r"^\s*-{3,}\s*$", re.MULTILINE)
+Documented = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+
+
+def names_of(exported: Any) -> Iterator[tuple[str, str]]:
+    """Give module and qualified name of what is exported: of classes their public members too."""
+    if not inspect.isclass(exported):
+        yield exported.__module__, exported.__qualname__
+        return
+    for base in exported.__mro__:
+        yield base.__module__, base.__qualname__
+        for member in vars(base):
+            if not member.startswith("_") or member in {"__call__", "__init__"}:
+                yield base.__module__, f"{base.__qualname__}.{member}"
+
+
+def documented(tree: ast.AST, inside: str = "") -> Iterator[tuple[str, Documented]]:
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, Documented):
+            yield inside + node.name, node
+            yield from documented(node, f"{inside}{node.name}.")
+        else:
+            yield from documented(node, inside)
+
+
+def test_only_exported_names_have_sections() -> None:
+    exported = {
+        name
+        for noun in anhyst.__all__
+        if not noun.startswith("_")
+        for name in names_of(getattr(anhyst, noun))
+    }
+    found = []
+    for path in sorted(SOURCES.rglob("*.py")):
+        parts = path.relative_to(SOURCES.parent).with_suffix("").parts
+        module = ".".join(part for part in parts if part != "__init__")
+        for name, node in documented(ast.parse(path.read_text(encoding="utf-8"))):
+            if SECTION.search(ast.get_docstring(node) or "") and (module, name) not in exported:
+                found.append(f"{module}:{name}")
+    assert found == []
+
+
+def test_every_exported_verb_states_what_it_takes_and_gives() -> None:
+    verbs = [getattr(anhyst, name) for name in anhyst.__all__ if not name.startswith("_")]
+    silent = [
+        verb.__name__
+        for verb in verbs
+        if inspect.isfunction(verb) and "\nParameters\n---" not in (inspect.getdoc(verb) or "")
+    ]
+    assert silent == []
