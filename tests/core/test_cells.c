@@ -244,12 +244,14 @@ static void weights_out_of_range_are_refused(void)
     const double good = *places[i];
     for (int j = 0; j < 3; j++) {
       *places[i] = bad[i][j];
-      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_BAD_PARAMETER);
+      CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) ==
+            ANHYST_BAD_PARAMETER);
     }
     *places[i] = good;
   }
   s.width[0] = 1e-4 * s.threshold[12];
-  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_cells_lay_f64(&s.cells, &s.weights, ANHYST_CELLS_AIM, &pieces) ==
+        ANHYST_BAD_PARAMETER);
   free(s.rows);
 }
 

@@ -80,8 +80,8 @@ public:
         std::fill(places_t.begin(), places_t.end(), 0.0);
         const size_t row = i * directions;
         const anhyst_differentiated_drive_f64 drive = {
-            end - i,      directions,           omega.data() + i, r.data() + i,
-            omega_t.data() + row, r_t.data() + row};
+            end - i,      directions,           omega.data() + i,
+            r.data() + i, omega_t.data() + row, r_t.data() + row};
         size_t index = 0;
         if (status == ANHYST_OK) {
           status = anhyst_cells_sensitivity_f64(

@@ -10,11 +10,11 @@
 extern "C" {
 #endif
 
-/* By what is differentiated, beside the drive: the derivatives of weights, widths and thresholds, for
-   every direction. */
+/* By what is differentiated, beside the drive: the derivatives of weights, widths and thresholds,
+   for every direction. */
 typedef struct {
-  const double *weight_t; /* `cells` times `widths` rows of directions */
-  const double *width_t;  /* `widths` rows of directions */
+  const double *weight_t;    /* `cells` times `widths` rows of directions */
+  const double *width_t;     /* `widths` rows of directions */
   const double *threshold_t; /* `cells` rows of directions; the first is zero */
 } anhyst_cell_directions_f64;
 

@@ -85,18 +85,18 @@ typedef struct {
 /* What tables aim at unless less will do, of the saturation. */
 #define ANHYST_CELLS_AIM 1e-12
 
-/* Lays the nodes of the tables so fine that an error of m of aim, of the saturation, is kept where it
-   can be. *pieces gets how many pieces the rows hold together.
-   Returns ANHYST_OK or ANHYST_BAD_PARAMETER: weights out of range, or curves so narrow beside the
-   thresholds (below about 1/300 of the largest) that 1e-6 of the saturation cannot be kept. */
+/* Lays the nodes of the tables so fine that an error of m of aim, of the saturation, is kept where
+   it can be. *pieces gets how many pieces the rows hold together. Returns ANHYST_OK or
+   ANHYST_BAD_PARAMETER: weights out of range, or curves so narrow beside the thresholds (below
+   about 1/300 of the largest) that 1e-6 of the saturation cannot be kept. */
 anhyst_status anhyst_cells_lay_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                    double aim, size_t *pieces);
 
 /* Fills the rows; storage holds what anhyst_cells_lay_f64 asked for, and must outlive the law.
-   Error of m against the sums, with ANHYST_CELLS_AIM: 1e-12 of the saturation for curves down to 1/30 of the largest
-   threshold, growing with the sixth power of that ratio to 1e-6. A cell's curve is interpolated
-   between other nodes on the way up than down: of that error up to a fifth adds up with every minor
-   loop that is run through, till all cells move or the state is entered anew. */
+   Error of m against the sums, with ANHYST_CELLS_AIM: 1e-12 of the saturation for curves down to
+   1/30 of the largest threshold, growing with the sixth power of that ratio to 1e-6. A cell's curve
+   is interpolated between other nodes on the way up than down: of that error up to a fifth adds up
+   with every minor loop that is run through, till all cells move or the state is entered anew. */
 void anhyst_cells_tabulate_f64(anhyst_cells_f64 *cells, const anhyst_cell_weights_f64 *weights,
                                anhyst_cell_piece_f64 *storage);
 
