@@ -54,6 +54,13 @@ _AGREE = 1.1
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
 
+_STUCK = 10.0
+"""Pinning over width of the curve beyond which a law of Jiles and Atherton hardly moves at all: that
+its loops are narrow, and nothing of thresholds."""
+
+_NARROW = (0.25, 8.0, 0.1, 2.0)
+"""Share and width of the reversible part, pinning and spread of cells with narrow loops."""
+
 _LANGEVIN = {"langevin": 1.0, "tanh": 3.0}
 """Width of each curve that has the slope of Langevin's of width 1 at its middle."""
 
@@ -118,6 +125,7 @@ def search_cells(
     wanted: Sequence[ModelCandidate],
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
+    is_usable: Callable[[FoundModel], bool],
 ) -> dict[ModelCandidate, Fits]:
     """Fit play cells of every curve, until a population more gains next to nothing."""
     ends: dict[ModelCandidate, list[FoundModel]] = {}
@@ -135,6 +143,11 @@ def search_cells(
             before = last.get(shape, [])
             known = _suggested(levels, before) if before else _begun(levels, base)
             found = _search(levels, one.cells, known, seed, leaves_something)
+            if not before and not is_usable(found[0]):
+                # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
+                near = [follow(levels.fine, theta, _CLOSE, _TO_END, levels.tie) for theta in known]
+                able = sorted(filter(is_usable, near), key=lambda end: end.cost)
+                found = [*able[:1], *found][:_ENDED]
             if not before or found[0].cost <= _GAIN * before[0].cost:
                 ends[one] = new[shape] = found
         least = min((found[0].cost for found in new.values()), default=0.0)
@@ -206,7 +219,7 @@ def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
     kernel = levels.coarse.form.cells
     assert isinstance(kernel, CellKernel)
     wide, slope = _LANGEVIN[kernel.shape], SLOPES[kernel.shape]
-    return [
+    begun = [
         levels.coarse.pack(
             [
                 _as_cells(local, base.space.form.power, wide, slope, part, kept)
@@ -217,6 +230,22 @@ def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
         for kept in (1.0, 0.0)
         if kept or min(local.omega for local in base.sets) < 0.0
     ]
+    if max(local.kappa for local in base.sets) > _STUCK:
+        narrow = [_as_narrow_cells(local, base.space.form.power, wide) for local in base.sets]
+        begun.append(levels.coarse.pack(narrow))
+    return begun
+
+
+def _as_narrow_cells(local: Local, power: int, wide: float) -> Local:
+    """Make cells with narrow loops instead; the initial slope stays as it is."""
+    all_of_it = 1.0 + _NARROW[0] / _NARROW[1]
+    return replace(
+        local,
+        law=_NARROW,
+        omega=max(local.omega, 0.0) / (wide * all_of_it),
+        scale=local.scale * wide,
+        gain=local.gain / all_of_it**power,
+    )
 
 
 def _as_cells(

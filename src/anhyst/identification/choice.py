@@ -182,8 +182,11 @@ def _compare_cells(
             contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
     new = cell_candidates(cell_map(base, maps), run.cells)
     leaves = partial(_leaves_something, loopset=loopset)
+    usable = partial(_is_usable, loopset=loopset)
     wide = contest.fits[base].wide
-    contest.fits.update(run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves)))
+    contest.fits.update(
+        run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves, usable))
+    )
     new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
     best = replace(contest, entrants=new).winner()
