@@ -182,10 +182,10 @@ def _compare_cells(
             contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
     new = cell_candidates(cell_map(base, maps), run.cells)
     leaves = partial(_leaves_something, loopset=loopset)
-    usable = partial(_is_usable, loopset=loopset)
+    may_be_chosen = partial(_is_usable, loopset=loopset)
     wide = contest.fits[base].wide
     contest.fits.update(
-        run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves, usable))
+        run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves, may_be_chosen))
     )
     new = [one for one in new if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
