@@ -1,4 +1,4 @@
-# The only list of the virtual bearing's sources. It stands on the core.
+# The only list of the virtual plant's sources. It stands on the core.
 set(ANHYST_PLANT_DIR "${CMAKE_CURRENT_LIST_DIR}")
 set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/iron.c"
@@ -7,7 +7,7 @@ set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/irons/duhem.c"
   "${ANHYST_PLANT_DIR}/src/magnet.c"
   "${ANHYST_PLANT_DIR}/src/sensor.c"
-  "${ANHYST_PLANT_DIR}/src/bearing.c"
+  "${ANHYST_PLANT_DIR}/src/body.c"
   "${ANHYST_PLANT_DIR}/src/loop.c"
   "${ANHYST_PLANT_DIR}/src/position.c"
   "${ANHYST_PLANT_DIR}/src/tracking.c"

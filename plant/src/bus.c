@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+/* Currents of a record stand one after the other. */
+#define MAGNETS (ANHYST_BUS_DRIVE_STATE - ANHYST_BUS_DRIVE_DRIVE)
 #define Q30 1073741824.0
 #define Q31 2147483648.0
 
@@ -75,21 +77,24 @@ void anhyst_bus_controller_tick(void *self, const anhyst_loop_sample *sample,
   anhyst_bus_controller *bus = self;
   const anhyst_position_scales *scales = &bus->scales;
   uint32_t words[ANHYST_BUS_SAMPLE_WORDS] = {0};
+  int i;
   bus->tick++;
   words[ANHYST_BUS_SAMPLE_TICK] = bus->tick;
   words[ANHYST_BUS_SAMPLE_POSITION] =
-      code((scales->gap_middle - sample->gap) / scales->position, Q31);
-  words[ANHYST_BUS_SAMPLE_CURRENT] = code(sample->current[0] / scales->current, Q30);
-  words[ANHYST_BUS_SAMPLE_CURRENT_2] = code(sample->current[1] / scales->current, Q30);
+      code((scales->gap_middle - sample->head[0]) / scales->position, Q31);
+  for (i = 0; i < MAGNETS && i < sample->magnets; i++) {
+    words[ANHYST_BUS_SAMPLE_CURRENT + i] = code(sample->current[i] / scales->current, Q30);
+  }
   answer->gone = !exchange(bus, words);
   if (answer->gone) {
     return;
   }
-  answer->current[0] = fraction(bus->drive[ANHYST_BUS_DRIVE_DRIVE]) * scales->current;
-  answer->current[1] = fraction(bus->drive[ANHYST_BUS_DRIVE_DRIVE_2]) * scales->current;
-  answer->reference =
+  for (i = 0; i < MAGNETS && i < sample->magnets; i++) {
+    answer->current[i] = fraction(bus->drive[ANHYST_BUS_DRIVE_DRIVE + i]) * scales->current;
+  }
+  answer->reference[0] =
       scales->gap_middle - fraction(bus->drive[ANHYST_BUS_DRIVE_REFERENCE]) * scales->position;
-  answer->demand = fraction(bus->drive[ANHYST_BUS_DRIVE_DEMAND]) * scales->demand;
+  answer->demand[0] = fraction(bus->drive[ANHYST_BUS_DRIVE_DEMAND]) * scales->demand;
   answer->state = (uint16_t)(16U * (bus->drive[ANHYST_BUS_DRIVE_STATE] & 0xFFU) +
                              (bus->drive[ANHYST_BUS_DRIVE_MODE] >> 16));
   answer->flags = (uint16_t)(bus->drive[ANHYST_BUS_DRIVE_MODE] & 0xFFFFU);

@@ -2,7 +2,6 @@
 #include "anhyst_plant/tracking.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "anhyst_plant/sensor.h"
 
@@ -61,24 +60,23 @@ static double control(anhyst_tracking *c, double error)
 void anhyst_tracking_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
 {
   anhyst_tracking *c = self;
-  const double gap[ANHYST_TRACKING_MAGNETS] = {sample->gap, c->gap_total - sample->gap};
-  const double net = control(c, sample->position - sample->target) + sample->load;
+  const double gap[ANHYST_TRACKING_MAGNETS] = {sample->head[0], c->gap_total - sample->head[0]};
+  const double net = control(c, sample->position[0] - sample->target[0]) + sample->load[0];
   double force[ANHYST_TRACKING_MAGNETS];
   int j;
-  memset(answer, 0, sizeof *answer);
   if (c->by_halves) {
     force[0] = c->idle + 0.5 * net;
     force[1] = c->idle - 0.5 * net;
   } else {
     anhyst_tracking_allocate(net, c->idle, force);
   }
-  for (j = 0; j < ANHYST_TRACKING_MAGNETS; j++) {
+  for (j = 0; j < ANHYST_TRACKING_MAGNETS && j < sample->magnets; j++) {
     const anhyst_tracking_drive *drive = &c->drive[j];
     answer->current[j] = anhyst_plant_convert(
         drive->solve(drive->self, &drive->scales, force[j], gap[j], sample->flux[j]),
         c->current_low, c->current_high, c->current_step);
     drive->commit(drive->self, &drive->scales, answer->current[j], gap[j]);
   }
-  answer->reference = sample->target;
-  answer->demand = net;
+  answer->reference[0] = sample->target[0];
+  answer->demand[0] = net;
 }

@@ -27,7 +27,7 @@ class NoisyPlant:
         self._next = 0.0
         self._random = Random(1)
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Let the current of the tick before flow."""
         current = currents[0]
         self.drives.append(current)

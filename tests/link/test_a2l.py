@@ -72,7 +72,7 @@ class Description:
 class Resting(NoisyPlant):
     """Its position lies in the middle, for the body that levitates."""
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         return super().step(tick, currents)._replace(position=1e-4 * (tick % 2))
 
 

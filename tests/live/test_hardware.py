@@ -217,9 +217,9 @@ def test_a_folder_that_is_none_and_options_that_do_not_fit_are_refused(tmp_path:
 class HeldArmature:
     """A bearing at the middle of its travel, whose currents are as commanded."""
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         del tick
-        return Reading(0.5, 0.0, currents[0], position=0.0, current_2=currents[1])
+        return Reading(0.5, 0.0, currents[0], position=0.0, further=currents[1:])
 
 
 def test_a_board_that_levitates_offers_compensation_and_gains(firmware: Path) -> None:

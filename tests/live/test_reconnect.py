@@ -217,7 +217,7 @@ class WatchedBearing(BearingPlant):
         super().__init__(bearings.single())
         self.fastest = 0.0
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Go on by one tick."""
         read = super().step(tick, currents)
         self.fastest = max(self.fastest, abs(self.bearing.velocity))

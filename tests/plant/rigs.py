@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.bearing.tables import BearingTable
@@ -50,7 +50,7 @@ def rig(changes: dict[str, Any] | None = None) -> BearingRig:
     return BearingRig(PATH, BearingTable.model_validate(keys))
 
 
-def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Bearing:
+def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Plant:
     return make_bearing(rig(changes), seed)
 
 

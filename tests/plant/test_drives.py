@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.support.arrays import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
@@ -24,7 +24,7 @@ FIXED: dict[str, Any] = OPEN_LOOP | {"mechanics.mass_kg": 1e200}
 """The armature is welded in place, to the last bit."""
 
 
-def welded(changes: dict[str, Any], current: float = 0.0) -> Bearing:
+def welded(changes: dict[str, Any], current: float = 0.0) -> Plant:
     plant = bearing(FIXED | changes)
     plant.place(GAP, 0.0)
     plant.hold(current, 0)

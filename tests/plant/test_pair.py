@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.support.arrays import FloatArray
 from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
@@ -19,7 +19,7 @@ PAIR: dict[str, Any] = OPEN_LOOP | {
 }
 
 
-def pair(first: float, second: float, displaced: float = 0.0) -> Bearing:
+def pair(first: float, second: float, displaced: float = 0.0) -> Plant:
     plant = bearing(PAIR)
     plant.place(GAP + displaced, 0.0)
     plant.hold(first, 0)

@@ -17,7 +17,7 @@ CORE = (
 """What of the core the plant stands on."""
 PLANT = (
     *("iron", "irons/cells", "irons/preisach", "irons/duhem"),
-    *("magnet", "sensor", "bearing"),
+    *("magnet", "sensor", "body"),
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
 
@@ -28,7 +28,7 @@ def sources() -> list[str]:
     files = [
         *(ROOT / "core" / "src" / f"{name}.c" for name in CORE),
         *(ROOT / "plant" / "src" / f"{name}.c" for name in PLANT),
-        Path(__file__).with_name("test_bearing.c"),
+        Path(__file__).with_name("test_body.c"),
     ]
     return [*(f"-I{folder}" for folder in folders), *map(str, files)]
 
@@ -37,7 +37,7 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     compiler = tool("cc", "gcc")
     if not can_sanitize(compiler, tmp_path):
         pytest.skip(f"{compiler} has no sanitizers here")
-    program = tmp_path / "test_bearing"
+    program = tmp_path / "test_body"
     quietly(
         compiler,
         "-std=c99",

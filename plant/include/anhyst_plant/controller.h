@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* All that a simulated loop knows of its controller: in SI units, one call a tick. */
+/* All that a simulated loop knows of its controller: in SI units, one call a tick. Arrays are the
+   loop's: a number a magnet, a position head, or a free coordinate of the body (m and N, or rad and
+   N m). */
 #ifndef ANHYST_PLANT_CONTROLLER_H
 #define ANHYST_PLANT_CONTROLLER_H
 
@@ -11,21 +13,25 @@ extern "C" {
 
 /* What the controller is given at one tick. */
 typedef struct {
-  double gap;        /* as the sensor says, m; NAN: the sample was dropped */
-  double position;   /* gap and place of the magnets, as an interferometer says, m */
-  double current[2]; /* as the shunts say, A */
-  double flux[2];    /* as the Hall probes say, T; NAN without */
-  double target;     /* wanted gap, or position where the magnets move, m */
-  double load;       /* load that is fed forward, N */
-  double inject;     /* what the loop has added to gap already (swept sine), m; for records */
-  uint32_t command;  /* 0 none, 1 condition, 2 demagnetised, 3 lift, 4 land, 5 stop, 6 clear */
+  int magnets;
+  int heads;
+  int coordinates;
+  const double *head;     /* as the position heads say, m; NAN: the sample was dropped */
+  const double *position; /* pose and place of the frame, as an interferometer says */
+  const double *current;  /* of each magnet, as the shunts say, A */
+  const double *flux;     /* of each, as the flux probes say, T; NAN without */
+  const double *target;   /* wanted position of each coordinate */
+  const double *load;     /* force that is fed forward, likewise */
+  double inject;          /* what the loop has added to the first coordinate already (swept sine),
+                             m; for records */
+  uint32_t command;       /* 0 none, 1 condition, 2 demagnetised, 3 lift, 4 land, 5 stop, 6 clear */
 } anhyst_loop_sample;
 
-/* What it answers. */
+/* What it answers; the arrays are zero before. */
 typedef struct {
-  double current[2]; /* references to the amplifiers, A, within limits and on the DAC's grid */
-  double reference;  /* gap now controlled to, m */
-  double demand;     /* wanted net force, N */
+  double *current;   /* references to the amplifiers, A, within limits and on the DAC's grid */
+  double *reference; /* position now controlled to, of each coordinate */
+  double *demand;    /* wanted net force, likewise */
   uint16_t state;    /* 16*state + phase, see levitation.h */
   uint16_t flags;    /* see flags.h, or-ed over the drives, and levitation.h */
   int gone; /* there is no controller any more, and nothing else of this is to be believed */

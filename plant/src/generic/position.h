@@ -7,21 +7,22 @@ void ANHYST_NAME(anhyst_position_adapter_tick)(void *self, const anhyst_loop_sam
   const anhyst_position_scales *scales = &adapter->scales;
   ANHYST_NAME(anhyst_position_sample) in;
   ANHYST_NAME(anhyst_position_answer) out;
-  in.dropped = isnan(sample->gap) ? 1U : 0U;
-  in.position = ANHYST_NAME(code)(scales->gap_middle - sample->gap, scales->position);
-  in.target = ANHYST_NAME(code)(scales->gap_middle - sample->target, scales->position);
-  in.load = ANHYST_NAME(code)(sample->load, scales->load);
+  in.dropped = isnan(sample->head[0]) ? 1U : 0U;
+  in.position = ANHYST_NAME(code)(scales->gap_middle - sample->head[0], scales->position);
+  in.target = ANHYST_NAME(code)(scales->gap_middle - sample->target[0], scales->position);
+  in.load = ANHYST_NAME(code)(sample->load[0], scales->load);
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
-    in.current[i] = ANHYST_NAME(measured)(sample->current[i], scales->current);
-    in.flux[i] = ANHYST_NAME(flux)(sample->flux[i], scales->flux);
+    const int there = i < sample->magnets;
+    in.current[i] = ANHYST_NAME(measured)(there ? sample->current[i] : 0.0, scales->current);
+    in.flux[i] = ANHYST_NAME(flux)(there ? sample->flux[i] : (double)NAN, scales->flux);
   }
   in.command = sample->command > UINT16_MAX ? UINT16_MAX : (uint16_t)sample->command;
   ANHYST_NAME(anhyst_position_tick)(adapter->position, &in, &out);
-  for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
+  for (int i = 0; i < ANHYST_POSITION_MAGNETS && i < sample->magnets; i++) {
     answer->current[i] = ANHYST_NAME(value)(out.current[i], scales->current);
   }
-  answer->reference = scales->gap_middle - ANHYST_NAME(value)(out.reference, scales->position);
-  answer->demand = ANHYST_NAME(value)(out.demand, scales->demand);
+  answer->reference[0] = scales->gap_middle - ANHYST_NAME(value)(out.reference, scales->position);
+  answer->demand[0] = ANHYST_NAME(value)(out.demand, scales->demand);
   answer->state = out.state;
   answer->flags = out.flags;
 }

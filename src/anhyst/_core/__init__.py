@@ -1,10 +1,7 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
-    LOOP_COLUMNS,
     AnyIron,
-    Bearing,
-    BearingLoop,
     BusController,
     CellIron,
     CellOperator,
@@ -26,6 +23,8 @@ from anhyst._core._native import (
     Parameters,
     ParametersF32,
     Piece,
+    Plant,
+    PlantLoop,
     Position,
     PositionF32,
     Steel,
@@ -43,10 +42,7 @@ from anhyst._core._native import (
 )
 
 __all__ = [
-    "LOOP_COLUMNS",
     "AnyIron",
-    "Bearing",
-    "BearingLoop",
     "BusController",
     "CellIron",
     "CellOperator",
@@ -68,6 +64,8 @@ __all__ = [
     "Parameters",
     "ParametersF32",
     "Piece",
+    "Plant",
+    "PlantLoop",
     "Position",
     "PositionF32",
     "Steel",

@@ -4,8 +4,8 @@ Status 0 is success; `status_text` explains the other codes (core/include/anhyst
 `index` is the first sample without a result.
 """
 
-from collections.abc import Mapping
-from typing import Self, overload
+from collections.abc import Mapping, Sequence
+from typing import Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -391,9 +391,6 @@ class FixedForceController:
     def conditioning_length(self) -> int: ...
     def conditioning(self, tick: int) -> int: ...
 
-LOOP_COLUMNS: str
-"""Names of the columns of a loop's record, separated by blanks."""
-
 class Steel:
     """What an iron of the plant is made of, plant/include/anhyst_plant/iron.h.
 
@@ -462,42 +459,59 @@ class Coil:
     @property
     def energy(self) -> float: ...
 
-class Bearing:
-    """A bearing on its rig, plant/include/anhyst_plant/bearing.h; at rest on its stop."""
+class Plant:
+    """A body, its magnets, position heads and load drive, plant/include/anhyst_plant/body.h.
+
+    All numbers by the names there. It is at rest, its irons demagnetised.
+    """
 
     def __init__(
         self,
-        numbers: Mapping[str, float],
-        amplifier: Mapping[str, float],
-        load: Mapping[str, float],
-        sensors: Mapping[str, Mapping[str, float]],
-        first: Magnet,
-        second: Magnet | None,
+        body: Mapping[str, Any],
+        actuators: Sequence[Mapping[str, Any]],
+        heads: Sequence[Mapping[str, Any]],
+        load: Mapping[str, Any],
+        magnets: Sequence[Magnet],
         seed: int,
     ) -> None: ...
-    def read(self) -> tuple[float, float, float, float, float, float]:
-        """Return gap (m), two currents (A), two flux densities (T), force (N), as read now."""
-    def advance(self, first: float, second: float, load: float) -> None:
-        """Go on by one tick with commands to two amplifiers and to the load drive (N)."""
-    def place(self, gap: float, velocity: float) -> None:
-        """Put the armature somewhere, m and m/s."""
+    def read(self) -> tuple[list[float], list[float], list[float], float]:
+        """Return heads (m), currents (A), flux densities (T; NaN without probe), force (N)."""
+    def advance(self, commands: Sequence[float], load: float) -> None:
+        """Go on by one tick with commands to the amplifiers and to the load drive (N)."""
+    def place(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
+        """Put the body somewhere; a number each free coordinate, m or rad, and a second."""
     def set_load(self, damping: float, stiffness: float) -> None:
         """Let the load drive render another damping, N s/m, and stiffness, N/m."""
     def hold(self, current: float, magnet: int) -> None:
         """Let a current flow that has come slowly, A."""
 
     supply: float
-    """Of the amplifiers, V."""
+    """Of all amplifiers, V."""
     @property
-    def gap(self) -> float: ...
+    def pose(self) -> list[float]: ...
     @property
-    def velocity(self) -> float: ...
+    def velocities(self) -> list[float]: ...
     @property
-    def force(self) -> float: ...
+    def wrench(self) -> list[float]:
+        """Of the magnets, N or N m, along each free coordinate."""
     @property
-    def current(self) -> float: ...
+    def coils(self) -> _Array:
+        """A row each magnet: gap, m, current, A, linkage, Wb, pull, N, energy taken and heat, J."""
     @property
-    def psi(self) -> float: ...
+    def gap(self) -> float:
+        """Of the first magnet, m."""
+    @property
+    def velocity(self) -> float:
+        """Of the first coordinate, m/s."""
+    @property
+    def force(self) -> float:
+        """Of the magnets, net, as the force sensor is turned, N."""
+    @property
+    def current(self) -> float:
+        """Of the first magnet, A."""
+    @property
+    def psi(self) -> float:
+        """Of the first magnet, Wb."""
 
 class LoopController:
     """What a loop takes for a controller."""
@@ -575,16 +589,18 @@ class Tracking(LoopController):
 def allocate(net: float, idle: float) -> tuple[float, float]:
     """Share a net force (N) out to a pair, class AB; idle is what either pulls at none."""
 
-class BearingLoop:
-    """A bearing and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
+class PlantLoop:
+    """A plant and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
 
     def __init__(
         self,
-        bearing: Bearing,
+        plant: Plant,
         controller: LoopController,
-        current_loop: Mapping[str, float],
-        has_hall: bool,
+        current_loops: Sequence[Mapping[str, float]],
     ) -> None: ...
+    @property
+    def signals(self) -> list[tuple[str, str, int]]:
+        """Columns of its record: signal, unit, and of which magnet, head or coordinate, from 1."""
     def run(
         self,
         target: _Array,
@@ -594,4 +610,7 @@ class BearingLoop:
         command: NDArray[np.uint32],
         frame: _Array | None = None,
     ) -> _Array:
-        """Go on tick by tick; a row a tick, fewer where a number ceased to be finite."""
+        """Go on tick by tick; a row a tick, fewer where a number ceased to be finite.
+
+        Of all but load and command a number a free coordinate each tick, one tick after the other.
+        """

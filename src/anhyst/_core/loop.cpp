@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A bearing and its controller in lock-step.
+// A plant and its controller in lock-step.
 #include <nanobind/stl/optional.h>
 
 #include "anhyst_plant/loop.h"
@@ -12,30 +12,52 @@ using Commands = nb::ndarray<const uint32_t, nb::ndim<1>, nb::c_contig, nb::devi
 
 class Loop {
 public:
-  Loop(Bearing &bearing, LoopController &controller, const nb::dict &current_loop, bool has_hall)
+  Loop(Plant &plant, LoopController &controller, const std::vector<nb::dict> &current_loops)
   {
-    Settings given(current_loop);
-    loop_.bearing = bearing.settings();
-    loop_.state = bearing.state();
-    loop_.controller = controller.handle();
-    loop_.current_loop = {given.take<double>("resistance"), given.take<double>("gain"),
-                          given.take<double>("reset"), given.take<double>("limit")};
-    loop_.has_hall = has_hall;
-    given.finish();
+    const anhyst_plant_body *body = plant.body();
+    same_length(current_loops.size(), static_cast<size_t>(body->magnets), "current loops");
+    for (const nb::dict &one : current_loops) {
+      Settings given(one);
+      current_loops_.push_back({given.take<double>("resistance"), given.take<double>("gain"),
+                                given.take<double>("reset"), given.take<double>("limit"), 0.0});
+      given.finish();
+    }
+    room_.resize(
+        static_cast<size_t>(ANHYST_LOOP_ROOM(body->magnets, body->heads, body->coordinates)));
+    loop_ = {body, plant.state(), controller.handle(), current_loops_.data(), room_.data(), 0};
+  }
+
+  // A column each: signal, its unit, and which it is of its kind.
+  nb::list signals() const
+  {
+    const anhyst_plant_body *body = loop_.body;
+    nb::list found;
+    for (int signal = 0; signal < ANHYST_LOOP_SIGNALS; signal++) {
+      const auto which = static_cast<anhyst_plant_signal>(signal);
+      const anhyst_plant_signal_row &row = anhyst_plant_signals[signal];
+      for (int j = 0; j < anhyst_plant_signal_count(body, which); j++) {
+        const bool angle = row.shape == ANHYST_LOOP_A_COORDINATE && body->coordinate[j].axis >= 3;
+        found.append(nb::make_tuple(row.name, angle ? row.angular : row.unit, j + 1));
+      }
+    }
+    return found;
   }
 
   OutTable run(const In &target, const In &load, const In &inject, const In &feed,
                const Commands &command, const std::optional<In> &frame)
   {
-    const size_t n = target.shape(0);
-    same_length(n, load.shape(0), "load");
-    same_length(n, inject.shape(0), "inject");
-    same_length(n, feed.shape(0), "feed");
+    const size_t n = load.shape(0);
+    const auto coordinates = static_cast<size_t>(loop_.body->coordinates);
+    const auto width =
+        static_cast<size_t>(anhyst_plant_signal_column(loop_.body, ANHYST_LOOP_SIGNALS));
+    same_length(n * coordinates, target.shape(0), "target");
+    same_length(n * coordinates, inject.shape(0), "inject");
+    same_length(n * coordinates, feed.shape(0), "feed");
     same_length(n, command.shape(0), "command");
     if (frame) {
-      same_length(n + 1, frame->shape(0), "frame");
+      same_length((n + 1) * coordinates, frame->shape(0), "frame");
     }
-    std::vector<double> record(n * ANHYST_LOOP_COLUMNS);
+    std::vector<double> record(n * width);
     const anhyst_plant_events events = {target.data(),  load.data(),
                                         inject.data(),  feed.data(),
                                         command.data(), frame ? frame->data() : nullptr};
@@ -44,13 +66,14 @@ public:
       nb::gil_scoped_release release;
       rows = anhyst_plant_loop_run(&loop_, &events, n, record.data());
     }
-    OutTable out = make_table(rows, ANHYST_LOOP_COLUMNS);
-    std::copy(record.begin(), record.begin() + static_cast<long>(rows * ANHYST_LOOP_COLUMNS),
-              out.data());
+    OutTable out = make_table(rows, width);
+    std::copy(record.begin(), record.begin() + static_cast<long>(rows * width), out.data());
     return out;
   }
 
 private:
+  std::vector<anhyst_plant_current_loop> current_loops_;
+  std::vector<double> room_;
   anhyst_plant_loop loop_{};
 };
 
@@ -58,11 +81,10 @@ private:
 
 void bind_loop(nb::module_ &m)
 {
-  m.attr("LOOP_COLUMNS") = ANHYST_LOOP_NAMES;
-  nb::class_<Loop>(m, "BearingLoop")
-      .def(nb::init<Bearing &, LoopController &, const nb::dict &, bool>(), "bearing"_a,
-           "controller"_a, "current_loop"_a, "has_hall"_a, nb::keep_alive<1, 2>(),
-           nb::keep_alive<1, 3>())
+  nb::class_<Loop>(m, "PlantLoop")
+      .def(nb::init<Plant &, LoopController &, const std::vector<nb::dict> &>(), "plant"_a,
+           "controller"_a, "current_loops"_a, nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+      .def_prop_ro("signals", &Loop::signals)
       .def("run", &Loop::run, "target"_a.noconvert(), "load"_a.noconvert(), "inject"_a.noconvert(),
            "feed"_a.noconvert(), "command"_a.noconvert(), "frame"_a = nb::none());
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual bearing in Python: converts and checks, no logic.
+// The virtual plant in Python: converts and checks, no logic.
 #include "plant.h"
 
 namespace {
@@ -36,6 +36,20 @@ private:
   anhyst_plant_coil coil_{};
 };
 
+// A row a magnet: gap, current, flux linkage, pull, energy taken and heat given.
+OutTable coils(Plant &plant)
+{
+  const auto magnets = static_cast<size_t>(plant.body()->magnets);
+  OutTable out = make_table(magnets, 6);
+  for (size_t i = 0; i < magnets; i++) {
+    const anhyst_plant_actuator_state &s = plant.state()->actuator[i];
+    const double row[6] = {s.gap,        s.coil.current, s.coil.psi,
+                           s.coil.force, s.coil.energy,  s.coil.heat};
+    std::copy(row, row + 6, out.data() + 6 * i);
+  }
+  return out;
+}
+
 } // namespace
 
 void bind_plant(nb::module_ &m)
@@ -71,22 +85,23 @@ void bind_plant(nb::module_ &m)
       .def_prop_ro("current", [](const Coil &c) { return c.get().current; })
       .def_prop_ro("heat", [](const Coil &c) { return c.get().heat; })
       .def_prop_ro("energy", [](const Coil &c) { return c.get().energy; });
-  nb::class_<Bearing>(m, "Bearing")
-      .def(nb::init<const nb::dict &, const nb::dict &, const nb::dict &, const nb::dict &,
-                    const Magnet &, const Magnet *, uint64_t>(),
-           "numbers"_a, "amplifier"_a, "load"_a, "sensors"_a, "first"_a, "second"_a.none(),
-           "seed"_a, nb::keep_alive<1, 6>(), nb::keep_alive<1, 7>())
-      .def("read", &Bearing::read)
-      .def("advance", &Bearing::advance, "first"_a, "second"_a, "load"_a)
-      .def("place", &Bearing::place, "gap"_a, "velocity"_a)
-      .def("set_load", &Bearing::set_load, "damping"_a, "stiffness"_a)
-      .def("hold", &Bearing::hold, "current"_a, "magnet"_a)
-      .def_prop_rw(
-          "supply", [](const Bearing &b) { return b.settings()->amplifier.limit; },
-          &Bearing::set_supply)
-      .def_prop_ro("gap", [](Bearing &b) { return b.state()->gap; })
-      .def_prop_ro("velocity", [](Bearing &b) { return b.state()->velocity; })
-      .def_prop_ro("force", [](Bearing &b) { return b.state()->force; })
-      .def_prop_ro("current", [](Bearing &b) { return b.state()->coil[0].current; })
-      .def_prop_ro("psi", [](Bearing &b) { return b.state()->coil[0].psi; });
+  nb::class_<Plant>(m, "Plant")
+      .def(nb::init<const nb::dict &, const std::vector<nb::dict> &, const std::vector<nb::dict> &,
+                    const nb::dict &, const std::vector<nb::object> &, uint64_t>(),
+           "body"_a, "actuators"_a, "heads"_a, "load"_a, "magnets"_a, "seed"_a)
+      .def("read", &Plant::read)
+      .def("advance", &Plant::advance, "commands"_a, "load"_a)
+      .def("place", &Plant::place, "pose"_a, "velocity"_a)
+      .def("set_load", &Plant::set_load, "damping"_a, "stiffness"_a)
+      .def("hold", &Plant::hold, "current"_a, "magnet"_a)
+      .def_prop_rw("supply", &Plant::supply, &Plant::set_supply)
+      .def_prop_ro("pose", [](Plant &p) { return p.along(p.state()->pose); })
+      .def_prop_ro("velocities", [](Plant &p) { return p.along(p.state()->velocity); })
+      .def_prop_ro("wrench", [](Plant &p) { return p.along(p.state()->wrench); })
+      .def_prop_ro("coils", coils)
+      .def_prop_ro("gap", [](Plant &p) { return p.state()->actuator[0].gap; })
+      .def_prop_ro("velocity", [](Plant &p) { return p.along(p.state()->velocity).front(); })
+      .def_prop_ro("force", [](Plant &p) { return p.state()->force; })
+      .def_prop_ro("current", [](Plant &p) { return p.state()->actuator[0].coil.current; })
+      .def_prop_ro("psi", [](Plant &p) { return p.state()->actuator[0].coil.psi; });
 }

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The virtual bearing with what it points to.
+// The virtual plant with what it points to.
 #pragma once
 
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
 #include <string>
 #include <vector>
 
-#include "anhyst_plant/bearing.h"
+#include "anhyst_plant/body.h"
 #include "iron.h"
 #include "settings.h"
 #include "steel.h"
@@ -87,91 +91,186 @@ inline anhyst_plant_sensor to_sensor(const nb::dict &numbers)
   return found;
 }
 
-class Bearing {
+using Three = std::array<double, 3>;
+
+inline void copy_three(const Three &from, double *to) { std::copy(from.begin(), from.end(), to); }
+
+inline anhyst_plant_line to_line(const nb::dict &numbers)
+{
+  Settings given(numbers);
+  anhyst_plant_line found;
+  copy_three(given.take<Three>("r"), found.r);
+  copy_three(given.take<Three>("d"), found.d);
+  given.finish();
+  return found;
+}
+
+inline anhyst_plant_amplifier to_amplifier(const nb::dict &numbers)
+{
+  Settings given(numbers);
+  const anhyst_plant_amplifier found = {given.take<double>("limit"), given.take<double>("gain"),
+                                        given.take<double>("reset"), given.take<double>("low"),
+                                        given.take<double>("high"),  given.take<double>("step")};
+  given.finish();
+  return found;
+}
+
+// A body, its magnets, heads and load drive, by the names of body.h.
+class Plant {
 public:
-  Bearing(const nb::dict &numbers, const nb::dict &amplifier, const nb::dict &load,
-          const nb::dict &sensors, const Magnet &first, const Magnet *second, uint64_t seed)
+  Plant(const nb::dict &body, const std::vector<nb::dict> &actuators,
+        const std::vector<nb::dict> &heads, const nb::dict &load,
+        const std::vector<nb::object> &magnets, uint64_t seed)
+      : magnets_(magnets)
   {
-    Settings given(numbers);
-    bearing_.magnets = second ? 2 : 1;
-    bearing_.magnet[0] = first.get();
-    if (second) {
-      bearing_.magnet[1] = second->get();
+    if (actuators.size() != magnets.size() || heads.empty()) {
+      throw std::invalid_argument("each actuator has a magnet, and there is a position head");
     }
-    bearing_.gap_total = given.take<double>("gap_total");
-    bearing_.mass = given.take<double>("mass");
-    bearing_.damping = given.take<double>("damping");
-    bearing_.gravity = given.take<double>("gravity");
-    bearing_.stop_low = given.take<double>("stop_low");
-    bearing_.stop_high = given.take<double>("stop_high");
-    bearing_.stop_stiffness = given.take<double>("stop_stiffness");
-    bearing_.stop_damping = given.take<double>("stop_damping");
-    bearing_.tick = given.take<double>("tick");
-    bearing_.substeps = given.take<int>("substeps");
-    bearing_.delay = given.take<int>("delay");
-    given.finish();
-    if (bearing_.substeps < 1 || bearing_.delay < 0 ||
-        bearing_.delay > ANHYST_PLANT_DELAY_MOST / 2) {
-      throw std::invalid_argument("one sub-step or more, and a delay of 0 to 128 of them");
+    read_body(body);
+    for (size_t i = 0; i < actuators.size(); i++) {
+      read_actuator(actuators[i], nb::cast<const Magnet &>(magnets[i]));
     }
-    read_amplifier(amplifier);
+    for (const nb::dict &head : heads) {
+      Settings given(head);
+      heads_.push_back({to_line(given.take<nb::dict>("line")), given.take<double>("zero"),
+                        to_sensor(given.take<nb::dict>("sensor"))});
+      given.finish();
+    }
     read_load(load);
-    bearing_.gap_sensor = to_sensor(nb::cast<nb::dict>(sensors["gap"]));
-    bearing_.current_sensor = to_sensor(nb::cast<nb::dict>(sensors["current"]));
-    bearing_.force_sensor = to_sensor(nb::cast<nb::dict>(sensors["force"]));
-    bearing_.hall_probe = to_sensor(nb::cast<nb::dict>(sensors["hall"]));
-    anhyst_plant_start(&bearing_, &state_, seed);
+    body_.magnets = static_cast<int>(actuators_.size());
+    body_.actuator = actuators_.data();
+    body_.heads = static_cast<int>(heads_.size());
+    body_.head = heads_.data();
+    actuator_states_.resize(actuators_.size());
+    head_states_.resize(heads_.size());
+    state_.actuator = actuator_states_.data();
+    state_.head = head_states_.data();
+    if (!anhyst_plant_start(&body_, &state_, seed)) {
+      throw std::invalid_argument("mass and inertia are those of no body");
+    }
   }
-  Bearing(const Bearing &) = delete;
-  Bearing &operator=(const Bearing &) = delete;
+  Plant(const Plant &) = delete;
+  Plant &operator=(const Plant &) = delete;
 
   nb::tuple read()
   {
-    anhyst_plant_readings r;
-    anhyst_plant_read(&bearing_, &state_, &r);
-    return nb::make_tuple(r.gap, r.current[0], r.current[1], r.density[0], r.density[1], r.force);
+    std::vector<double> head(heads_.size());
+    std::vector<double> current(actuators_.size());
+    std::vector<double> density(actuators_.size());
+    anhyst_plant_readings r = {head.data(), current.data(), density.data(), 0.0};
+    anhyst_plant_read(&body_, &state_, &r);
+    return nb::make_tuple(head, current, density, r.force);
   }
-  void advance(double first, double second, double load)
+  void advance(const std::vector<double> &command, double load)
   {
-    const double command[ANHYST_PLANT_MAGNETS] = {first, second};
-    anhyst_plant_advance(&bearing_, &state_, command, load);
+    same_length(command.size(), actuators_.size(), "command");
+    anhyst_plant_advance(&body_, &state_, command.data(), load);
   }
-  void place(double gap, double velocity) { anhyst_plant_place(&bearing_, &state_, gap, velocity); }
+  void place(const std::vector<double> &pose, const std::vector<double> &velocity)
+  {
+    same_length(pose.size(), static_cast<size_t>(body_.coordinates), "pose");
+    same_length(velocity.size(), static_cast<size_t>(body_.coordinates), "velocity");
+    anhyst_plant_place(&body_, &state_, pose.data(), velocity.data());
+  }
   void hold(double current, int magnet)
   {
-    if (magnet < 0 || magnet >= bearing_.magnets) {
+    if (magnet < 0 || magnet >= body_.magnets) {
       throw std::invalid_argument("no such magnet");
     }
-    anhyst_plant_hold(&bearing_, &state_, magnet, current);
+    anhyst_plant_hold(&body_, &state_, magnet, current);
   }
 
   void set_load(double damping, double stiffness)
   {
-    bearing_.load.damping = damping;
-    bearing_.load.stiffness = stiffness;
+    body_.load.damping = damping;
+    body_.load.stiffness = stiffness;
   }
-  void set_supply(double volts) { bearing_.amplifier.limit = volts; }
-  const anhyst_plant_bearing *settings() const { return &bearing_; }
+  void set_supply(double volts)
+  {
+    for (anhyst_plant_actuator &actuator : actuators_) {
+      actuator.amplifier.limit = volts;
+    }
+  }
+  double supply() const { return actuators_.front().amplifier.limit; }
+  const anhyst_plant_body *body() const { return &body_; }
   anhyst_plant_state *state() { return &state_; }
 
+  // A number of each free coordinate.
+  std::vector<double> along(const double *axes) const
+  {
+    std::vector<double> found;
+    for (int k = 0; k < body_.coordinates; k++) {
+      found.push_back(axes[body_.coordinate[k].axis]);
+    }
+    return found;
+  }
+
 private:
-  void read_amplifier(const nb::dict &numbers)
+  void read_body(const nb::dict &numbers)
   {
     Settings given(numbers);
-    bearing_.amplifier = {given.take<double>("limit"), given.take<double>("gain"),
-                          given.take<double>("reset"), given.take<double>("low"),
-                          given.take<double>("high"),  given.take<double>("step")};
+    for (const nb::dict &one : given.take<std::vector<nb::dict>>("coordinate")) {
+      Settings own(one);
+      const anhyst_plant_coordinate found = {
+          own.take<int>("axis"),           own.take<double>("rest"),
+          own.take<double>("damping"),     own.take<double>("stop_low"),
+          own.take<double>("stop_high"),   own.take<double>("stop_stiffness"),
+          own.take<double>("stop_damping")};
+      own.finish();
+      const int before = body_.coordinates ? body_.coordinate[body_.coordinates - 1].axis : -1;
+      if (found.axis <= before || found.axis >= ANHYST_PLANT_AXES) {
+        throw std::invalid_argument("axes of coordinates are 0 to 5, rising");
+      }
+      body_.coordinate[body_.coordinates++] = found;
+    }
+    body_.mass = given.take<double>("mass");
+    copy_three(given.take<Three>("centre"), body_.centre);
+    const auto inertia = given.take<std::array<Three, 3>>("inertia");
+    for (size_t i = 0; i < 3; i++) {
+      copy_three(inertia[i], body_.inertia[i]);
+    }
+    copy_three(given.take<Three>("gravity"), body_.gravity);
+    copy_three(given.take<Three>("force_along"), body_.force_along);
+    body_.force_sensor = to_sensor(given.take<nb::dict>("force_sensor"));
+    body_.tick = given.take<double>("tick");
+    body_.substeps = given.take<int>("substeps");
+    body_.delay = given.take<int>("delay");
+    given.finish();
+    if (body_.coordinates < 1) {
+      throw std::invalid_argument("a body is free in one coordinate or more");
+    }
+    if (body_.substeps < 1 || body_.delay < 0 || body_.delay > ANHYST_PLANT_DELAY_MOST / 2) {
+      throw std::invalid_argument("one sub-step or more, and a delay of 0 to 128 of them");
+    }
+  }
+  void read_actuator(const nb::dict &numbers, const Magnet &magnet)
+  {
+    Settings given(numbers);
+    actuators_.push_back(
+        {magnet.get(), to_line(given.take<nb::dict>("line")), given.take<double>("gap_zero"),
+         to_amplifier(given.take<nb::dict>("amplifier")),
+         to_sensor(given.take<nb::dict>("current_sensor")),
+         to_sensor(given.take<nb::dict>("flux_probe")), given.take<int>("has_probe")});
     given.finish();
   }
   void read_load(const nb::dict &numbers)
   {
     Settings given(numbers);
-    bearing_.load = {given.take<double>("share"),        given.take<double>("damping"),
-                     given.take<double>("stiffness"),    given.take<double>("rest"),
-                     given.take<double>("encoder_step"), given.take<double>("velocity_share")};
+    body_.load = {to_line(given.take<nb::dict>("line")),
+                  given.take<double>("share"),
+                  given.take<double>("damping"),
+                  given.take<double>("stiffness"),
+                  given.take<double>("rest"),
+                  given.take<double>("encoder_step"),
+                  given.take<double>("velocity_share")};
     given.finish();
   }
 
-  anhyst_plant_bearing bearing_{};
+  std::vector<nb::object> magnets_;
+  std::vector<anhyst_plant_actuator> actuators_;
+  std::vector<anhyst_plant_head> heads_;
+  std::vector<anhyst_plant_actuator_state> actuator_states_;
+  std::vector<anhyst_plant_head_state> head_states_;
+  anhyst_plant_body body_{};
   anhyst_plant_state state_{};
 };

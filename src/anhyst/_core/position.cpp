@@ -124,13 +124,16 @@ public:
   nb::tuple tick(double gap, double target, double load, std::pair<double, double> current,
                  std::pair<double, double> flux, uint32_t command)
   {
-    const anhyst_loop_sample sample = {
-        gap, gap,    {current.first, current.second}, {flux.first, flux.second}, target, load,
-        0.0, command};
-    anhyst_loop_answer answer;
+    const double currents[2] = {current.first, current.second};
+    const double fluxes[2] = {flux.first, flux.second};
+    const anhyst_loop_sample sample = {2,      1,       1,     &gap, &gap,   currents,
+                                       fluxes, &target, &load, 0.0,  command};
+    double driven[2];
+    double reference = 0.0;
+    double demand = 0.0;
+    anhyst_loop_answer answer = {driven, &reference, &demand, 0, 0, 0};
     F::tick(&adapter_, &sample, &answer);
-    return nb::make_tuple(answer.current[0], answer.current[1], answer.reference, answer.demand,
-                          answer.state, answer.flags);
+    return nb::make_tuple(driven[0], driven[1], reference, demand, answer.state, answer.flags);
   }
 
   int fault() const { return state_.levitation.supervisor.fault; }

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import socket
 import struct
+from dataclasses import fields
 from typing import NamedTuple, Protocol
 
 from anhyst.control.states import Fault, State
@@ -21,6 +22,11 @@ Q31 = float(1 << 31)
 _RESERVED = -(1 << 31)
 _LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
 _DRIVE_BYTES = PlantDrive.FIXED.size + 4
+_CURRENTS, _DRIVES = (
+    [field.name for field in fields(record) if field.name.startswith(signal)]
+    for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
+)
+"""Words of the magnets, the first to the last."""
 
 
 class Reading(NamedTuple):
@@ -28,18 +34,18 @@ class Reading(NamedTuple):
 
     gap: float  # 0 at the low end of the model's range of gaps, 1 at the high one
     force: float  # as a fraction of full scale
-    current: float
+    current: float  # of the first magnet
     # bits of ``PORT_...`` in ``firmware/port/port.h``; 1: there is no sample at all
     status: int = 0
-    # of a controller of position, as a fraction of full scale; the current of a second magnet
+    # of a controller of position, as fractions of full scale
     position: float = 0.0
-    current_2: float = 0.0
+    further: tuple[float, ...] = ()  # currents of further magnets
 
 
 class Plant(Protocol):
     """What stands at the other end of the bus."""
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Go on by one tick, to the beginning of tick number `tick`."""
         ...  # pragma: no cover
 
@@ -50,7 +56,7 @@ class PlantBus:
     def __init__(self, plant: Plant, connection: socket.socket, timeout: float = 10.0) -> None:
         self.plant = plant
         self.tick = 0
-        self.drives = (0.0, 0.0)
+        self.drives: tuple[float, ...] = tuple(0.0 for _ in _DRIVES)
         self.state = State.INIT
         self.fault = Fault.NONE
         self.answer: PlantDrive | None = None
@@ -84,7 +90,7 @@ class PlantBus:
             )
         self.tick = tick
         self.answer = drive
-        self.drives = (drive.drive / Q31, drive.drive_2 / Q31)
+        self.drives = tuple(getattr(drive, name) / Q31 for name in _DRIVES)
         self.state = State(drive.state & 0xFF)
         self.fault = Fault(drive.state >> 8 & 0xFF)
 
@@ -109,14 +115,14 @@ def wait_at_most(connection: socket.socket, timeout: float) -> None:
 
 
 def _encode(tick: int, reading: Reading) -> PlantSample:
+    currents = (reading.current, *reading.further, *(0.0 for _ in _CURRENTS))
     return PlantSample(
         tick=tick & 0xFFFFFFFF,
         gap=_q30(reading.gap),
         force=_q30(reading.force),
         position=_code(reading.position, Q31),
-        current=_q30(reading.current),
-        current_2=_q30(reading.current_2),
         status=reading.status,
+        **{name: _q30(current) for name, current in zip(_CURRENTS, currents, strict=False)},
     )
 
 

@@ -40,7 +40,7 @@ class WalkingPlant:
         self._next = 0.0
         self._random = Random(seed)
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Let the current of the tick before flow."""
         current = currents[0]
         self.drives.append(round(current * ONE))

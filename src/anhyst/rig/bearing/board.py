@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import StatusAnswer, TargetRequest
@@ -18,6 +18,7 @@ from anhyst.link.plant_bus import Q31, PlantBus, Reading
 from anhyst.link.process import run_host, run_qemu
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.position import position_control
+from anhyst.rig.bearing.recording import of_magnets
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.bearing.setup import Setup
 from anhyst.support.arrays import FloatArray
@@ -26,7 +27,7 @@ from anhyst.support.progress import Progress
 BOARDS = ("host", "qemu-mps2")
 """Boards without hardware, on which a firmware can run here."""
 
-COLUMNS = ("t_s", "gap_m", "velocity_m_per_s", "command_A", "command_2_A", "state", "fault")
+COLUMNS = ("t_s", "gap_m", "velocity_m_per_s", "command_A", *of_magnets((("command", "A"),), 2), "state", "fault")
 """Of the record of a run: a row a tick, all at its beginning but for the commands, the state and
 the fault, which follow from it."""
 
@@ -37,7 +38,7 @@ _BEAT = 0.04
 class BearingPlant:
     """A bearing as the plant bus knows it: signals as fractions of full scale."""
 
-    def __init__(self, setup: Setup, seed: int = 0, bearing: Bearing | None = None) -> None:
+    def __init__(self, setup: Setup, seed: int = 0, bearing: Plant | None = None) -> None:
         rig = setup.rig
         self.bearing = bearing or make_bearing(rig, seed)
         self.rest_load = rig.settings.load.force_N
@@ -49,54 +50,51 @@ class BearingPlant:
         self.shown: Callable[[Reading], Reading] | None = None
         self._scales = position_control(setup).settings("fixed")
         self._loop = current_loop(rig)
-        self._integral = [0.0, 0.0]
-        self._read = (0.0, 0.0)
+        self._integral = [0.0 for _ in rig.magnets]
+        self._read = self._integral
         self._last: float | None = None
-        self._magnets = len(rig.magnets)
 
-    def amperes(self, drives: tuple[float, float]) -> tuple[float, float]:
+    def amperes(self, drives: tuple[float, ...]) -> tuple[float, ...]:
         """Return what fractions of full scale are, A."""
         full = self._scales["current_full"]
-        return drives[0] * full, drives[1] * full
+        return tuple(drive * full for drive in drives)
 
     def position_code(self, gap: float) -> int:
         """Return the code of a gap, as the controller counts positions."""
         return position_code(self._scales, gap)
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Go on with the currents of the tick before, and read the sensors."""
         del tick  # the bearing counts for itself
         if self._last is not None:
-            first, second = self._amplifiers(self.amperes(currents))
-            self.bearing.advance(first, second, self._last)
+            self.bearing.advance(self._amplifiers(self.amperes(currents)), self._last)
         self._last = self.load
-        gap, current, second, *_ = self.bearing.read()
-        self._read = (current, second)
+        (gap,), self._read, *_ = self.bearing.read()
         scales = self._scales
         position = (scales["gap_middle"] - (gap + self.inject)) / scales["position_full"]
         full = scales["current_full"]
         reading = Reading(
             gap=0.0,
             force=0.0,
-            current=current / full,
-            current_2=second / full,
+            current=self._read[0] / full,
+            further=tuple(one / full for one in self._read[1:]),
             position=math.nan if self.dropped else position,
         )
         return reading if self.shown is None else self.shown(reading)
 
-    def _amplifiers(self, reference: tuple[float, float]) -> tuple[float, float]:
+    def _amplifiers(self, reference: tuple[float, ...]) -> list[float]:
         """Return the references, or voltages that bring them about, as the amplifiers need."""
         loop = self._loop
+        volts = list(reference[: len(self._read)])
         if loop["gain"] == 0.0:
-            return reference
-        volts = [0.0, 0.0]
-        for i in range(self._magnets):
+            return volts
+        for i in range(len(volts)):
             error = reference[i] - self._read[i]
             wanted = loop["resistance"] * reference[i] + loop["gain"] * error + self._integral[i]
             volts[i] = min(max(wanted, -loop["limit"]), loop["limit"])
             if abs(wanted) < loop["limit"]:
                 self._integral[i] += loop["reset"] * error
-        return volts[0], volts[1]
+        return volts
 
 
 def position_code(scales: Mapping[str, float], gap: float) -> int:
@@ -157,8 +155,8 @@ class LevitatingFirmware:
         time = self.bus.tick * self._tick
         self.bus.step()
         bearing, bus = self.plant.bearing, self.bus
-        first, second = self.plant.amperes(bus.drives)
-        return time, bearing.gap, bearing.velocity, first, second, bus.state, bus.fault
+        commands = self.plant.amperes(bus.drives)
+        return time, bearing.gap, bearing.velocity, *commands, bus.state, bus.fault
 
     @property
     def state(self) -> State:

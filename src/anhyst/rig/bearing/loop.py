@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst._core import Bearing, BearingLoop
+from anhyst._core import Plant, PlantLoop
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.position import make_position
-from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording
+from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording, in_columns
 from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.holding import SignalBound, find_loss
@@ -22,7 +22,7 @@ class SimulatedLoop:
         setup: Setup,
         seed: int = 0,
         largest_first: bool = False,
-        bearing: Bearing | None = None,
+        bearing: Plant | None = None,
     ) -> None:
         self.setup = setup
         rig = setup.rig
@@ -31,20 +31,14 @@ class SimulatedLoop:
             for magnet in range(len(rig.magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     bearing.hold(current, magnet)
-        self._loop = BearingLoop(
-            bearing,
-            make_position(setup),
-            current_loop(rig),
-            rig.settings.hall_probe is not None,
-        )
+        self._loop = PlantLoop(bearing, make_position(setup), current_loops(rig))
 
     def run(self, scenario: Scenario) -> Recording:
         """Go on with a scenario."""
-        return Recording(
-            self._loop.run(
-                scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
-            )
+        table = self._loop.run(
+            scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
         )
+        return Recording(in_columns(self._loop, table))
 
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from anhyst._core import Bearing, Coil, Magnet
+from anhyst._core import Coil, Magnet, Plant
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig
@@ -32,6 +33,10 @@ CURRENT_RESET = 0.1
 
 DIGITAL_CROSSOVER = 0.4
 """Of a current controller that computes, times its delay, rad."""
+
+_OPENS = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
+_CLOSES = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
+"""Lines along the one coordinate, the gap of the first magnet."""
 
 ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
@@ -86,19 +91,19 @@ def static_map(
     return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
 
 
-def make_bearing(
-    rig: BearingRig, seed: int, magnet: Magnet | None = None, second: Magnet | None = None
-) -> Bearing:
-    """Return the plant of a rig, at rest on the stop of the largest gap."""
-    own = magnet or make_magnet(rig)
+def make_bearing(rig: BearingRig, seed: int, *magnets: Magnet) -> Plant:
+    """Return the plant of a rig, at rest on the stop of the largest gap.
+
+    Where fewer magnets are given than it has, all others are like the first.
+    """
+    own = magnets or (make_magnet(rig),)
     numbers = plant_numbers(rig)
-    return Bearing(
-        numbers.mechanics,
-        numbers.amplifier,
+    return Plant(
+        numbers.body,
+        numbers.actuators,
+        numbers.heads,
         numbers.load,
-        numbers.sensors,
-        own,
-        (second or own) if len(rig.magnets) > 1 else None,
+        (*own, *(own[0] for _ in numbers.actuators[len(own) :])),
         noise_seed(rig, seed),
     )
 
@@ -110,17 +115,37 @@ def noise_seed(rig: BearingRig, seed: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class PlantNumbers:
-    """All of a plant but its magnets, by the names of ``plant/include/anhyst_plant/bearing.h``."""
+    """All of a plant but its irons, by the names of ``plant/include/anhyst_plant/body.h``."""
 
-    mechanics: dict[str, float]
-    amplifier: dict[str, float]
-    load: dict[str, float]
-    sensors: dict[str, Mapping[str, float]]
+    body: dict[str, Any]
+    actuators: list[dict[str, Any]]
+    heads: list[dict[str, Any]]
+    load: dict[str, Any]
 
 
 def plant_numbers(rig: BearingRig) -> PlantNumbers:
-    """Return the numbers of a plant."""
-    return PlantNumbers(_mechanics(rig), _amplifier(rig), _load(rig), _sensors(rig))
+    """Return the numbers of a plant whose one coordinate is the gap of its first magnet."""
+    sensors = _sensors(rig)
+    amplifier, total = _amplifier(rig), rig.settings.magnet.gap_total_m or 0.0
+    places = ((_CLOSES, 0.0), (_OPENS, total))
+    actuators = [
+        {
+            "line": line,
+            "gap_zero": zero,
+            "amplifier": amplifier,
+            "current_sensor": sensors["current"],
+            "flux_probe": sensors["hall"],
+            "has_probe": int(rig.settings.hall_probe is not None),
+        }
+        for line, zero in places[: len(rig.magnets)]
+    ]
+    heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"]}]
+    return PlantNumbers(_body(rig, sensors["force"]), actuators, heads, _load(rig))
+
+
+def current_loops(rig: BearingRig) -> list[dict[str, float]]:
+    """Return what stands before each amplifier."""
+    return [current_loop(rig) for _ in rig.magnets]
 
 
 def current_loop(rig: BearingRig) -> dict[str, float]:
@@ -150,19 +175,27 @@ def current_gains(rig: BearingRig) -> tuple[float, float]:
     return gain, CURRENT_RESET * omega * gain
 
 
-def _mechanics(rig: BearingRig) -> dict[str, float]:
+def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
     mechanics, timing = rig.settings.mechanics, rig.settings.timing
     omega = 2.0 * math.pi * STOP_RESONANCE
     late = timing.delay_ticks * timing.substeps + rig.settings.amplifier.delay_s / rig.step
-    return {
-        "gap_total": rig.settings.magnet.gap_total_m or 0.0,
-        "mass": mechanics.mass_kg,
+    gap = {
+        "axis": 0,
+        "rest": mechanics.stop_high_m,
         "damping": mechanics.damping_N_s_per_m,
-        "gravity": mechanics.gravity_m_per_s2,
         "stop_low": mechanics.stop_low_m,
         "stop_high": mechanics.stop_high_m,
         "stop_stiffness": mechanics.mass_kg * (omega * omega),
         "stop_damping": mechanics.mass_kg * omega,
+    }
+    return {
+        "coordinate": [gap],
+        "mass": mechanics.mass_kg,
+        "centre": [0.0, 0.0, 0.0],
+        "inertia": [[0.0, 0.0, 0.0]] * 3,
+        "gravity": [mechanics.gravity_m_per_s2, 0.0, 0.0],
+        "force_along": _CLOSES["d"],
+        "force_sensor": force_sensor,
         "tick": rig.dt,
         "substeps": timing.substeps,
         "delay": round(late),
@@ -185,9 +218,10 @@ def _amplifier(rig: BearingRig) -> dict[str, float]:
     }
 
 
-def _load(rig: BearingRig) -> dict[str, float]:
+def _load(rig: BearingRig) -> dict[str, Any]:
     load = rig.settings.load
     return {
+        "line": _OPENS,
         "share": _share(load.bandwidth_Hz, rig.step),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,

@@ -2,15 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst._core import LOOP_COLUMNS
+import numpy as np
+
+from anhyst._core import PlantLoop
 from anhyst.control.states import Phase, State
 from anhyst.support.arrays import FloatArray
 
-COLUMNS: tuple[str, ...] = tuple(LOOP_COLUMNS.split())
-"""Of every recording, the unit in the name; described in docs/simulate.md."""
+
+def column(signal: str, unit: str, number: int = 1) -> str:
+    """Return what a column is called: of the first magnet without a number, further ones with it."""
+    return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
+
+
+def of_magnets(signals: Sequence[tuple[str, str]], count: int) -> tuple[str, ...]:
+    """Return the columns of every magnet but the first."""
+    return tuple(column(*one, number) for number in range(2, count + 1) for one in signals)
+
+
+COLUMNS: tuple[str, ...] = (
+    *("t_s", "reference_m", "gap_m", "gap_read_m", "velocity_m_per_s", "demand_N", "force_N"),
+    *("load_N", "command_A", "current_A", "current_read_A", "voltage_V", "flux_Wb"),
+    *("flux_density_T", *of_magnets((("command", "A"), ("current", "A")), count=2), "state", "flags"),
+)
+"""Of every recording, the unit in the name; described in docs/simulate.md. A single magnet leaves
+the columns of a pair at zero."""
+
+
+def in_columns(loop: PlantLoop, table: FloatArray) -> FloatArray:
+    """Return of a loop's record what is recorded; zero where there is no such signal."""
+    names = [column(*signal) for signal in loop.signals]
+    taken = [names.index(name) if name in names else -1 for name in COLUMNS]
+    return np.take(np.column_stack((table, np.zeros(len(table)))), taken, axis=1)
 
 
 def in_column(state: State, phase: Phase = Phase.REST) -> int:

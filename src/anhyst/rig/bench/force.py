@@ -63,7 +63,7 @@ class StandPlant:
         self._stand = ActuatorStand(rig, [2, seed])
         self.at: StandTick
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Go on by one tick."""
         del tick  # it counts for itself
         self.gap = self.armature.move()

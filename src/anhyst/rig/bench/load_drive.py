@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.arrays import FloatArray
@@ -17,7 +17,7 @@ from anhyst.support.elementary import sine
 class LoadDrive:
     """What pulls at the armature: force, damping, stiffness, a disturbance."""
 
-    def __init__(self, rig: BearingRig, bearing: Bearing) -> None:
+    def __init__(self, rig: BearingRig, bearing: Plant) -> None:
         load, mass = rig.settings.load, rig.settings.mechanics.mass_kg
         self.force = load.force_N
         self._bearing = bearing

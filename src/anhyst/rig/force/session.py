@@ -40,7 +40,7 @@ class _Plant:
         self._scales = program.scales
         self._span = program.scales.gap_high - program.scales.gap_low or 1.0
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         del tick  # the bench counts for itself
         current = currents[0]
         if self.gaps:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.magnet_table import HandTyped
@@ -61,7 +61,7 @@ def draw_errors(table: CalibrationTable, kind: str, rng: np.random.Generator) ->
     return replace(CalibrationErrors(), **{names[kind]: getattr(drawn, names[kind])})
 
 
-def make_mistaken(rig: BearingRig, errors: CalibrationErrors, seed: int) -> Bearing:
+def make_mistaken(rig: BearingRig, errors: CalibrationErrors, seed: int) -> Plant:
     """Return the plant of a rig with such errors, at rest."""
     settings = rig.settings
     magnet, steel = settings.magnet, _pinned(settings.magnet.steel, errors.pinning).steel()

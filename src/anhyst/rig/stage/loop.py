@@ -8,10 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from anhyst._core import LOOP_COLUMNS, BearingLoop, Tracking
+from anhyst._core import PlantLoop, Tracking
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
-from anhyst.rig.bearing.plant import current_loop
+from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.bearing.recording import COLUMNS, in_columns
 from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
 from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mistaken
 from anhyst.rig.stage.file import StageRig
@@ -21,7 +22,7 @@ from anhyst.support.arrays import FloatArray
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
-_COLUMN = {name: place for place, name in enumerate(LOOP_COLUMNS.split())}
+_COLUMN = {name: place for place, name in enumerate(COLUMNS)}
 _STRAY_HZ, _STRAY_LATE = 3.0, 5e-3
 _COMMAND_NONE = 0
 
@@ -157,12 +158,10 @@ def track(
         0.0, settings.tracking.position_noise_m, n
     )
     bearing = make_mistaken(rig.bearing, setup.errors, seed)
-    bearing.place(rig.gap, 0.0)
-    loop = BearingLoop(
-        bearing, _controller(setup), current_loop(rig.bearing), settings.hall_probe is not None
-    )
+    bearing.place([rig.gap], [0.0])
+    loop = PlantLoop(bearing, _controller(setup), current_loops(rig.bearing))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
-    table = loop.run(
+    rows = loop.run(
         np.ascontiguousarray(reference[:n]),
         np.zeros(n),
         noise,
@@ -170,6 +169,7 @@ def track(
         np.full(n, _COMMAND_NONE, dtype=np.uint32),
         np.ascontiguousarray(frame),
     )
+    table = in_columns(loop, rows)
     late = settings.timing.delay_ticks + 0.5
     return TrackedRun(motion, rig.dt, table, frame, reference[:n], late, _loss(rig, table, n))
 

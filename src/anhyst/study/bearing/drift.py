@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 
-from anhyst._core import Bearing
+from anhyst._core import Plant
 from anhyst.compensate.irons import cell_weights
 from anhyst.laws.law import Role
 from anhyst.laws.registry import law_of
@@ -127,7 +127,7 @@ def _drifted_cells(model: Model, drift: Drift) -> Model:
     return replace(model, cells=other, parameters=kept)
 
 
-def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Bearing:
+def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Plant:
     """Return a plant that has drifted, at rest."""
     other = drifted_rig(rig, drift)
     law = None if rig.model is None else drifted_law(read_model(rig.model), drift)

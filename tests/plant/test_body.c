@@ -1,17 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Bearings of an identified law and of irons of every family through commands of every size, for
-   the sanitizers to watch; what is printed of each run holds every bit of it. */
+/* Bodies on magnets of an identified law and of irons of every family, in one coordinate and in
+   six, through commands of every size, for the sanitizers to watch; what is printed of each run
+   holds every bit of it. */
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "anhyst_plant/bearing.h"
+#include "anhyst_plant/body.h"
 
 #define CELLS 25
 #define POINTS 5
 #define TICKS 3000
 #define NODES 33
+#define MOST 10 /* magnets */
 
 enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, KINDS };
 static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem"};
@@ -97,34 +99,92 @@ static anhyst_plant_sensor sensor(double low, double high, int delay)
   return s;
 }
 
-static void make_bearing(anhyst_plant_bearing *b, int magnets, int substeps, int by_current)
+static anhyst_plant_actuator actuators[MOST];
+static anhyst_plant_head heads[6];
+
+static void make_actuator(anhyst_plant_actuator *a, const anhyst_plant_magnet *magnet,
+                          int by_current)
 {
+  const anhyst_plant_amplifier amplifier = {150.0,
+                                            by_current ? 300.0 : 0.0,
+                                            by_current ? 5e5 : 0.0,
+                                            by_current ? 0.0 : -150.0,
+                                            by_current ? 4.5 : 150.0,
+                                            1e-4};
+  memset(a, 0, sizeof *a);
+  a->magnet = *magnet;
+  a->amplifier = amplifier;
+  a->current_sensor = sensor(-0.5, 5.0, 3);
+  a->flux_probe = sensor(-2.0, 2.0, 1);
+  a->has_probe = 1;
+}
+
+/* What all bodies have; one coordinate, the gap of the first magnet. */
+static void make_body(anhyst_plant_body *b, int magnets, int substeps)
+{
+  const anhyst_plant_coordinate gap = {0, 0.55e-3, 0.0, 0.35e-3, 0.55e-3, 2e8, 2e4};
+  int j;
   memset(b, 0, sizeof *b);
   b->magnets = magnets;
-  b->amplifier.limit = 150.0;
-  b->amplifier.gain = by_current ? 300.0 : 0.0;
-  b->amplifier.reset = by_current ? 5e5 : 0.0;
-  b->amplifier.low = by_current ? 0.0 : -150.0;
-  b->amplifier.high = by_current ? 4.5 : 150.0;
-  b->amplifier.step = 1e-4;
+  b->actuator = actuators;
+  b->coordinates = 1;
+  b->coordinate[0] = gap;
+  b->heads = 1;
+  b->head = heads;
+  memset(heads, 0, sizeof heads);
+  heads[0].line.d[0] = 1.0;
+  heads[0].sensor = sensor(0.0, 1e-3, 0);
+  for (j = 0; j < magnets; j++) {
+    actuators[j].line.d[0] = j == 0 ? -1.0 : 1.0;
+    actuators[j].gap_zero = j == 0 ? 0.0 : 0.9e-3;
+  }
+  b->load.line.d[0] = 1.0;
   b->load.share = 0.04;
   b->load.encoder_step = 50e-9;
   b->load.velocity_share = 0.06;
   b->load.stiffness = 1e4;
   b->load.rest = 0.45e-3;
-  b->gap_total = 0.9e-3;
   b->mass = 2.0;
-  b->stop_low = 0.35e-3;
-  b->stop_high = 0.55e-3;
-  b->stop_stiffness = 2e8;
-  b->stop_damping = 2e4;
   b->tick = 50e-6;
   b->substeps = substeps;
   b->delay = ANHYST_PLANT_DELAY_MOST / 2;
-  b->gap_sensor = sensor(0.0, 1e-3, 0);
-  b->current_sensor = sensor(-0.5, 5.0, 3);
+  b->force_along[0] = -1.0;
   b->force_sensor = sensor(-500.0, 500.0, ANHYST_PLANT_DELAY_MOST - 1);
-  b->hall_probe = sensor(-2.0, 2.0, 1);
+}
+
+/* Six coordinates: pairs along x and y, four magnets from above, a centre of mass that is off. */
+static void make_stage(anhyst_plant_body *b)
+{
+  static const anhyst_plant_line lines[MOST] = {
+      {{0.15, 0.12, -0.005}, {1.0, 0.0, 0.0}},  {{-0.15, 0.12, -0.005}, {-1.0, 0.0, 0.0}},
+      {{0.15, -0.12, -0.005}, {1.0, 0.0, 0.0}}, {{-0.15, -0.12, -0.005}, {-1.0, 0.0, 0.0}},
+      {{0.0, 0.15, 0.0}, {0.0, 1.0, 0.0}},      {{0.0, -0.15, 0.0}, {0.0, -1.0, 0.0}},
+      {{0.12, 0.12, 0.05}, {0.0, 0.0, 1.0}},    {{-0.12, 0.12, 0.05}, {0.0, 0.0, 1.0}},
+      {{-0.12, -0.12, 0.05}, {0.0, 0.0, 1.0}},  {{0.12, -0.12, 0.05}, {0.0, 0.0, 1.0}}};
+  int j;
+  make_body(b, MOST, 4);
+  b->coordinates = 6;
+  b->heads = 6;
+  for (j = 0; j < 6; j++) {
+    const anhyst_plant_coordinate way = {j, 0.0, 40.0, -0.1e-3, 0.1e-3, 2e8, 2e4};
+    b->coordinate[j] = way;
+    heads[j].line = lines[j + (j > 3 ? 2 : 0)];
+    heads[j].sensor = sensor(-1e-3, 1e-3, j);
+  }
+  for (j = 0; j < 3; j++) {
+    b->coordinate[3 + j].stop_stiffness = 2e6;
+    b->coordinate[3 + j].stop_damping = 2e2;
+    b->inertia[j][j] = 0.2;
+  }
+  b->inertia[0][1] = b->inertia[1][0] = 0.01;
+  b->centre[0] = 1e-3;
+  b->centre[2] = -4e-3;
+  b->gravity[2] = -9.81;
+  b->mass = 20.0;
+  for (j = 0; j < MOST; j++) {
+    actuators[j].line = lines[j];
+    actuators[j].gap_zero = 0.45e-3;
+  }
 }
 
 /* A command that may be anything; the same every time. */
@@ -149,29 +209,45 @@ static void add(uint64_t *hash, double value)
   }
 }
 
-static int run(const anhyst_plant_bearing *b, const char *name)
+static int run(const anhyst_plant_body *b, const char *name, int ticks)
 {
+  static anhyst_plant_actuator_state own[MOST];
+  static anhyst_plant_head_state seen[6];
   static anhyst_plant_state state;
+  double head[6];
+  double current[MOST];
+  double density[MOST];
+  anhyst_plant_readings r = {head, current, density, 0.0};
   uint64_t hash = UINT64_C(0xCBF29CE484222325);
   unsigned seed = 1;
   int tick;
-  anhyst_plant_start(b, &state, 7);
-  for (tick = 0; tick < TICKS; tick++) {
-    anhyst_plant_readings r;
-    double commands[ANHYST_PLANT_MAGNETS];
-    commands[0] = command(&seed);
-    commands[1] = command(&seed);
+  int j;
+  state.actuator = own;
+  state.head = seen;
+  if (!anhyst_plant_start(b, &state, 7)) {
+    return 1;
+  }
+  for (tick = 0; tick < ticks; tick++) {
+    double commands[MOST];
+    const int drawn = b->magnets < 2 ? 2 : b->magnets;
+    for (j = 0; j < drawn; j++) {
+      commands[j] = command(&seed);
+    }
     anhyst_plant_read(b, &state, &r);
     anhyst_plant_advance(b, &state, commands, 100.0 * (command(&seed) > 2.0 ? 2.0 : 1.0));
-    add(&hash, r.gap);
-    add(&hash, r.current[0]);
-    add(&hash, r.density[0]);
-    add(&hash, state.gap);
+    add(&hash, head[0]);
+    add(&hash, current[0]);
+    add(&hash, density[0]);
+    for (j = 0; j < b->coordinates; j++) {
+      add(&hash, state.pose[j]);
+    }
     add(&hash, state.force);
-    if (!(isfinite(r.gap) && isfinite(r.current[0]) && isfinite(r.density[0]) &&
-          isfinite(state.force) && state.gap > 0.2e-3 && state.gap < 0.7e-3)) {
-      (void)printf("%s: tick %d: gap %g, force %g\n", name, tick, state.gap, state.force);
-      return 1;
+    for (j = 0; j < b->magnets; j++) {
+      if (!(isfinite(current[j]) && isfinite(density[j]) && isfinite(own[j].coil.force) &&
+            own[j].gap > 0.2e-3 && own[j].gap < 0.7e-3)) {
+        (void)printf("%s: tick %d: magnet %d, gap %g\n", name, tick, j, own[j].gap);
+        return 1;
+      }
     }
   }
   (void)printf("ok %s, %016llx\n", name, (unsigned long long)hash);
@@ -186,6 +262,7 @@ int main(void)
   anhyst_iron_f64 iron;
   int failed = 0;
   int choice;
+  int j;
   memset(&law, 0, sizeof law);
   if (anhyst_iron_init_f64(&iron, &operator, ANHYST_STEP_LINEAR, 1.3e6, 400.0, 300.0, 0.15, 0.0,
                            0.0, 0) != ANHYST_OK) {
@@ -205,7 +282,7 @@ int main(void)
     const int kind = choice / 2 % KINDS;
     const int pair = choice / 2 / KINDS;
     const int by_current = choice % 2;
-    anhyst_plant_bearing bearing;
+    anhyst_plant_body body;
     anhyst_plant_magnet magnet;
     char name[40];
     memset(&magnet, 0, sizeof magnet);
@@ -217,12 +294,19 @@ int main(void)
       make_circuit(&circuits[kind], kind);
       magnet.circuit = &circuits[kind];
     }
-    make_bearing(&bearing, pair ? 2 : 1, pair ? 4 : 1, by_current);
-    bearing.magnet[0] = magnet;
-    bearing.magnet[1] = magnet;
-    (void)snprintf(name, sizeof name, "%s, %d magnets, %s", kinds[kind], bearing.magnets,
+    for (j = 0; j < MOST; j++) {
+      make_actuator(&actuators[j], &magnet, by_current);
+    }
+    make_body(&body, pair ? 2 : 1, pair ? 4 : 1);
+    (void)snprintf(name, sizeof name, "%s, %d magnets, %s", kinds[kind], body.magnets,
                    by_current ? "current" : "voltage");
-    failed += run(&bearing, name);
+    failed += run(&body, name, TICKS);
+    if (pair) {
+      make_stage(&body);
+      (void)snprintf(name, sizeof name, "%s, six axes, %s", kinds[kind],
+                     by_current ? "current" : "voltage");
+      failed += run(&body, name, TICKS / 10);
+    }
   }
   return failed;
 }

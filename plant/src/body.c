@@ -1,0 +1,392 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst_plant/body.h"
+
+#include <math.h>
+#include <string.h>
+
+#define AXES ANHYST_PLANT_AXES
+#define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
+
+static double dot(const double a[3], const double b[3])
+{
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross(const double a[3], const double b[3], double found[3])
+{
+  found[0] = a[1] * b[2] - a[2] * b[1];
+  found[1] = a[2] * b[0] - a[0] * b[2];
+  found[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* (r - p) x d */
+static void lever(const anhyst_plant_line *line, const double *pose, double found[3])
+{
+  const double arm[3] = {line->r[0] - pose[0], line->r[1] - pose[1], line->r[2] - pose[2]};
+  cross(arm, line->d, found);
+}
+
+double anhyst_plant_moved(const anhyst_plant_line *line, const double pose[AXES])
+{
+  double arm[3];
+  lever(line, pose, arm);
+  return dot(line->d, pose) + dot(arm, pose + 3);
+}
+
+/* Adds what a force along a line gives. */
+static void push_along(const anhyst_plant_line *line, const double *pose, double force,
+                       double wrench[AXES])
+{
+  double turned[3];
+  double arm[3];
+  int i;
+  cross(pose + 3, line->d, turned);
+  lever(line, pose, arm);
+  for (i = 0; i < 3; i++) {
+    wrench[i] += (line->d[i] + turned[i]) * force;
+    wrench[3 + i] += arm[i] * force;
+  }
+}
+
+/* Solves a*x = b in place for matrices whose leading minors are positive; 0 for others. */
+static int solve(int n, double a[AXES][AXES], double b[AXES])
+{
+  int i;
+  int j;
+  int k;
+  for (k = 0; k < n; k++) {
+    if (!(a[k][k] > 0.0)) {
+      return 0;
+    }
+    for (i = k + 1; i < n; i++) {
+      const double part = a[i][k] / a[k][k];
+      for (j = k + 1; j < n; j++) {
+        a[i][j] -= part * a[k][j];
+      }
+      b[i] -= part * b[k];
+    }
+  }
+  for (k = n - 1; k >= 0; k--) {
+    for (j = k + 1; j < n; j++) {
+      b[k] -= a[k][j] * b[j];
+    }
+    b[k] /= a[k][k];
+  }
+  return 1;
+}
+
+/* Of all six axes, about the point that the pose is of. With c the centre of mass:
+   [m, -m[c x]; m[c x], J - m[c x][c x]]. */
+static void mass_matrix(const anhyst_plant_body *body, double m[AXES][AXES])
+{
+  const double *c = body->centre;
+  const double over[3][3] = {{0.0, -c[2], c[1]}, {c[2], 0.0, -c[0]}, {-c[1], c[0], 0.0}};
+  int i;
+  int j;
+  memset(m, 0, sizeof(double[AXES][AXES]));
+  for (i = 0; i < 3; i++) {
+    m[i][i] = body->mass;
+    for (j = 0; j < 3; j++) {
+      m[3 + i][j] = body->mass * over[i][j];
+      m[j][3 + i] = m[3 + i][j];
+      m[3 + i][3 + j] = body->inertia[i][j] + body->mass * dot(over[i], over[j]);
+    }
+  }
+}
+
+/* Fills in what half a sub-step gives; 0 where the mass matrix is not positive. */
+static int take_masses(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  const double half = 0.5 * (body->tick / (double)body->substeps);
+  const int n = body->coordinates;
+  double mass[AXES][AXES];
+  int i;
+  int j;
+  int k;
+  mass_matrix(body, mass);
+  for (k = 0; k < n; k++) {
+    double own[AXES][AXES];
+    double column[AXES] = {0.0};
+    for (i = 0; i < n; i++) {
+      for (j = 0; j < n; j++) {
+        own[i][j] = mass[body->coordinate[i].axis][body->coordinate[j].axis];
+      }
+    }
+    column[k] = half;
+    if (!solve(n, own, column)) {
+      return 0;
+    }
+    for (i = 0; i < n; i++) {
+      state->ease[i][k] = column[i];
+    }
+  }
+  return 1;
+}
+
+static double encoder(const anhyst_plant_body *body, const anhyst_plant_state *state)
+{
+  const double at = anhyst_plant_moved(&body->load.line, state->pose);
+  const double step = body->load.encoder_step;
+  return step > 0.0 ? floor(at / step + 0.5) * step : at;
+}
+
+static double head_position(const anhyst_plant_head *head, const double *pose)
+{
+  return head->zero + anhyst_plant_moved(&head->line, pose);
+}
+
+/* Gaps and net force at the present pose. */
+static void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  int j;
+  memset(state->wrench, 0, sizeof state->wrench);
+  for (j = 0; j < body->magnets; j++) {
+    push_along(&body->actuator[j].line, state->pose, state->actuator[j].coil.force, state->wrench);
+  }
+  state->force = dot(body->force_along, state->wrench);
+}
+
+static void find_gaps(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  int j;
+  for (j = 0; j < body->magnets; j++) {
+    const anhyst_plant_actuator *actuator = &body->actuator[j];
+    state->actuator[j].gap = actuator->gap_zero - anhyst_plant_moved(&actuator->line, state->pose);
+  }
+}
+
+static void stand(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  int j;
+  find_gaps(body, state);
+  state->load_position = encoder(body, state);
+  for (j = 0; j < body->heads; j++) {
+    state->head[j].position = head_position(&body->head[j], state->pose);
+    anhyst_plant_sensor_start(&state->head[j].sensing, state->head[j].position);
+  }
+}
+
+int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state, uint64_t seed)
+{
+  anhyst_plant_actuator_state *actuators = state->actuator;
+  anhyst_plant_head_state *heads = state->head;
+  int j;
+  memset(state, 0, sizeof *state);
+  state->actuator = actuators;
+  state->head = heads;
+  for (j = 0; j < body->coordinates; j++) {
+    state->pose[body->coordinate[j].axis] = body->coordinate[j].rest;
+  }
+  for (j = 0; j < body->magnets; j++) {
+    memset(&actuators[j], 0, sizeof actuators[j]);
+    anhyst_plant_sensor_start(&actuators[j].current_sensing, 0.0);
+    anhyst_plant_sensor_start(&actuators[j].flux_sensing, 0.0);
+  }
+  anhyst_plant_noise_start(&state->noise, seed);
+  anhyst_plant_sensor_start(&state->force_sensing, 0.0);
+  stand(body, state);
+  return take_masses(body, state);
+}
+
+void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state,
+                        const double *pose, const double *velocity)
+{
+  int k;
+  for (k = 0; k < body->coordinates; k++) {
+    state->pose[body->coordinate[k].axis] = pose[k];
+    state->velocity[body->coordinate[k].axis] = velocity[k];
+  }
+  stand(body, state);
+}
+
+void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state, int j,
+                       double current)
+{
+  const anhyst_plant_actuator *actuator = &body->actuator[j];
+  anhyst_plant_actuator_state *own = &state->actuator[j];
+  const double voltage = actuator->magnet.resistance * current;
+  anhyst_plant_coil_hold(&actuator->magnet, &own->coil, current, own->gap);
+  if (actuator->amplifier.gain > 0.0) {
+    own->coil.integral = voltage;
+    own->output = current;
+  } else {
+    own->output = voltage;
+  }
+  sum_up(body, state);
+  anhyst_plant_sensor_start(&own->current_sensing, current);
+  anhyst_plant_sensor_start(&own->flux_sensing, own->coil.density);
+  anhyst_plant_sensor_start(&state->force_sensing, state->force);
+}
+
+void anhyst_plant_read(const anhyst_plant_body *body, anhyst_plant_state *state,
+                       anhyst_plant_readings *readings)
+{
+  anhyst_plant_noise *noise = &state->noise;
+  int j;
+  for (j = 0; j < body->heads; j++) {
+    readings->head[j] =
+        anhyst_plant_sensor_read(&body->head[j].sensor, &state->head[j].sensing, noise);
+  }
+  for (j = 0; j < body->magnets; j++) {
+    const anhyst_plant_actuator *actuator = &body->actuator[j];
+    const anhyst_plant_actuator_state *own = &state->actuator[j];
+    readings->current[j] =
+        anhyst_plant_sensor_read(&actuator->current_sensor, &own->current_sensing, noise);
+    readings->density[j] = actuator->has_probe ? anhyst_plant_sensor_read(&actuator->flux_probe,
+                                                                          &own->flux_sensing, noise)
+                                               : (double)NAN;
+  }
+  readings->force = anhyst_plant_sensor_read(&body->force_sensor, &state->force_sensing, noise);
+}
+
+/* One amplifier, its winding and the sensors there. */
+static void magnet_step(const anhyst_plant_actuator *actuator, anhyst_plant_actuator_state *state,
+                        double seconds)
+{
+  const anhyst_plant_amplifier *amplifier = &actuator->amplifier;
+  const double current = state->coil.current;
+  const double density = state->coil.density;
+  anhyst_plant_source source = {0.0, 0.0, 0.0, 0.0, 0.0};
+  source.limit = amplifier->limit;
+  if (amplifier->gain > 0.0) {
+    source.reference = state->output;
+    source.gain = amplifier->gain;
+    source.reset = amplifier->reset;
+  } else {
+    source.voltage = state->output;
+  }
+  anhyst_plant_coil_step(&actuator->magnet, &state->coil, &source, state->gap, seconds);
+  anhyst_plant_sensor_follow(&actuator->current_sensor, &state->current_sensing, current,
+                             state->coil.current);
+  anhyst_plant_sensor_follow(&actuator->flux_probe, &state->flux_sensing, density,
+                             state->coil.density);
+}
+
+/* All that pushes the body along its free coordinates now, but for damping. */
+static void push(const anhyst_plant_body *body, const anhyst_plant_state *state,
+                 double pushing[AXES], double damping[AXES])
+{
+  const double weight[3] = {body->mass * body->gravity[0], body->mass * body->gravity[1],
+                            body->mass * body->gravity[2]};
+  double of_load[AXES] = {0.0};
+  double moment[3];
+  int k;
+  push_along(&body->load.line, state->pose, state->load, of_load);
+  cross(body->centre, weight, moment);
+  for (k = 0; k < body->coordinates; k++) {
+    const anhyst_plant_coordinate *c = &body->coordinate[k];
+    const int axis = c->axis;
+    const double at = state->pose[axis];
+    const double over = at > c->stop_high  ? at - c->stop_high
+                        : at < c->stop_low ? at - c->stop_low
+                                           : 0.0;
+    damping[k] = c->damping;
+    if (over > 0.0 || over < 0.0) {
+      damping[k] += c->stop_damping;
+    }
+    pushing[k] = of_load[axis] + (axis < 3 ? weight[axis] : moment[axis - 3]) +
+                 state->wrench[axis] - c->stop_stiffness * over;
+  }
+}
+
+/* Half a sub-step of the velocity: the damping of its beginning. */
+static void begin_motion(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  double pushing[AXES];
+  double damping[AXES];
+  int k;
+  int l;
+  push(body, state, pushing, damping);
+  for (l = 0; l < body->coordinates; l++) {
+    pushing[l] -= damping[l] * state->velocity[body->coordinate[l].axis];
+  }
+  for (k = 0; k < body->coordinates; k++) {
+    for (l = 0; l < body->coordinates; l++) {
+      state->velocity[body->coordinate[k].axis] += state->ease[k][l] * pushing[l];
+    }
+  }
+}
+
+/* The other half: the damping of its end, (1 + ease*damping)*v = v + ease*pushing. */
+static void end_motion(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  double pushing[AXES];
+  double damping[AXES];
+  double left[AXES][AXES];
+  double velocity[AXES];
+  int k;
+  int l;
+  push(body, state, pushing, damping);
+  for (k = 0; k < body->coordinates; k++) {
+    velocity[k] = state->velocity[body->coordinate[k].axis];
+    for (l = 0; l < body->coordinates; l++) {
+      velocity[k] += state->ease[k][l] * pushing[l];
+      left[k][l] = (k == l ? 1.0 : 0.0) + state->ease[k][l] * damping[l];
+    }
+  }
+  (void)solve(body->coordinates, left, velocity);
+  for (k = 0; k < body->coordinates; k++) {
+    state->velocity[body->coordinate[k].axis] = velocity[k];
+  }
+}
+
+static void substep(const anhyst_plant_body *body, anhyst_plant_state *state, double load_command)
+{
+  const double seconds = body->tick / (double)body->substeps;
+  const double force = state->force;
+  int j;
+  if (state->due[state->at]) {
+    for (j = 0; j < body->magnets; j++) {
+      state->actuator[j].output = state->actuator[j].line[state->at];
+    }
+    state->due[state->at] = 0;
+  }
+  state->at = (state->at + 1U) & MASK;
+  begin_motion(body, state);
+  for (j = 0; j < body->coordinates; j++) {
+    const int axis = body->coordinate[j].axis;
+    state->pose[axis] += seconds * (state->velocity[axis] - state->frame_velocity[axis]);
+  }
+  find_gaps(body, state);
+  for (j = 0; j < body->magnets; j++) {
+    magnet_step(&body->actuator[j], &state->actuator[j], seconds);
+  }
+  sum_up(body, state);
+  state->load += body->load.share * (load_command - state->load);
+  end_motion(body, state);
+  for (j = 0; j < body->heads; j++) {
+    const double before = state->head[j].position;
+    state->head[j].position = head_position(&body->head[j], state->pose);
+    anhyst_plant_sensor_follow(&body->head[j].sensor, &state->head[j].sensing, before,
+                               state->head[j].position);
+  }
+  anhyst_plant_sensor_follow(&body->force_sensor, &state->force_sensing, force, state->force);
+}
+
+/* What the state controller of the load drive commands at this tick. */
+static double load_control(const anhyst_plant_body *body, anhyst_plant_state *state, double force)
+{
+  const anhyst_plant_load *load = &body->load;
+  const double at = encoder(body, state);
+  const double velocity = (at - state->load_position) / body->tick;
+  state->load_velocity += load->velocity_share * (velocity - state->load_velocity);
+  state->load_position = at;
+  return force - load->damping * state->load_velocity - load->stiffness * (at - load->rest);
+}
+
+void anhyst_plant_advance(const anhyst_plant_body *body, anhyst_plant_state *state,
+                          const double *command, double load)
+{
+  const unsigned due = (state->at + (unsigned)body->delay) & MASK;
+  const double load_command = load_control(body, state, load);
+  int j;
+  for (j = 0; j < body->magnets; j++) {
+    const anhyst_plant_amplifier *amplifier = &body->actuator[j].amplifier;
+    state->actuator[j].line[due] =
+        anhyst_plant_convert(command[j], amplifier->low, amplifier->high, amplifier->step);
+  }
+  state->due[due] = 1;
+  for (j = 0; j < body->substeps; j++) {
+    substep(body, state, load_command);
+  }
+}
