@@ -254,14 +254,14 @@ class Own:
         weight = mechanics.model_copy(update={"gravity_m_per_s2": load / mechanics.mass_kg})
         settings = self._rig.settings.model_copy(update={"mechanics": weight})
         self._plant = make_bearing(replace(self._rig, settings=settings), 0)
-        self._plant.place(gap, 0.0)
+        self._plant.place([gap], [0.0])
         self._plant.hold(current, 0)
         return self._plant.force
 
     def advance(self, command: float, load: float) -> tuple[float, float]:
         """Go on by one tick; the command of the tick before takes effect. Gap and force."""
         del load
-        self._plant.advance(command, 0.0, 0.0)
+        self._plant.advance([command], 0.0)
         return self._plant.gap, self._plant.force
 
 

@@ -40,7 +40,7 @@ class Coil:
         self._random = Random(1)
         self._flows = 0.0
 
-    def step(self, tick: int, currents: tuple[float, float]) -> Reading:
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Show gap, force and current."""
         noise = [self._random.gauss(0.0, 1e-4) for _ in range(3)]
         flows, self._flows = self._flows, currents[0]

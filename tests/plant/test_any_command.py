@@ -50,8 +50,8 @@ def test_no_command_makes_a_number_that_is_none(
     plant = bearing(changes | (PAIR if pair else {}))
     for first, second, load, ticks in script:
         for _ in range(ticks):
-            plant.advance(first, second, load)
-            assert np.all(np.isfinite(plant.read()))
+            plant.advance([first, second][: len(plant.coils)], load)
+            assert np.all(np.isfinite(np.hstack(plant.read())))
             assert 0.1e-3 < plant.gap < 0.8e-3
             assert abs(plant.velocity) < 2.0
     numbers = (plant.gap, plant.velocity, plant.force, plant.current, plant.psi)
@@ -80,7 +80,7 @@ def test_a_bearing_makes_no_energy(
     rows = [(plant.gap, plant.velocity, plant.current, plant.psi)]
     for wanted, ticks in script:
         for _ in range(ticks):
-            plant.advance(wanted, 0.0, 0.0)
+            plant.advance([wanted], 0.0)
             rows.append((plant.gap, plant.velocity, plant.current, plant.psi))
     gap, velocity, current, psi = np.array(rows).T
     ledger = Ledger(Shape(), example_steel(), current, gap, psi)

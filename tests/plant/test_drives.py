@@ -26,7 +26,7 @@ FIXED: dict[str, Any] = OPEN_LOOP | {"mechanics.mass_kg": 1e200}
 
 def welded(changes: dict[str, Any], current: float = 0.0) -> Plant:
     plant = bearing(FIXED | changes)
-    plant.place(GAP, 0.0)
+    plant.place([GAP], [0.0])
     plant.hold(current, 0)
     return plant
 
@@ -40,7 +40,7 @@ def test_an_amplifier_follows_as_far_as_its_bandwidth() -> None:
         at = np.arange(8 * round(200e3 / frequency))
         flows = []
         for tick in at.tolist():
-            plant.advance(1.0 + 0.05 * math.sin(turn * tick), 0.0, 0.0)
+            plant.advance([1.0 + 0.05 * math.sin(turn * tick)], 0.0)
             flows.append(plant.current)
         last = at >= at.size // 2
         swing = 2.0 * abs(complex(np.mean(np.array(flows)[last] * np.exp(-1j * turn * at[last]))))
@@ -56,7 +56,7 @@ def test_the_current_rises_no_faster_than_the_supply_drives_it() -> None:
     plant = welded(SOFT)
     flows = [0.0]
     for _ in range(8):
-        plant.advance(4.0, 0.0, 0.0)
+        plant.advance([4.0], 0.0)
         flows.append(plant.current)
     inductance = example_poles().inductance(GAP)
     slew = np.diff(flows[:7]) / 50e-6
@@ -71,7 +71,7 @@ def test_beyond_the_supply_the_integral_waits() -> None:
         plant = welded(SOFT, start)
         flows = []
         for _ in range(200):
-            plant.advance(3.0, 0.0, 0.0)
+            plant.advance([3.0], 0.0)
             flows.append(plant.current)
         past.append(max(flows) - 3.0)
     assert past[1] < 1.2 * past[0]
@@ -82,7 +82,7 @@ def test_beyond_the_supply_the_integral_waits() -> None:
 def test_commands_lie_on_the_grid_of_the_converter(wanted: float) -> None:
     plant = welded({"amplifier.dac_bits": 4})
     for _ in range(400):
-        plant.advance(wanted, 0.0, 0.0)
+        plant.advance([wanted], 0.0)
     assert plant.current == pytest.approx(round(wanted / 0.3) * 0.3, abs=1e-5)
 
 
@@ -90,7 +90,7 @@ def test_commands_lie_on_the_grid_of_the_converter(wanted: float) -> None:
 def test_commands_beyond_the_range_stay_at_its_end(wanted: float, flows: float) -> None:
     plant = welded({})
     for _ in range(400):
-        plant.advance(wanted, 0.0, 0.0)
+        plant.advance([wanted], 0.0)
     assert plant.current == pytest.approx(flows, abs=1e-5)
 
 
@@ -105,7 +105,7 @@ def test_a_command_takes_effect_exactly_after_the_delay(
         plant = welded(changes)
         rows = []
         for tick in range(8 * hold):
-            plant.advance(2.0 if tick // hold == 1 else 1.0, 0.0, 0.0)
+            plant.advance([2.0 if tick // hold == 1 else 1.0], 0.0)
             rows.append(plant.current)
         return np.array(rows)
 
@@ -120,11 +120,11 @@ def test_in_voltage_mode_the_command_is_the_voltage() -> None:
     plant = welded({"amplifier.mode": "voltage"})
     before = plant.psi
     for _ in range(4):
-        plant.advance(30.0, 0.0, 0.0)
+        plant.advance([30.0], 0.0)
     # 0.2 ms at 30 V, less the winding's resistance.
     assert plant.psi - before == pytest.approx(0.2e-3 * 30.0, rel=0.01)
     for _ in range(6000):
-        plant.advance(2.4, 0.0, 0.0)
+        plant.advance([2.4], 0.0)
     assert plant.current == pytest.approx(2.0, rel=1e-3)
 
 
@@ -134,10 +134,10 @@ FREE: dict[str, Any] = OPEN_LOOP | {"mechanics.stop_low_m": 0.1e-3, "mechanics.s
 def run_armature(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> FloatArray:
     """Return gap and velocity without any current."""
     plant = bearing(FREE | changes)
-    plant.place(GAP, velocity)
+    plant.place([GAP], [velocity])
     rows = []
     for _ in range(ticks):
-        plant.advance(0.0, 0.0, force)
+        plant.advance([0.0], force)
         rows.append((plant.gap, plant.velocity))
     return np.array(rows)
 
@@ -175,10 +175,10 @@ def test_the_load_drive_knows_the_gap_in_steps_of_its_encoder() -> None:
     force = []
     for place in (GAP + 0.6e-6, GAP + 1.4e-6, GAP + 1.6e-6):
         plant = bearing(FREE | steps | {"mechanics.mass_kg": 1e3})
-        plant.place(place, 0.0)
-        plant.advance(0.0, 0.0, 0.0)
+        plant.place([place], [0.0])
+        plant.advance([0.0], 0.0)
         before = plant.velocity
-        plant.advance(0.0, 0.0, 0.0)
+        plant.advance([0.0], 0.0)
         force.append(1e3 * (plant.velocity - before) / 50e-6)
     assert force == pytest.approx([-1.0, -1.0, -2.0], rel=1e-3)
 
@@ -186,9 +186,9 @@ def test_the_load_drive_knows_the_gap_in_steps_of_its_encoder() -> None:
 def test_it_rests_on_the_stop_and_the_stop_holds() -> None:
     plant = bearing(OPEN_LOOP)
     assert plant.gap == 0.55e-3
-    plant.place(GAP, 0.0)
+    plant.place([GAP], [0.0])
     for _ in range(1000):
-        plant.advance(0.0, 0.0, 300.0)
+        plant.advance([0.0], 300.0)
         assert plant.gap < 0.55e-3 + 30e-6
     stiffness = 2.0 * (2.0 * math.pi * 1600.0) ** 2
     assert plant.gap - 0.55e-3 == pytest.approx(300.0 / stiffness, rel=1e-3)
@@ -197,9 +197,9 @@ def test_it_rests_on_the_stop_and_the_stop_holds() -> None:
 
 def test_the_lower_stop_holds_against_the_magnet() -> None:
     plant = bearing(OPEN_LOOP)
-    plant.place(0.4e-3, 0.0)
+    plant.place([0.4e-3], [0.0])
     for _ in range(1000):
-        plant.advance(4.5, 0.0, 0.0)
+        plant.advance([4.5], 0.0)
         assert plant.gap > 0.35e-3 - 50e-6
     stiffness = 2.0 * (2.0 * math.pi * 1600.0) ** 2
     assert 0.35e-3 - plant.gap == pytest.approx(plant.force / stiffness, rel=1e-2)

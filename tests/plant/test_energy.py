@@ -137,11 +137,11 @@ def test_a_moving_bearing_keeps_its_energy() -> None:
             "mechanics.damping_N_s_per_m": damping,
         }
     )
-    plant.place(GAP, 0.0)
+    plant.place([GAP], [0.0])
     plant.hold(2.8, 0)
     rows = [(plant.gap, plant.velocity, plant.force, plant.current, plant.psi)]
     for tick in range(600):
-        plant.advance(2.8 + 0.6 * math.cos(0.05 * tick), 0.0, 0.0)
+        plant.advance([2.8 + 0.6 * math.cos(0.05 * tick)], 0.0)
         rows.append((plant.gap, plant.velocity, plant.force, plant.current, plant.psi))
     gap, velocity, force, current, psi = np.array(rows).T
     assert 0.36e-3 < np.min(gap) < np.max(gap) < 0.54e-3

@@ -34,13 +34,13 @@ def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
     linear = Point(MASS, k_i=1.0, k_s=-slope, inductance=1.0, resistance=1.0)
     assert 2.0 * math.pi * linear.pole_at_current == pytest.approx(pole)
     plant = bearing(STIFF | {"mechanics.gravity_m_per_s2": force / MASS})
-    plant.place(gap, 0.0)
+    plant.place([gap], [0.0])
     plant.hold(current, 0)
     start = way * 20e-6 * pole / math.exp(4.0)  # 10 um after four time constants
-    plant.place(gap, start)
+    plant.place([gap], [start])
     away, speed = [], []
     for _ in range(2000):
-        plant.advance(current, 0.0, 0.0)
+        plant.advance([current], 0.0)
         if abs(plant.gap - gap) > 2e-6:
             break
         away.append(abs(plant.gap - gap))
@@ -66,12 +66,12 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
     assert linear.pole_at_voltage < 0.8 * linear.pole_at_current
     held = {"amplifier.mode": "voltage", "amplifier.supply_V": 150.0, "amplifier.dac_bits": 24}
     plant = bearing(STIFF | held | {"mechanics.gravity_m_per_s2": force / MASS})
-    plant.place(GAP, 0.0)
+    plant.place([GAP], [0.0])
     plant.hold(current, 0)
-    plant.place(GAP, 1e-4)
+    plant.place([GAP], [1e-4])
     away = []
     for _ in range(4000):
-        plant.advance(1.2 * current, 0.0, 0.0)
+        plant.advance([1.2 * current], 0.0)
         away.append(plant.gap - GAP)
         if away[-1] > 4e-6:
             break
@@ -83,12 +83,12 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
 def test_in_balance_it_stays() -> None:
     """Nothing but rounding drives it away."""
     plant = bearing(STIFF)
-    plant.place(GAP, 0.0)
+    plant.place([GAP], [0.0])
     plant.hold(2.8, 0)
     lift = plant.force / MASS
     balanced = bearing(STIFF | {"mechanics.gravity_m_per_s2": lift})
-    balanced.place(GAP, 0.0)
+    balanced.place([GAP], [0.0])
     balanced.hold(2.8, 0)
     for _ in range(100):
-        balanced.advance(2.8, 0.0, 0.0)
+        balanced.advance([2.8], 0.0)
     assert abs(balanced.gap - GAP) < 1e-9

@@ -105,7 +105,7 @@ def test_eddy_currents_of_a_law_are_those_of_its_model() -> None:
 class Case:
     changes: dict[str, float]
     current: float = 2.8
-    magnet: Magnet | None = None
+    magnets: tuple[Magnet, ...] = ()
 
 
 CASES = {
@@ -118,9 +118,9 @@ CASES = {
             "load.stiffness_N_per_m": 1e4,
         }
     ),
-    "law": Case({}, current=1.5, magnet=law(0.0)),
-    "preisach": Case({}, magnet=iron_magnet(example_poles(), STEELS["preisach-usual"])),
-    "duhem": Case({}, magnet=iron_magnet(example_poles(), STEELS["duhem-usual"])),
+    "law": Case({}, current=1.5, magnets=(law(0.0),)),
+    "preisach": Case({}, magnets=(iron_magnet(example_poles(), STEELS["preisach-usual"]),)),
+    "duhem": Case({}, magnets=(iron_magnet(example_poles(), STEELS["duhem-usual"]),)),
 }
 
 
@@ -128,22 +128,22 @@ def run(case: Case, substeps: int, lift: float) -> FloatArray:
     """Return gap, velocity, force and current at each tick of 3 ms of moving commands."""
     changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "mechanics.gravity_m_per_s2": lift}
     plant = make_bearing(
-        rig(changes | case.changes | {"timing.substeps": substeps}), 0, case.magnet
+        rig(changes | case.changes | {"timing.substeps": substeps}), 0, *case.magnets
     )
-    plant.place(GAP, 0.0)
+    plant.place([GAP], [0.0])
     plant.hold(case.current, 0)
     rows = []
     for tick in range(60):
         command = case.current * (1.0 + 0.14 * math.sin(0.9 * tick))
-        plant.advance(command, 0.0, 20.0 if tick > 30 else 0.0)
+        plant.advance([command], 20.0 if tick > 30 else 0.0)
         rows.append((plant.gap, plant.velocity, plant.force, plant.current))
     return np.array(rows)
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
 def test_the_whole_bearing_is_of_second_order(case: Case) -> None:
-    plant = make_bearing(rig(OPEN_LOOP | case.changes), 0, case.magnet)
-    plant.place(GAP, 0.0)
+    plant = make_bearing(rig(OPEN_LOOP | case.changes), 0, *case.magnets)
+    plant.place([GAP], [0.0])
     plant.hold(case.current, 0)
     lift = plant.force / 2.0
     finest = run(case, 64, lift)

@@ -21,7 +21,7 @@ PAIR: dict[str, Any] = OPEN_LOOP | {
 
 def pair(first: float, second: float, displaced: float = 0.0) -> Plant:
     plant = bearing(PAIR)
-    plant.place(GAP + displaced, 0.0)
+    plant.place([GAP + displaced], [0.0])
     plant.hold(first, 0)
     plant.hold(second, 1)
     return plant
@@ -31,7 +31,7 @@ def test_equal_currents_in_the_middle_give_no_force_and_leave_it_there() -> None
     plant = pair(2.5, 2.5)
     assert plant.force == 0.0
     for _ in range(200):
-        plant.advance(2.5, 2.5, 0.0)
+        plant.advance([2.5, 2.5], 0.0)
     assert plant.gap == pytest.approx(GAP, abs=1e-15)
 
 
@@ -64,9 +64,9 @@ def run_pair(side: float) -> tuple[FloatArray, FloatArray]:
     plant = pair(2.5, 2.5, side * 1e-6)
     away, read = [], []
     for step in swing.tolist():
-        plant.advance(2.5 + side * step, 2.5 - side * step, side * 3.0)
+        plant.advance([2.5 + side * step, 2.5 - side * step], side * 3.0)
         away.append(side * (plant.gap - GAP))
-        gap, one, two, flux_one, flux_two, _ = plant.read()
+        (gap,), (one, two), (flux_one, flux_two), _ = plant.read()
         between = (one - two, one + two, flux_one - flux_two)
         read.append((side * (gap - GAP), side * between[0], between[1], side * between[2]))
     return np.array(away), np.array(read)
@@ -82,7 +82,7 @@ def test_a_mirrored_run_is_the_mirror_image() -> None:
 
 
 def test_the_second_magnet_of_a_pair_stands_at_the_rest_of_the_gap() -> None:
-    _, one, two, density_one, density_two, _ = pair(2.5, 2.5, 50e-6).read()
+    _, (one, two), (density_one, density_two), _ = pair(2.5, 2.5, 50e-6).read()
     assert one == pytest.approx(two, abs=0.005)
     assert density_two > 1.1 * density_one
 

@@ -60,7 +60,7 @@ def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, nam
     rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
     assert rig.settings.magnet.steel.steel() == STEELS[name]
     plant = make_bearing(changed(rig, {"mechanics.mass_kg": 1e200}), 0)  # welded in place
-    plant.place(0.45e-3, 0.0)
+    plant.place([0.45e-3], [0.0])
     plant.hold(2.5, 0)
     rising = plant.force
     plant.hold(4.0, 0)
@@ -68,7 +68,7 @@ def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, nam
     assert 50.0 < rising < plant.force < 400.0
     falling = plant.force
     for current in [2.5] * 50 + [4.0] * 200 + [2.5] * 200:
-        plant.advance(current, 0.0, 0.0)
+        plant.advance([current], 0.0)
     assert plant.current == pytest.approx(2.5, abs=1e-3)
     assert plant.force == pytest.approx(falling, rel=0.02)
 

@@ -64,24 +64,28 @@ def eventful(setup: Setup) -> Scenario:
     return script.command(Command.LAND).hold(0.2).build()
 
 
+def pair_of(values: list[float], nothing: float) -> tuple[float, float]:
+    """Return what a controller of a pair is given of one magnet or two."""
+    return values[0], values[1] if len(values) > 1 else nothing
+
+
 def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float]]:
     """Step a bearing and its controller from Python, tick by tick."""
     rig = setup.rig
     bearing, controller = make_bearing(rig, seed), make_position(setup)
     assert isinstance(controller, Position | PositionF32 | FixedPosition)
-    has_hall = rig.settings.hall_probe is not None
     inner, integral = current_loop(rig), 0.0
     found: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for tick in range(scenario.ticks):
-        gap, first, second, density, density_2, _ = bearing.read()
+        (gap,), currents, densities, _ = bearing.read()
         drop = bool(scenario.command[tick] & DROP)
         seen = math.nan if drop else gap + scenario.inject[tick]
         answer = controller.tick(
             seen,
             scenario.target[tick],
             scenario.feed[tick],
-            (first, second),
-            (density, density_2) if has_hall else (math.nan, math.nan),
+            pair_of(currents, 0.0),
+            pair_of(densities, math.nan),
             int(scenario.command[tick]) & 0xFF,
         )
         row = {
@@ -94,7 +98,7 @@ def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float
             "force_N": bearing.force,
             "command_A": answer[0],
             "current_A": bearing.current,
-            "current_read_A": first,
+            "current_read_A": currents[0],
             "flux_Wb": bearing.psi,
             "command_2_A": answer[1],
             "state": answer[4],
@@ -104,11 +108,11 @@ def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float
             found[name].append(float(value))
         command = answer[0]
         if inner["gain"] > 0.0:
-            error = answer[0] - first
+            error = answer[0] - currents[0]
             wanted = inner["resistance"] * answer[0] + inner["gain"] * error + integral
             command = min(max(wanted, -inner["limit"]), inner["limit"])
             integral += inner["reset"] * error * (abs(wanted) < inner["limit"])
-        bearing.advance(command, answer[1], scenario.load[tick])
+        bearing.advance([command, answer[1]][: len(currents)], scenario.load[tick])
     return {name: values for name, values in found.items() if values}
 
 

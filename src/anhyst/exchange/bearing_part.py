@@ -14,7 +14,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
 from anhyst.exchange.part import WRAPPER, Part, Variable, header, row
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.plant import current_loop, noise_seed, plant_numbers
+from anhyst.rig.bearing.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.study.bearing.ready import make_ready, read_files
@@ -102,9 +102,13 @@ def _plant_sources() -> dict[str, bytes]:
     return found
 
 
-def _fields(numbers: Mapping[str, object]) -> str:
-    """Return a structure by the names of its fields."""
-    return "{" + ", ".join(f".{name} = {value}" for name, value in numbers.items()) + "}"
+def _fields(numbers: object) -> str:
+    """Return structures, arrays and what is in them as C."""
+    if isinstance(numbers, Mapping):
+        return "{" + ", ".join(f".{name} = {_fields(one)}" for name, one in numbers.items()) + "}"
+    if isinstance(numbers, list):
+        return "{" + ", ".join(map(_fields, numbers)) + "}"
+    return str(numbers)
 
 
 def _iron(rig: BearingRig) -> str:
@@ -146,29 +150,29 @@ def _numbers(rig: BearingRig) -> str:
                               settings.simulate.gap_m)  # fmt: skip
     winding = {key: circuit.pop(key) for key in ("turns", "resistance")}
     magnet = _fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
-    sensors = numbers.sensors
+    actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
     bearing = {
-        **numbers.mechanics,
-        "magnets": len(rig.magnets),
-        "magnet": "{" + ", ".join([magnet] * len(rig.magnets)) + "}",
-        "amplifier": _fields(numbers.amplifier),
-        "load": _fields(numbers.load),
-        "gap_sensor": _fields(sensors["gap"]),
-        "current_sensor": _fields(sensors["current"]),
-        "force_sensor": _fields(sensors["force"]),
-        "hall_probe": _fields(sensors["hall"]),
+        **numbers.body,
+        "coordinates": len(numbers.body["coordinate"]),
+        "magnets": len(actuators),
+        "actuator": "bearing_actuators",
+        "heads": len(numbers.heads),
+        "head": "bearing_heads",
+        "load": numbers.load,
     }
     text = (
-        '#include "anhyst_plant/bearing.h"\n\n'
+        '#include "anhyst_plant/body.h"\n\n'
         "static const anhyst_plant_circuit bearing_circuit = "
         f"{_fields({'iron': _iron(rig), **circuit})};\n"
-        f"static const anhyst_plant_bearing bearing = {_fields(bearing)};\n\n"
+        f"static const anhyst_plant_actuator bearing_actuators[] = {_fields(actuators)};\n"
+        f"static const anhyst_plant_head bearing_heads[] = {_fields(numbers.heads)};\n"
+        f"static const anhyst_plant_body bearing = {_fields(bearing)};\n\n"
     )
     defined = {
         "BEARING_MAGNETS": len(rig.magnets),
         "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
-        "BEARING_HAS_HALL": int(settings.hall_probe is not None),
-        "BEARING_CURRENT_LOOP": _fields(current_loop(rig)),
+        "BEARING_HEADS": len(numbers.heads),
+        "BEARING_CURRENT_LOOPS": _fields(current_loops(rig)),
     }
     return header("bearing_numbers", defined, text)
 

@@ -27,9 +27,11 @@ enum {
 
 typedef struct {
   anhyst_plant_state plant;
+  anhyst_plant_actuator_state actuator[BEARING_MAGNETS];
+  anhyst_plant_head_state head[BEARING_HEADS];
+  anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
   CONTROLLER controller;
-  double integral[ANHYST_PLANT_MAGNETS]; /* of the current loop, V */
-  double command;                        /* of the tick before */
+  double command; /* of the tick before */
   uint64_t ticks;
 } state_of;
 
@@ -44,9 +46,12 @@ static void drop(void *tables) { (void)tables; }
 
 static void relink(const void *tables, void *state)
 {
-  CONTROLLER *controller = &((state_of *)state)->controller;
+  state_of *now = (state_of *)state;
+  CONTROLLER *controller = &now->controller;
   int i;
   (void)tables;
+  now->plant.actuator = now->actuator;
+  now->plant.head = now->head;
   controller->position.limits = &CONTROLLER_LIMITS;
   controller->position.settings = &CONTROLLER_SETTINGS;
   for (i = 0; i < BEARING_MAGNETS; i++) {
@@ -56,42 +61,56 @@ static void relink(const void *tables, void *state)
   }
 }
 
+/* The first column of a signal. */
+static int column(anhyst_plant_signal signal)
+{
+  return anhyst_plant_signal_column(&bearing, signal);
+}
+
 /* What is true at the end of a tick. */
 static void show(const anhyst_plant_state *plant, double *values)
 {
   int i;
-  values[GAP] = plant->gap;
-  values[VELOCITY] = plant->velocity;
+  values[GAP] = plant->actuator[0].gap;
+  values[VELOCITY] = plant->velocity[0];
   values[FORCE] = plant->force;
   for (i = 0; i < BEARING_MAGNETS; i++) {
-    values[FIRST_OF_MAGNET + 3 * i] = plant->coil[i].current;
-    values[FIRST_OF_MAGNET + 3 * i + 1] = plant->coil[i].density;
+    values[FIRST_OF_MAGNET + 3 * i] = plant->actuator[i].coil.current;
+    values[FIRST_OF_MAGNET + 3 * i + 1] = plant->actuator[i].coil.density;
   }
 }
 
 static int start(const void *tables, void *state, double *values)
 {
+  static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
   state_of *now = (state_of *)state;
+  int i;
   (void)tables;
-  anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
+  now->plant.actuator = now->actuator;
+  now->plant.head = now->head;
+  for (i = 0; i < BEARING_MAGNETS; i++) {
+    now->current_loop[i] = current_loops[i];
+  }
+  if (!anhyst_plant_start(&bearing, &now->plant, BEARING_SEED)) {
+    return -1;
+  }
   show(&now->plant, values);
   return CONTROLLER_INIT(&now->controller) == ANHYST_OK ? 0 : -1;
 }
 
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
-  static const anhyst_plant_current_loop current_loop = BEARING_CURRENT_LOOP;
   state_of *now = (state_of *)state;
   const double nothing = 0.0;
   const uint32_t command =
       values[COMMAND] != now->command ? (uint32_t)fmax(0.0, values[COMMAND]) : 0U;
   const anhyst_plant_events events = {&values[TARGET], &values[LOAD], &nothing,
                                       &nothing,        &command,      NULL};
+  double room[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
   anhyst_plant_loop loop = {
-      &bearing,        &now->plant, {&now->controller.position, anhyst_bearing_controller_tick},
-      current_loop,    {0.0, 0.0},  0,
-      BEARING_HAS_HALL};
-  double record[ANHYST_LOOP_COLUMNS];
+      &bearing,          &now->plant, {&now->controller.position, anhyst_bearing_controller_tick},
+      now->current_loop, room,        0};
+  double record[ANHYST_LOOP_SIGNALS * (BEARING_MAGNETS + BEARING_HEADS)];
   int i;
   (void)tables;
   (void)seconds;
@@ -99,26 +118,19 @@ static const char *tick(const void *tables, void *state, double *values, double 
     return "a command is a number from 0 to 6";
   }
   loop.ticks = now->ticks;
-  for (i = 0; i < ANHYST_PLANT_MAGNETS; i++) {
-    loop.integral[i] = now->integral[i];
-  }
   (void)anhyst_plant_loop_run(&loop, &events, 1, record);
   now->command = values[COMMAND];
   now->ticks = loop.ticks;
-  for (i = 0; i < ANHYST_PLANT_MAGNETS; i++) {
-    now->integral[i] = loop.integral[i];
+  values[REFERENCE] = record[column(ANHYST_LOOP_REFERENCE)];
+  values[GAP_READ] = record[column(ANHYST_LOOP_GAP_READ)];
+  values[DEMAND] = record[column(ANHYST_LOOP_DEMAND)];
+  for (i = 0; i < BEARING_MAGNETS; i++) {
+    values[FIRST_OF_MAGNET + 3 * i + 2] = record[column(ANHYST_LOOP_COMMAND) + i];
   }
-  values[REFERENCE] = record[1];
-  values[GAP_READ] = record[3];
-  values[DEMAND] = record[5];
-  values[FIRST_OF_MAGNET + 2] = record[8];
-  if (BEARING_MAGNETS > 1) {
-    values[FIRST_OF_MAGNET + 3 * (BEARING_MAGNETS - 1) + 2] = record[14];
-  }
-  values[STATE] = record[16];
-  values[FLAGS] = record[17];
+  values[STATE] = record[column(ANHYST_LOOP_STATE)];
+  values[FLAGS] = record[column(ANHYST_LOOP_FLAGS)];
   show(&now->plant, values);
-  return isfinite(now->plant.gap) ? NULL : "the bearing has left all bounds; reset it";
+  return isfinite(now->plant.pose[0]) ? NULL : "the bearing has left all bounds; reset it";
 }
 
 const anhyst_part anhyst_the_part = {0, sizeof(state_of), build, drop, relink, start, tick};

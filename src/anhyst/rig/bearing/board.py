@@ -18,7 +18,7 @@ from anhyst.link.plant_bus import Q31, PlantBus, Reading
 from anhyst.link.process import run_host, run_qemu
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.position import position_control
-from anhyst.rig.bearing.recording import of_magnets
+from anhyst.rig.bearing.recording import MAGNETS, of_magnets
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.bearing.setup import Setup
 from anhyst.support.arrays import FloatArray
@@ -27,7 +27,15 @@ from anhyst.support.progress import Progress
 BOARDS = ("host", "qemu-mps2")
 """Boards without hardware, on which a firmware can run here."""
 
-COLUMNS = ("t_s", "gap_m", "velocity_m_per_s", "command_A", *of_magnets((("command", "A"),), 2), "state", "fault")
+COLUMNS = (
+    "t_s",
+    "gap_m",
+    "velocity_m_per_s",
+    "command_A",
+    *of_magnets((("command", "A"),), 2, MAGNETS),
+    "state",
+    "fault",
+)
 """Of the record of a run: a row a tick, all at its beginning but for the commands, the state and
 the fault, which follow from it."""
 

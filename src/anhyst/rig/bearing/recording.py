@@ -11,24 +11,27 @@ from anhyst._core import PlantLoop
 from anhyst.control.states import Phase, State
 from anhyst.support.arrays import FloatArray
 
+CURRENTS = (("command", "A"), ("current", "A"))
+MAGNETS = 2
+"""For which a recording has columns; a single one leaves those of the other at zero."""
+
 
 def column(signal: str, unit: str, number: int = 1) -> str:
     """Return what a column is called: of the first magnet without a number, further ones with it."""
     return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
 
 
-def of_magnets(signals: Sequence[tuple[str, str]], count: int) -> tuple[str, ...]:
-    """Return the columns of every magnet but the first."""
-    return tuple(column(*one, number) for number in range(2, count + 1) for one in signals)
+def of_magnets(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
+    """Return the columns of some signals, magnet by magnet."""
+    return tuple(column(*one, number) for number in range(first, last + 1) for one in signals)
 
 
 COLUMNS: tuple[str, ...] = (
     *("t_s", "reference_m", "gap_m", "gap_read_m", "velocity_m_per_s", "demand_N", "force_N"),
     *("load_N", "command_A", "current_A", "current_read_A", "voltage_V", "flux_Wb"),
-    *("flux_density_T", *of_magnets((("command", "A"), ("current", "A")), count=2), "state", "flags"),
+    *("flux_density_T", *of_magnets(CURRENTS, 2, MAGNETS), "state", "flags"),
 )
-"""Of every recording, the unit in the name; described in docs/simulate.md. A single magnet leaves
-the columns of a pair at zero."""
+"""Of every recording, the unit in the name; described in docs/simulate.md."""
 
 
 def in_columns(loop: PlantLoop, table: FloatArray) -> FloatArray:

@@ -10,15 +10,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import LOOP_COLUMNS, BearingLoop, BusController
+from anhyst._core import BusController, PlantLoop
 from anhyst.control.states import Command
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q30, Q31, wait_at_most
 from anhyst.link.process import start_host
 from anhyst.rig.bearing.board import position_code
-from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.position import position_control
+from anhyst.rig.bearing.recording import COLUMNS, MAGNETS, column, in_columns
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
@@ -46,8 +47,13 @@ _OF_PLANT = {
     "voltage_V": Signal("voltage", "V", "at the first winding"),
     "flux_Wb": Signal("flux", "Wb", "linked with the first winding"),
     "flux_density_T": Signal("flux_density", "T", "in the gap of the first magnet"),
-    "command_2_A": Signal("command_2", "A", "current asked for, of the second magnet"),
-    "current_2_A": Signal("current_2", "A", "true current of the second magnet"),
+    **{
+        column(name, "A", number): Signal(
+            column(name, "", number), "A", f"{doc} of magnet {number}"
+        )
+        for number in range(2, MAGNETS + 1)
+        for name, doc in (("command", "current asked for,"), ("current", "true current"))
+    },
 }
 """Columns of a simulated loop, and what they are called here."""
 
@@ -73,8 +79,7 @@ BEARING_COMMANDS = (
 )
 """Of a controller of position."""
 
-_COLUMNS = tuple(LOOP_COLUMNS.split())
-_TAKEN = [_COLUMNS.index(name) for name in _OF_PLANT]
+_TAKEN = [COLUMNS.index(name) for name in _OF_PLANT]
 _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
 
@@ -108,8 +113,7 @@ class BearingBench(LockStepBench[BusController]):
             self._settings = ControllerSettings(self._link, position_settings(gains))
             wait_at_most(bus, _ANSWER_S)
             self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
-            has_hall = rig.settings.hall_probe is not None
-            self._loop = BearingLoop(bearing, self._bus, current_loop(rig), has_hall)
+            self._loop = PlantLoop(bearing, self._bus, current_loops(rig))
             self.demand(gap)
         except BaseException:
             self._open.close()
@@ -128,13 +132,14 @@ class BearingBench(LockStepBench[BusController]):
         first = self.tick + 1
         nothing = np.zeros(ticks)
         load = self.load_drive.forces(first, ticks)
-        plant = self._loop.run(nothing, load, nothing, nothing, np.zeros(ticks, dtype=np.uint32))
-        if len(plant) < ticks:
+        rows = self._loop.run(nothing, load, nothing, nothing, np.zeros(ticks, dtype=np.uint32))
+        if len(rows) < ticks:
             raise InputError(
                 f"the controller did not answer tick {self.tick}; see its output", code="no-answer"
             )
         numbers = np.arange(first, first + ticks, dtype=np.float64)
-        return np.column_stack((numbers, plant[:, _TAKEN], self._of_firmware(self._bus.take())))
+        plant = in_columns(self._loop, rows)[:, _TAKEN]
+        return np.column_stack((numbers, plant, self._of_firmware(self._bus.take())))
 
     def _of_firmware(self, words: NDArray[np.uint32]) -> FloatArray:
         """Return what answers of the firmware say, column by column as the signals name them."""

@@ -17,7 +17,7 @@ from anhyst.control.states import State
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
-from anhyst.rig.bearing.board import BearingPlant, firmware_run
+from anhyst.rig.bearing.board import COLUMNS, BearingPlant, firmware_run
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import parts_of_run
 from anhyst.rig.bearing.loop import SimulatedLoop
@@ -133,10 +133,9 @@ class BoardComparison:
 def count_differences(simulated: Recording, recorded: FloatArray) -> int:
     """Return at how many ticks a current of a run is another than in its simulation."""
     n = min(len(simulated), len(recorded))
-    same = (recorded[:n, 3] == simulated["command_A"][:n]) & (
-        recorded[:n, 4] == simulated["command_2_A"][:n]
-    )
-    return int(np.count_nonzero(~same)) + abs(len(simulated) - len(recorded))
+    commands = [name for name in COLUMNS if name.startswith("command")]
+    other = [recorded[:n, COLUMNS.index(name)] != simulated[name][:n] for name in commands]
+    return int(np.count_nonzero(np.any(other, axis=0))) + abs(len(simulated) - len(recorded))
 
 
 def run_board(

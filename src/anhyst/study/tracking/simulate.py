@@ -14,6 +14,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.data.writing import check_recording, write_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.recording import CURRENTS, MAGNETS, of_magnets
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, track
 from anhyst.rig.stage.make_setup import make_stage
@@ -290,7 +291,7 @@ def simulate_stage(
 def recorded(run: TrackedRun) -> dict[str, Any]:
     """Return the columns of a recording of a run."""
     n = len(run.table)
-    columns = ("demand_N", "force_N", "command_A", "current_A", "command_2_A", "current_2_A")
+    columns = ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))
     return {
         "t_s": run["t_s"],
         "reference_m": run.reference[:n],
