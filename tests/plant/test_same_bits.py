@@ -23,13 +23,21 @@ RUNS = (
     "ok duhem, 1 magnets, voltage, f9dbb93c7152b84b",
     "ok duhem, 1 magnets, current, 8484f57d7cec83e0",
     "ok cells, 2 magnets, voltage, bcdb025991aa9da5",
+    "ok cells, six axes, voltage, 48373b30fc7427a8",
     "ok cells, 2 magnets, current, d1f619427449ea73",
+    "ok cells, six axes, current, 345b783e69ac58e4",
     "ok law, 2 magnets, voltage, 48293fb37b4a0226",
+    "ok law, six axes, voltage, 3bf5f322cbf7c885",
     "ok law, 2 magnets, current, 1a4eb3f55b1742f4",
+    "ok law, six axes, current, a943fc049022f9d1",
     "ok preisach, 2 magnets, voltage, 10bea9bd94dbf44b",
+    "ok preisach, six axes, voltage, eb1db4afd3aeff22",
     "ok preisach, 2 magnets, current, 332a8b2aaea5ed36",
+    "ok preisach, six axes, current, ebc1852e94f4308e",
     "ok duhem, 2 magnets, voltage, fb1120ff45082fb3",
+    "ok duhem, six axes, voltage, 5185292b0e84e503",
     "ok duhem, 2 magnets, current, d0351f4be57fe706",
+    "ok duhem, six axes, current, 9a4380805e45e40f",
 )
 """What every build on every processor prints."""
 

@@ -494,9 +494,8 @@ class Plant:
     @property
     def wrench(self) -> list[float]:
         """Of the magnets, N or N m, along each free coordinate."""
-    @property
     def coils(self) -> _Array:
-        """A row each magnet: gap, m, current, A, linkage, Wb, pull, N, energy taken and heat, J."""
+        """Return a row each magnet: gap, m, current, A, linkage, Wb, pull, N, energy taken and heat, J."""
     @property
     def gap(self) -> float:
         """Of the first magnet, m."""
