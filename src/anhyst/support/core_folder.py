@@ -26,7 +26,7 @@ def plant_folder() -> Path:
     """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`."""
     package = Path(__file__).resolve().parents[1]
     for place in (package.parents[1] / "plant", package / "_core" / "plant"):
-        if (place / "include" / "anhyst_plant" / "bearing.h").is_file():
+        if (place / "include" / "anhyst_plant" / "body.h").is_file():
             return place
     raise InputError(
         f"{package}: the C sources of the plant are missing; install anhyst again",
