@@ -8,12 +8,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from anhyst._core import FixedPosition, Position, PositionF32
+from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
 from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
-from anhyst.rig.bearing.plant import current_loop, make_bearing
+from anhyst.rig.bearing.plant import (
+    current_loop,
+    current_loops,
+    make_bearing,
+    make_magnet,
+    noise_seed,
+    plant_numbers,
+)
 from anhyst.rig.bearing.position import make_position
-from anhyst.rig.bearing.recording import COLUMNS, HOVER, READY, Recording
+from anhyst.rig.bearing.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.responses import StepRun, run_steps
@@ -114,6 +121,32 @@ def by_hand(setup: Setup, scenario: Scenario, seed: int) -> dict[str, list[float
             integral += inner["reset"] * error * (abs(wanted) < inner["limit"])
         bearing.advance([command, answer[1]][: len(currents)], scenario.load[tick])
     return {name: values for name, values in found.items() if values}
+
+
+def test_a_third_magnet_without_current_changes_no_bit_and_has_its_own_columns() -> None:
+    setup = bearings.pair("full", "f32")
+    rig, scenario = setup.rig, bearings.lifted(setup).step(GAP - 30e-6, 0.02).build()
+    numbers = plant_numbers(rig)
+    quiet = numbers.actuators[0]["current_sensor"] | {"noise": 0.0}
+    idle = numbers.actuators[0] | {"current_sensor": quiet, "has_probe": 0}
+    plant = Plant(
+        numbers.body,
+        [*numbers.actuators, idle],
+        numbers.heads,
+        numbers.load,
+        [make_magnet(rig)] * 3,
+        noise_seed(rig, 0),
+    )
+    loop = PlantLoop(plant, make_position(setup), [*current_loops(rig), current_loop(rig)])
+    names = [column(*signal) for signal in loop.signals]
+    events = (scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command)
+    rows = dict(zip(names, loop.run(*events).T, strict=True))
+    alone = bearings.run(setup, scenario)
+    for name in COLUMNS:
+        assert np.array_equal(rows[name], alone[name]), name
+    assert rows["gap_3_m"] == pytest.approx(rows["gap_m"], abs=0.0)
+    assert not np.any(rows["current_3_A"])
+    assert len(set(names)) == len(names)
 
 
 def voltage(number_format: NumberFormat) -> Setup:
