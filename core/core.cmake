@@ -45,6 +45,8 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/play_map_real.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_controller.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_controller_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_by_play.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_by_play_real.c"
   "${ANHYST_CORE_DIR}/src/control/supervisor.c"
   "${ANHYST_CORE_DIR}/src/control/levitation.c"
   "${ANHYST_CORE_DIR}/src/control/position.c"
