@@ -50,7 +50,13 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/control/supervisor.c"
   "${ANHYST_CORE_DIR}/src/control/levitation.c"
   "${ANHYST_CORE_DIR}/src/control/position.c"
-  "${ANHYST_CORE_DIR}/src/control/position_real.c")
+  "${ANHYST_CORE_DIR}/src/control/position_real.c"
+  "${ANHYST_CORE_DIR}/src/control/biquad.c"
+  "${ANHYST_CORE_DIR}/src/control/biquad_real.c"
+  "${ANHYST_CORE_DIR}/src/control/allocation.c"
+  "${ANHYST_CORE_DIR}/src/control/allocation_real.c"
+  "${ANHYST_CORE_DIR}/src/control/tracking.c"
+  "${ANHYST_CORE_DIR}/src/control/tracking_real.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)
