@@ -1,6 +1,9 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    ALLOCATE_BY_HALVES,
+    ALLOCATE_CLASS_AB,
+    ALLOCATE_SINGLE,
     LOOP_COLUMNS,
     AnyIron,
     Bearing,
@@ -17,6 +20,7 @@ from anhyst._core._native import (
     FixedController,
     FixedForceController,
     FixedPosition,
+    FixedTracking,
     ForceController,
     ForceControllerF32,
     Iron,
@@ -26,10 +30,12 @@ from anhyst._core._native import (
     Parameters,
     ParametersF32,
     Piece,
+    PiezoMotion,
     Position,
     PositionF32,
     Steel,
     Tracking,
+    TrackingF32,
     allocate,
     batch,
     batch_functions,
@@ -43,6 +49,9 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "ALLOCATE_BY_HALVES",
+    "ALLOCATE_CLASS_AB",
+    "ALLOCATE_SINGLE",
     "LOOP_COLUMNS",
     "AnyIron",
     "Bearing",
@@ -59,6 +68,7 @@ __all__ = [
     "FixedController",
     "FixedForceController",
     "FixedPosition",
+    "FixedTracking",
     "ForceController",
     "ForceControllerF32",
     "Iron",
@@ -68,10 +78,12 @@ __all__ = [
     "Parameters",
     "ParametersF32",
     "Piece",
+    "PiezoMotion",
     "Position",
     "PositionF32",
     "Steel",
     "Tracking",
+    "TrackingF32",
     "allocate",
     "batch",
     "batch_functions",
