@@ -8,12 +8,12 @@ static int is_force_q31(int32_t a) { return a > 0; }
 
 static int32_t half_q31(int32_t a) { return a >> 1; }
 
-/* a*b, b 0..2^31 - 1; floor, error below 4 units in the last place. */
+/* a*b, neither below 0; floor, error below 4 units in the last place. */
 static int32_t product(int32_t a, int32_t b)
 {
   const int16_t high = (int16_t)(b >> 16);
   const int16_t low = (int16_t)((b & 0xFFFF) >> 1);
-  return 2 * anhyst_scale(a, high) + (anhyst_scale(a, low) >> 14);
+  return anhyst_add_q31(2 * anhyst_scale(a, high), anhyst_scale(a, low) >> 14);
 }
 
 /* smaller/larger as a q31, 0 <= smaller <= larger, larger > 0; below the exact one by less than 16

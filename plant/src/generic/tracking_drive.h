@@ -59,13 +59,13 @@ static void ANHYST_NAME(carry)(anhyst_force_controller_f64 *c, const anhyst_bloc
   (void)block;
 }
 
-static const anhyst_force_method_f64 ANHYST_NAME(by_drive) = {
-    ANHYST_NAME(solve),        ANHYST_NAME(commit),      ANHYST_NAME(expected), ANHYST_NAME(length),
-    ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise), ANHYST_NAME(carry)};
-
 void ANHYST_NAME(anhyst_tracking_drive_init)(anhyst_force_controller_f64 *c,
                                              ANHYST_NAME(anhyst_tracking_drive) *drive)
 {
-  const anhyst_force_controller_f64 fresh = {.method = &ANHYST_NAME(by_drive), .own = drive};
+  static const anhyst_force_method_f64 by_drive = {
+      ANHYST_NAME(solve),  ANHYST_NAME(commit),       ANHYST_NAME(expected),
+      ANHYST_NAME(length), ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise),
+      ANHYST_NAME(carry)};
+  const anhyst_force_controller_f64 fresh = {.method = &by_drive, .own = drive};
   *c = fresh;
 }

@@ -49,15 +49,15 @@ static void ANHYST_NAME(carry)(ANHYST_NAME(anhyst_force_controller) *c,
   (void)block;
 }
 
-static const ANHYST_NAME(anhyst_force_method) ANHYST_NAME(by_play) = {
-    ANHYST_NAME(solve),        ANHYST_NAME(commit),      ANHYST_NAME(expected), ANHYST_NAME(length),
-    ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise), ANHYST_NAME(carry)};
-
 void ANHYST_NAME(anhyst_force_controller_init_play)(ANHYST_NAME(anhyst_force_controller) *c,
                                                     ANHYST_NAME(anhyst_play_map) *play)
 {
+  static const ANHYST_NAME(anhyst_force_method) by_play = {
+      ANHYST_NAME(solve),  ANHYST_NAME(commit),       ANHYST_NAME(expected),
+      ANHYST_NAME(length), ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise),
+      ANHYST_NAME(carry)};
   const ANHYST_NAME(anhyst_force_controller) fresh = {0};
   *c = fresh;
-  c->method = &ANHYST_NAME(by_play);
+  c->method = &by_play;
   c->own = play;
 }

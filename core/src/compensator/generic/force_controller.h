@@ -82,22 +82,21 @@ static void ANHYST_NAME(no_block)(ANHYST_NAME(anhyst_force_controller) *c,
   (void)block;
 }
 
-static const ANHYST_NAME(anhyst_force_method) ANHYST_NAME(by_map) = {
-    ANHYST_NAME(solve_by_map), ANHYST_NAME(commit_by_map),   ANHYST_NAME(expected_by_map),
-    ANHYST_NAME(no_length),    ANHYST_NAME(no_conditioning), ANHYST_NAME(no_iron),
-    ANHYST_NAME(no_block)};
-
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_map)(ANHYST_NAME(anhyst_force_controller) *c,
                                                             const ANHYST_NAME(anhyst_map) *map,
                                                             ANHYST_REAL low, ANHYST_REAL high)
 {
+  static const ANHYST_NAME(anhyst_force_method) by_map = {
+      ANHYST_NAME(solve_by_map), ANHYST_NAME(commit_by_map),   ANHYST_NAME(expected_by_map),
+      ANHYST_NAME(no_length),    ANHYST_NAME(no_conditioning), ANHYST_NAME(no_iron),
+      ANHYST_NAME(no_block)};
   const ANHYST_NAME(anhyst_force_controller) fresh = {0};
   if (ANHYST_NAME(anhyst_map_check)(map) != ANHYST_OK || !ANHYST_NAME(is_known)(low) ||
       !ANHYST_NAME(is_known)(high) || low > high) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
-  c->method = &ANHYST_NAME(by_map);
+  c->method = &by_map;
   c->map = map;
   c->low = low;
   c->high = high;
@@ -126,20 +125,19 @@ static ANHYST_REAL ANHYST_NAME(commit_by_flux)(ANHYST_NAME(anhyst_force_controll
   return output;
 }
 
-static const ANHYST_NAME(anhyst_force_method) ANHYST_NAME(by_flux) = {
-    ANHYST_NAME(solve_by_flux), ANHYST_NAME(commit_by_flux),  ANHYST_NAME(expected_by_map),
-    ANHYST_NAME(no_length),     ANHYST_NAME(no_conditioning), ANHYST_NAME(no_iron),
-    ANHYST_NAME(no_block)};
-
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_flux)(
     ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_map) *map,
     const ANHYST_NAME(anhyst_flux_loop) *loop, ANHYST_REAL low, ANHYST_REAL high)
 {
+  static const ANHYST_NAME(anhyst_force_method) by_flux = {
+      ANHYST_NAME(solve_by_flux), ANHYST_NAME(commit_by_flux),  ANHYST_NAME(expected_by_map),
+      ANHYST_NAME(no_length),     ANHYST_NAME(no_conditioning), ANHYST_NAME(no_iron),
+      ANHYST_NAME(no_block)};
   if (ANHYST_NAME(anhyst_map_check)(&loop->wanted) != ANHYST_OK || !ANHYST_NAME(is_valid)(loop) ||
       ANHYST_NAME(anhyst_force_controller_init_map)(c, map, low, high) != ANHYST_OK) {
     return ANHYST_BAD_PARAMETER;
   }
-  c->method = &ANHYST_NAME(by_flux);
+  c->method = &by_flux;
   c->loop = loop;
   return ANHYST_OK;
 }
@@ -217,17 +215,15 @@ static ANHYST_REAL ANHYST_NAME(commit_past)(ANHYST_NAME(anhyst_force_controller)
   return output;
 }
 
-static const ANHYST_NAME(anhyst_force_method) ANHYST_NAME(past_compensator) = {
-    ANHYST_NAME(solve_by_map), ANHYST_NAME(commit_past),  ANHYST_NAME(expected_by_map),
-    ANHYST_NAME(length),       ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise),
-    ANHYST_NAME(carry)};
-
 void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_controller) *c,
                                                  const ANHYST_NAME(anhyst_map) *map,
                                                  ANHYST_REAL low, ANHYST_REAL high)
 {
-  c->method =
-      map != NULL ? &ANHYST_NAME(past_compensator) : &ANHYST_NAME(anhyst_force_by_compensator);
+  static const ANHYST_NAME(anhyst_force_method) past_compensator = {
+      ANHYST_NAME(solve_by_map), ANHYST_NAME(commit_past),  ANHYST_NAME(expected_by_map),
+      ANHYST_NAME(length),       ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise),
+      ANHYST_NAME(carry)};
+  c->method = map != NULL ? &past_compensator : &ANHYST_NAME(anhyst_force_by_compensator);
   c->map = map;
   c->low = low;
   c->high = high;
