@@ -45,10 +45,18 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/play_map_real.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_controller.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_controller_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_by_play.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_by_play_real.c"
   "${ANHYST_CORE_DIR}/src/control/supervisor.c"
   "${ANHYST_CORE_DIR}/src/control/levitation.c"
   "${ANHYST_CORE_DIR}/src/control/position.c"
-  "${ANHYST_CORE_DIR}/src/control/position_real.c")
+  "${ANHYST_CORE_DIR}/src/control/position_real.c"
+  "${ANHYST_CORE_DIR}/src/control/biquad.c"
+  "${ANHYST_CORE_DIR}/src/control/biquad_real.c"
+  "${ANHYST_CORE_DIR}/src/control/allocation.c"
+  "${ANHYST_CORE_DIR}/src/control/allocation_real.c"
+  "${ANHYST_CORE_DIR}/src/control/tracking.c"
+  "${ANHYST_CORE_DIR}/src/control/tracking_real.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)

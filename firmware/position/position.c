@@ -19,7 +19,7 @@ static void forget_sensors(app_body *body)
  * valid. */
 static void start_magnet(anhyst_force_controller_q31 *magnet, const app_board *board)
 {
-  magnet->method = ANHYST_FORCE_BY_COMPENSATOR;
+  magnet->method = &anhyst_force_by_compensator_q31;
   if (anhyst_force_controller_init_compensator_q31(magnet, board->kernel, board->words,
                                                    board->words_capacity) != ANHYST_OK ||
       anhyst_block_misfit(board->words, board->scales) != 0U) {

@@ -119,59 +119,60 @@ void anhyst_levitation_tick(anhyst_levitation *levitation, const anhyst_levitati
   *levitation = next;
 }
 
-void anhyst_compensator_demagnetise(anhyst_compensator *compensator)
-{
-  SHOW(compensator != 0);
-  compensator->solved = 0;
-}
-
-void anhyst_compensator_swap(anhyst_compensator *compensator, const int16_t *words)
-{
-  (void)words;
-  compensator->solved = 0;
-}
-
 anhyst_status anhyst_map_check_q31(const anhyst_map_q31 *map)
 {
   SHOW(map == settings.plain);
   return nondet_i16() != 0 ? ANHYST_BAD_PARAMETER : ANHYST_OK;
 }
 
-void anhyst_force_controller_bypass_q31(anhyst_force_controller_q31 *magnet,
-                                        const anhyst_map_q31 *map, int32_t low, int32_t high)
-{
-  SHOW(low <= high && (map == NULL || map == settings.plain));
-  magnet->method = nondet_u16();
-}
-
-int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *magnet,
-                                             int32_t applied, int32_t gap)
-{
-  return nondet_i32();
-}
-
-int32_t anhyst_force_controller_solve_q31(anhyst_force_controller_q31 *magnet, int32_t demand,
-                                          int32_t gap, int32_t flux)
+/* Any method of a force controller: its functions answer anything. */
+static int32_t any_current(anhyst_force_controller_q31 *magnet, int32_t demand, int32_t gap,
+                           int32_t flux)
 {
   magnet->flags = nondet_u16();
   return nondet_i32();
 }
 
-int32_t anhyst_force_controller_commit_q31(anhyst_force_controller_q31 *magnet, int32_t applied,
-                                           int32_t gap)
+static int32_t any_force(anhyst_force_controller_q31 *magnet, int32_t applied, int32_t gap)
 {
   return nondet_i32();
 }
 
-int32_t anhyst_force_controller_conditioning_length_q31(const anhyst_force_controller_q31 *magnet)
+static int32_t any_expected(const anhyst_force_controller_q31 *magnet, int32_t applied, int32_t gap)
 {
   return nondet_i32();
 }
 
-int32_t anhyst_force_controller_conditioning_q31(const anhyst_force_controller_q31 *magnet,
-                                                 int32_t tick)
+static int32_t any_length(const anhyst_force_controller_q31 *magnet) { return nondet_i32(); }
+
+static int32_t any_conditioning(const anhyst_force_controller_q31 *magnet, int32_t tick)
 {
   return nondet_i32();
+}
+
+static void any_iron(anhyst_force_controller_q31 *magnet) { magnet->solved = 0; }
+
+static void any_block(anhyst_force_controller_q31 *magnet, const int16_t *words)
+{
+  (void)words;
+  magnet->solved = 0;
+}
+
+#define ANY_METHOD                                                                                 \
+  {any_current, any_force, any_expected, any_length, any_conditioning, any_iron, any_block}
+const anhyst_force_method_q31 anhyst_force_by_compensator_q31 = ANY_METHOD;
+static const anhyst_force_method_q31 other_method = ANY_METHOD;
+
+static const anhyst_force_method_q31 *any_method(void)
+{
+  return nondet_i16() != 0 ? &anhyst_force_by_compensator_q31 : &other_method;
+}
+
+void anhyst_force_controller_bypass_q31(anhyst_force_controller_q31 *magnet,
+                                        const anhyst_map_q31 *map, int32_t low, int32_t high)
+{
+  SHOW(low <= high && (map == NULL || map == settings.plain));
+  magnet->method = any_method();
 }
 
 /* ---- proof ---- */
@@ -208,6 +209,8 @@ int main(void)
   anhyst_position_settings_q31 any_settings;
   anhyst_pidd2_gains_q31 any_gains;
   anhyst_map_q31 plain;
+  first.method = any_method();
+  second.method = any_method();
   limits = any_limits;
   settings = any_settings;
   settings.plain = nondet_i16() != 0 ? &plain : NULL;

@@ -222,11 +222,11 @@ static void without_a_plain_map_the_compensation_stays_on(void)
   anhyst_force_controller_q31 magnet;
   anhyst_position_q31 controller;
   CHECK(anhyst_force_controller_init_map_q31(&magnet, &map, 0, 1) == ANHYST_OK);
-  magnet.method = ANHYST_FORCE_BY_COMPENSATOR;
+  magnet.method = &anhyst_force_by_compensator_q31;
   CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &magnet, 0) == ANHYST_OK);
   CHECK(anhyst_position_compensate_q31(&controller, 0) == ANHYST_BAD_PARAMETER);
   CHECK(anhyst_position_compensate_q31(&controller, 1) == ANHYST_OK);
-  CHECK(magnet.method == ANHYST_FORCE_BY_COMPENSATOR && magnet.map == &map);
+  CHECK(magnet.method == &anhyst_force_by_compensator_q31 && magnet.map == &map);
 }
 
 /* Under sanitizers, from any state: the wanted output of the next tick is the same to the bit as
@@ -270,8 +270,79 @@ static void gains_change_without_a_jump(void)
   CHECK(same > 10000);
 }
 
+/* A method of its own, as another project would write one: it asks a force controller of any other
+   method. */
+static int32_t solve_by_other(anhyst_force_controller_q31 *c, int32_t demand, int32_t gap,
+                              int32_t flux)
+{
+  anhyst_force_controller_q31 *other = c->own;
+  const int32_t current = anhyst_force_controller_solve_q31(other, demand, gap, flux);
+  c->flags = other->flags;
+  return current;
+}
+
+static int32_t commit_by_other(anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+{
+  return anhyst_force_controller_commit_q31(c->own, applied, gap);
+}
+
+static int32_t expected_by_other(const anhyst_force_controller_q31 *c, int32_t applied, int32_t gap)
+{
+  return anhyst_force_controller_expected_q31(c->own, applied, gap);
+}
+
+static int32_t length_by_other(const anhyst_force_controller_q31 *c)
+{
+  return anhyst_force_controller_conditioning_length_q31(c->own);
+}
+
+static int32_t conditioning_by_other(const anhyst_force_controller_q31 *c, int32_t tick)
+{
+  return anhyst_force_controller_conditioning_q31(c->own, tick);
+}
+
+static void demagnetise_by_other(anhyst_force_controller_q31 *c)
+{
+  anhyst_force_controller_demagnetise_q31(c->own);
+}
+
+static void carry_by_other(anhyst_force_controller_q31 *c, const int16_t *words)
+{
+  anhyst_force_controller_carry_q31(c->own, words);
+}
+
+static void a_method_of_another_file_controls_a_position(void)
+{
+  const anhyst_force_method_q31 by_other = {
+      solve_by_other,        commit_by_other,      expected_by_other, length_by_other,
+      conditioning_by_other, demagnetise_by_other, carry_by_other};
+  const anhyst_map_q31 map = any_map(entries, 3, 2, 6000);
+  for (int i = 0; i < 100; i++) {
+    const anhyst_position_limits_q31 limits = any_limits();
+    const anhyst_position_settings_q31 settings = any_settings();
+    anhyst_force_controller_q31 magnet;
+    anhyst_position_q31 controller;
+    CHECK(anhyst_force_controller_init_map_q31(&magnet, &map, 0, ANHYST_Q31_MAX) == ANHYST_OK);
+    anhyst_force_controller_q31 other = magnet;
+    anhyst_force_controller_q31 own = {.method = &by_other, .own = &other};
+    anhyst_position_q31 with_own;
+    CHECK(anhyst_position_init_q31(&controller, &limits, &settings, &magnet, 0) == ANHYST_OK);
+    CHECK(anhyst_position_init_q31(&with_own, &limits, &settings, &own, 0) == ANHYST_OK);
+    for (int tick = 0; tick < SIGNALS; tick++) {
+      const anhyst_position_sample_q31 sample = any_sample(&limits, tick);
+      anhyst_position_answer_q31 answer;
+      anhyst_position_answer_q31 by_own;
+      anhyst_position_tick_q31(&controller, &sample, &answer);
+      anhyst_position_tick_q31(&with_own, &sample, &by_own);
+      CHECK(answer.current[0] == by_own.current[0] && answer.demand == by_own.demand &&
+            answer.flags == by_own.flags && answer.state == by_own.state);
+    }
+  }
+}
+
 int main(void)
 {
+  a_method_of_another_file_controls_a_position();
   any_signal_is_answered_within_the_limits();
   invalid_limits_are_refused();
   invalid_settings_are_refused();

@@ -73,6 +73,17 @@ def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None
     assert np.abs(pushed[:-1] - speed).max() < 2e-3
 
 
+def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision() -> None:
+    made = stages.setup("full")
+    motion = stages.unseen(made.rig)
+    real = track(made, motion, Feedforward())
+    fixed = track(replace(made, law="fixed"), motion, Feedforward())
+    assert fixed.loss is None
+    assert np.abs(fixed["gap_m"] - real["gap_m"]).max() < 1e-9
+    assert np.abs(fixed["demand_N"] - real["demand_N"]).max() < 1e-5 * 250.0
+    assert np.abs(fixed["current_A"] - real["current_A"]).max() > 0.0
+
+
 def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
     found = stages.study().tried
     own, plain, play = found["full"], found["single-valued"], found["play"]

@@ -41,6 +41,16 @@ static int32_t conditioning_length_q31(const anhyst_compensator *compensator)
   return anhyst_conditioning_length(compensator);
 }
 
+static void demagnetise_q31(anhyst_force_controller_q31 *c)
+{
+  anhyst_compensator_demagnetise(&c->compensator);
+}
+
+static void swap_q31(anhyst_compensator *compensator, const int16_t *words)
+{
+  anhyst_compensator_swap(compensator, words);
+}
+
 /* What the measured flux adds to the current. Compared is what should show by now, not what is
    wanted: the difference between those is delay, which no current removes. Halved, so that no
    difference leaves the format. */
@@ -75,20 +85,10 @@ anhyst_status anhyst_force_controller_init_compensator_q31(anhyst_force_controll
                                                            const int16_t *words, uint16_t capacity)
 {
   anhyst_force_controller_q31 found = {0};
-  found.method = ANHYST_FORCE_BY_COMPENSATOR;
+  found.method = &anhyst_force_by_compensator_q31;
   const anhyst_status status = anhyst_compensator_init(&found.compensator, kernel, words, capacity);
   if (status == ANHYST_OK) {
     *c = found;
   }
   return status;
-}
-
-int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *c, int32_t applied,
-                                             int32_t gap)
-{
-  if (c->method == ANHYST_FORCE_BY_PLAY) {
-    return c->play->demand;
-  }
-  return c->method == ANHYST_FORCE_BY_COMPENSATOR ? anhyst_compensator_output_q31(&c->compensator)
-                                                  : anhyst_map_force_q31(c->map, applied, gap);
 }

@@ -76,14 +76,6 @@ static int are_valid_q31(const anhyst_position_limits_q31 *limits,
          limits->release >= limits->current_step;
 }
 
-/* A force controller without a compensator has no memory. */
-static void demagnetise_q31(anhyst_force_controller_q31 *magnet)
-{
-  if (magnet->compensator.kernel != NULL) {
-    anhyst_compensator_demagnetise(&magnet->compensator);
-  }
-}
-
 #include "generic/position.h"
 
 /* The currents that the force controllers now give for what was wanted at the tick before. */
@@ -123,7 +115,7 @@ void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
 {
   anhyst_supervisor *supervisor = &c->levitation.supervisor;
   for (int i = 0; i < magnets_q31(c); i++) {
-    anhyst_compensator_swap(&c->magnet[i]->compensator, words);
+    anhyst_force_controller_carry_q31(c->magnet[i], words);
   }
   if (supervisor->conditioning != 0U) {
     supervisor->step = -1; /* begins again */
@@ -155,7 +147,7 @@ anhyst_status anhyst_position_compensate_q31(anhyst_position_q31 *c, int on)
 {
   const anhyst_position_limits_q31 *limits = c->limits;
   const anhyst_map_q31 *map = on ? NULL : c->settings->plain;
-  const int is_on = c->magnet[0]->method == ANHYST_FORCE_BY_COMPENSATOR;
+  const int is_on = c->magnet[0]->method == &anhyst_force_by_compensator_q31;
   if (!on && map == NULL) {
     return ANHYST_BAD_PARAMETER;
   }

@@ -1,6 +1,9 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    ALLOCATE_BY_HALVES,
+    ALLOCATE_CLASS_AB,
+    ALLOCATE_SINGLE,
     AnyIron,
     BusController,
     CellIron,
@@ -14,6 +17,7 @@ from anhyst._core._native import (
     FixedController,
     FixedForceController,
     FixedPosition,
+    FixedTracking,
     ForceController,
     ForceControllerF32,
     Iron,
@@ -25,10 +29,12 @@ from anhyst._core._native import (
     Piece,
     Plant,
     PlantLoop,
+    PiezoMotion,
     Position,
     PositionF32,
     Steel,
     Tracking,
+    TrackingF32,
     allocate,
     batch,
     batch_functions,
@@ -42,6 +48,9 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "ALLOCATE_BY_HALVES",
+    "ALLOCATE_CLASS_AB",
+    "ALLOCATE_SINGLE",
     "AnyIron",
     "BusController",
     "CellIron",
@@ -55,6 +64,7 @@ __all__ = [
     "FixedController",
     "FixedForceController",
     "FixedPosition",
+    "FixedTracking",
     "ForceController",
     "ForceControllerF32",
     "Iron",
@@ -66,10 +76,12 @@ __all__ = [
     "Piece",
     "Plant",
     "PlantLoop",
+    "PiezoMotion",
     "Position",
     "PositionF32",
     "Steel",
     "Tracking",
+    "TrackingF32",
     "allocate",
     "batch",
     "batch_functions",

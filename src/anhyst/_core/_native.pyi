@@ -243,7 +243,7 @@ class Controller:
         """Filtered position, velocity a tick, integral."""
 
 class ControllerF32(Controller):
-    """The same in single precision."""
+    """The same in single precision, its magnets too."""
 
 class FixedController:
     """The same in fixed point, pidd2.h; ``gains`` is ``FixedPidd2.words``, signals are q31."""
@@ -576,14 +576,59 @@ class BusController(LoopController):
     def tick(self) -> int:
         """Number of the last sample; 0 before the first."""
 
+ALLOCATE_SINGLE: int
+ALLOCATE_BY_HALVES: int
+ALLOCATE_CLASS_AB: int
+
 class Tracking(LoopController):
     """PID, feedforward and allocation of a pair, plant/include/anhyst_plant/tracking.h."""
 
     def __init__(
         self,
         magnets: list[ForceController | ForceControllerF32 | FixedForceController],
+        pid: _Array,
         settings: Mapping[str, float],
     ) -> None: ...
+
+class TrackingF32(LoopController):
+    """The same in single precision, its magnets too."""
+
+    def __init__(
+        self,
+        magnets: list[ForceController | ForceControllerF32 | FixedForceController],
+        pid: _Array,
+        settings: Mapping[str, float],
+    ) -> None: ...
+
+class FixedTracking(LoopController):
+    """The same in fixed point, its magnets too; the PID is the words of PIDD2, currents and idle force are codes."""
+
+    def __init__(
+        self,
+        magnets: list[ForceController | ForceControllerF32 | FixedForceController],
+        pid: NDArray[np.int32],
+        settings: Mapping[str, float],
+    ) -> None: ...
+
+class PiezoMotion:
+    """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""
+
+    def __init__(
+        self, stage: Mapping[str, float], creep_times: _Array, creep_shares: _Array
+    ) -> None: ...
+    def run(self, command: _Array) -> _Array:
+        """Return where the stage is at each tick, m, from long rest; its command then holds."""
+    def follow(
+        self,
+        drive: ForceController | ForceControllerF32 | FixedForceController,
+        filters: list[_Array],
+        pid: _Array,
+        settings: Mapping[str, float],
+        wanted: _Array,
+        expected: _Array,
+        noise: _Array,
+    ) -> _Array:
+        """Follow a displacement; a row a tick: place and corrected displacement, m, voltage."""
 
 def allocate(net: float, idle: float) -> tuple[float, float]:
     """Share a net force (N) out to a pair, class AB; idle is what either pulls at none."""

@@ -120,4 +120,5 @@ NB_MODULE(_native, m)
   bind_bus(m);
   bind_loop(m);
   bind_tracking(m);
+  bind_piezo(m);
 }

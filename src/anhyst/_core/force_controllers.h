@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "anhyst/compensator/force_controller.h"
-#include "anhyst/compensator/force_controller_real.h"
+#include "anhyst/compensator/force_by_play.h"
+#include "anhyst/compensator/force_by_play_real.h"
 #include "arrays.h"
 #include "real_parameters.h"
 

@@ -27,6 +27,14 @@ struct GainsQ31 {
   static constexpr auto commit = anhyst_pidd2_commit_q31;
   static constexpr auto change = anhyst_pidd2_change_q31;
 
+  static int16_t half(int32_t word)
+  {
+    if (word < INT16_MIN || word > INT16_MAX) {
+      refuse_gains();
+    }
+    return static_cast<int16_t>(word);
+  }
+
   static gains read(const row &words)
   {
     same_length(19, words.shape(0), "gains");
@@ -36,15 +44,6 @@ struct GainsQ31 {
     }
     return {f[0], f[1],      f[2],     f[3], f[4], f[5], f[6], f[7], half(words(16)),
             0,    words(17), words(18)};
-  }
-
-private:
-  static int16_t half(int32_t word)
-  {
-    if (word < INT16_MIN || word > INT16_MAX) {
-      refuse_gains();
-    }
-    return static_cast<int16_t>(word);
   }
 };
 

@@ -1,77 +1,46 @@
 // SPDX-License-Identifier: Apache-2.0
-// The controller of a mass between two magnets that follows a set-point.
-#include "anhyst_plant/tracking.h"
+// The controller of a mass between two magnets that follows a set-point, in every format: the very
+// functions that run on a controller.
+#include "tracking.h"
 
-#include <vector>
-
-#include "force_controllers.h"
 #include "position.h"
-#include "settings.h"
 
 namespace {
 
-anhyst_tracking_drive drive_of(nb::handle magnet, const anhyst_tracking_scales &scales)
-{
-  FixedForceController *fixed = nullptr;
-  if (nb::try_cast<FixedForceController *>(magnet, fixed) && fixed) {
-    return {fixed->get(), scales, anhyst_tracking_solve_q31, anhyst_tracking_commit_q31};
-  }
-  RealForceController<ForceControllerF64> *wide = nullptr;
-  if (nb::try_cast<RealForceController<ForceControllerF64> *>(magnet, wide) && wide) {
-    return {wide->get(), scales, anhyst_tracking_solve_f64, anhyst_tracking_commit_f64};
-  }
-  RealForceController<ForceControllerF32> *narrow = nullptr;
-  if (nb::try_cast<RealForceController<ForceControllerF32> *>(magnet, narrow) && narrow) {
-    return {narrow->get(), scales, anhyst_tracking_solve_f32, anhyst_tracking_commit_f32};
-  }
-  throw std::invalid_argument("each magnet has a force controller");
-}
-
-class Tracking : public LoopController {
+template <class F> class Tracking : public LoopController {
 public:
-  Tracking(const nb::list &magnets, const nb::dict &settings)
+  Tracking(const nb::list &magnets, const typename F::Row &pid, const nb::dict &settings)
   {
     Settings given(settings);
-    const anhyst_tracking_scales scales = {
-        given.take<double>("demand_full"), given.take<double>("current_full"),
-        given.take<double>("flux_full"), given.take<double>("gap_low"),
-        given.take<double>("gap_high")};
-    state_.forward[0] = given.take<double>("b0");
-    state_.forward[1] = given.take<double>("b1");
-    state_.forward[2] = given.take<double>("b2");
-    state_.back[0] = given.take<double>("a1");
-    state_.back[1] = given.take<double>("a2");
-    state_.idle = given.take<double>("idle");
-    state_.by_halves = given.take<bool>("by_halves") ? 1 : 0;
-    state_.gap_total = given.take<double>("gap_total");
-    state_.current_low = given.take<double>("current_low");
-    state_.current_high = given.take<double>("current_high");
-    state_.current_step = given.take<double>("current_step");
-    given.finish();
-    if (magnets.size() != ANHYST_TRACKING_MAGNETS || magnets[0].is(magnets[1])) {
+    adapter_.scales = take_scales(given);
+    adapter_.gap_total = given.take<double>("gap_total");
+    if (magnets.size() != sizeof(anhyst_loop_answer{}.current) / sizeof(double)) {
       throw std::invalid_argument("each of two magnets has a force controller of its own");
     }
-    if (!(state_.idle > 0.0 && scales.demand > 0.0 && scales.current > 0.0 && scales.flux > 0.0 &&
-          scales.gap_low < scales.gap_high)) {
-      throw std::invalid_argument("the settings of the controller are not valid");
-    }
-    for (size_t i = 0; i < magnets.size(); i++) {
-      magnets_.push_back(nb::borrow(magnets[i]));
-      state_.drive[i] = drive_of(magnets[i], scales);
-    }
+    law_.start(magnets, nb::list(), F::pid(pid), given, adapter_.scales);
+    given.finish();
+    adapter_.tracking = law_.get();
   }
 
-  anhyst_loop_controller handle() override { return {&state_, anhyst_tracking_tick}; }
+  anhyst_loop_controller handle() override { return {&adapter_, F::tick}; }
 
 private:
-  std::vector<nb::object> magnets_;
-  anhyst_tracking state_{};
+  TrackingLaw<F> law_;
+  typename F::Adapter adapter_{};
 };
+
+template <class F> void bind(nb::module_ &m, const char *name)
+{
+  nb::class_<Tracking<F>, LoopController>(m, name).def(
+      nb::init<const nb::list &, const typename F::Row &, const nb::dict &>(), "magnets"_a,
+      "pid"_a.noconvert(), "settings"_a);
+}
 
 nb::tuple allocate(double net, double idle)
 {
-  double force[ANHYST_TRACKING_MAGNETS];
-  anhyst_tracking_allocate(net, idle, force);
+  const anhyst_allocation_f64 allocation = {idle, ANHYST_ALLOCATE_CLASS_AB};
+  double force[2];
+  anhyst_allocate_f64(&allocation, net, force);
   return nb::make_tuple(force[0], force[1]);
 }
 
@@ -79,7 +48,11 @@ nb::tuple allocate(double net, double idle)
 
 void bind_tracking(nb::module_ &m)
 {
-  nb::class_<Tracking, LoopController>(m, "Tracking")
-      .def(nb::init<const nb::list &, const nb::dict &>(), "magnets"_a, "settings"_a);
+  bind<TrackingF64>(m, "Tracking");
+  bind<TrackingF32>(m, "TrackingF32");
+  bind<TrackingQ31>(m, "FixedTracking");
+  m.attr("ALLOCATE_SINGLE") = ANHYST_ALLOCATE_SINGLE;
+  m.attr("ALLOCATE_BY_HALVES") = ANHYST_ALLOCATE_BY_HALVES;
+  m.attr("ALLOCATE_CLASS_AB") = ANHYST_ALLOCATE_CLASS_AB;
   m.def("allocate", allocate, "net"_a, "idle"_a);
 }

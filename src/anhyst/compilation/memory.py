@@ -75,7 +75,7 @@ def _structures(*texts: str, **numbers: int) -> dict[str, int]:
     for text in texts:
         plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
         sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
-        for members, name in re.findall(r"typedef struct \{([^}]*)\} (\w+);", plain):
+        for members, name in re.findall(r"typedef struct (?:\w+ )?\{([^}]*)\} (\w+);", plain):
             sizes[name] = -(-sum(_members(members, sizes, numbers)) // 4) * 4
     return sizes
 

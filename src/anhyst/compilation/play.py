@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 KIND: Literal["play"] = "play"
 SOURCES = ("numeric/factor.c", "compensator/map.c", "compensator/play_map.c")
-STATE_BYTES = 3 * 4 + 9 * 4
+STATE_BYTES = 4 + 9 * 4
 """Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
 
 GAPS = 7

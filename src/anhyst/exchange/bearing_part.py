@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -97,7 +98,7 @@ def _plant_sources() -> dict[str, bytes]:
     found = {}
     for path in sorted(folder.rglob("*.[ch]")):
         place = path.relative_to(folder).as_posix()
-        if path.name not in {"bus.c", "tracking.c"} and "tracking" not in place:
+        if path.name != "bus.c" and not re.search("tracking|piezo", place):
             found[place.replace("src/", "plant/", 1)] = path.read_bytes()
     return found
 

@@ -2,9 +2,9 @@
 /* The force controller of one magnet, in fixed point: wanted force in, current out, by one of
 
      map          current over force and gap without memory
-     play         such a map with one play
      compensator  the inverse of hysteresis, with any kernel
      flux         a map, corrected until the measured flux density is the one of the wanted force
+     play         such a map with one play: force_by_play.h
 
    At every tick: solve once or more, limit and apply the current, then commit what was applied.
    solve keeps what it found for the commit, but changes neither the memory of the iron nor an
@@ -17,8 +17,7 @@
 
 #include "anhyst/compensator/compensator.h"
 #include "anhyst/numeric/factor.h"
-#include "anhyst/compensator/force_method.h"
-#include "anhyst/compensator/play_map.h"
+#include "anhyst/compensator/map.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -39,6 +38,7 @@ typedef struct {
 } anhyst_flux_loop_q31;
 
 typedef anhyst_compensator anhyst_compensator_q31;
+typedef int16_t anhyst_block_q31; /* words of a parameter block */
 
 /* expected, integral, error and flux are q30. */
 #include "anhyst/numeric/q31.h"
@@ -48,11 +48,6 @@ typedef anhyst_compensator anhyst_compensator_q31;
 anhyst_status anhyst_force_controller_init_compensator_q31(anhyst_force_controller_q31 *c,
                                                            const anhyst_kernel *kernel,
                                                            const int16_t *words, uint16_t capacity);
-
-/* The force that the last committed current is expected to give at a gap: by the compensator, or by
-   the map that drives past it. Nothing changes. */
-int32_t anhyst_force_controller_expected_q31(const anhyst_force_controller_q31 *c, int32_t applied,
-                                             int32_t gap);
 
 #ifdef __cplusplus
 }

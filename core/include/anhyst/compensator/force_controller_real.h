@@ -5,12 +5,14 @@
 #define ANHYST_FORCE_CONTROLLER_REAL_H
 
 #include "anhyst/compensator/compensator_real.h"
-#include "anhyst/compensator/force_method.h"
-#include "anhyst/compensator/play_map_real.h"
+#include "anhyst/compensator/map_real.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+typedef anhyst_parameters_f64 anhyst_block_f64;
+typedef anhyst_parameters_f32 anhyst_block_f32;
 
 #include "anhyst/numeric/f64.h"
 #include "anhyst/compensator/generic/flux_loop.h"

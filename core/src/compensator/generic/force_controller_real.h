@@ -4,7 +4,7 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_compensator)(
     ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   ANHYST_NAME(anhyst_force_controller) found = {0};
-  found.method = ANHYST_FORCE_BY_COMPENSATOR;
+  found.method = &ANHYST_NAME(anhyst_force_by_compensator);
   const anhyst_status status = ANHYST_NAME(anhyst_compensator_init)(&found.compensator, parameters);
   if (status == ANHYST_OK) {
     *c = found;
@@ -43,6 +43,22 @@ static ANHYST_REAL ANHYST_NAME(held)(const ANHYST_NAME(anhyst_force_controller) 
 static int32_t ANHYST_NAME(conditioning_length)(const ANHYST_NAME(anhyst_compensator) *compensator)
 {
   return ANHYST_NAME(anhyst_conditioning_length)(compensator);
+}
+
+static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *c)
+{
+  const ANHYST_NAME(anhyst_memory) demagnetised = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
+  c->compensator.memory = demagnetised;
+  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
+    c->compensator.plays[i] = R(0.0);
+  }
+  c->compensator.solved = 0;
+}
+
+static void ANHYST_NAME(swap)(ANHYST_NAME(anhyst_compensator) *compensator,
+                              const ANHYST_NAME(anhyst_parameters) *parameters)
+{
+  ANHYST_NAME(anhyst_compensator_swap)(compensator, parameters);
 }
 
 /* What the measured flux adds to the current. Compared is what should show by now, not what is

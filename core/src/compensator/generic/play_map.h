@@ -193,8 +193,6 @@ anhyst_status ANHYST_NAME(anhyst_play_map_init)(ANHYST_NAME(anhyst_play_map) *c,
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
-  c->solve = ANHYST_NAME(anhyst_play_map_solve);
-  c->commit = ANHYST_NAME(anhyst_play_map_commit);
   c->law = law;
   c->low = low;
   c->high = high;

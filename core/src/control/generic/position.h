@@ -52,7 +52,7 @@ uint16_t ANHYST_NAME(anhyst_position_command)(ANHYST_NAME(anhyst_position) *c, u
       anhyst_levitation_command(&c->levitation, command, ANHYST_NAME(is_at_zero)(c));
   if (refused == ANHYST_REFUSED_NOT && command == ANHYST_COMMAND_DEMAGNETISED) {
     for (int i = 0; i < ANHYST_NAME(magnets)(c); i++) {
-      ANHYST_NAME(demagnetise)(c->magnet[i]);
+      ANHYST_NAME(anhyst_force_controller_demagnetise)(c->magnet[i]);
     }
   }
   return refused;

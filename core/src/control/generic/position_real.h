@@ -99,13 +99,3 @@ static int ANHYST_NAME(are_valid)(const ANHYST_NAME(anhyst_position_limits) *lim
          ANHYST_NAME(is_whole)(limits->current_high - limits->current_low, limits->current_step) &&
          limits->release >= limits->current_step;
 }
-
-static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *magnet)
-{
-  const ANHYST_NAME(anhyst_memory) demagnetised = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
-  magnet->compensator.memory = demagnetised;
-  for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
-    magnet->compensator.plays[i] = R(0.0);
-  }
-  magnet->compensator.solved = 0;
-}

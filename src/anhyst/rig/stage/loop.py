@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from anhyst._core import PlantLoop, Tracking
+from anhyst._core import (
+    ALLOCATE_BY_HALVES,
+    ALLOCATE_CLASS_AB,
+    FixedTracking,
+    LoopController,
+    PlantLoop,
+    Tracking,
+    TrackingF32,
+)
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.control.biquad import Biquad, as_pidd2
+from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bearing.recording import COLUMNS, in_columns
 from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
@@ -18,6 +29,7 @@ from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mis
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.setpoint import SetPoint
 from anhyst.support.arrays import FloatArray
+from anhyst.support.fixed_point import q31
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
@@ -42,6 +54,8 @@ class StageSetup:
 
     rig: StageRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
+    # number format of PID and allocation; other than f64 only with a compensator of the same
+    law: NumberFormat = "f64"
     errors: CalibrationErrors = CALIBRATED  # by which the plant is not what was calibrated
 
 
@@ -190,22 +204,62 @@ def bias(rig: StageRig, method: str) -> float:
     return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
 
 
-def _controller(setup: StageSetup) -> Tracking:
+def _controller(setup: StageSetup) -> LoopController:
+    """Return PID, allocation and force controllers in their formats."""
     rig, compensator = setup.rig, setup.compensator
-    amplifier, scales = rig.settings.amplifier, compensator.scales
+    magnets = [compensator.fresh().native for _ in rig.bearing.magnets]
+    settings = controller_settings(setup)
+    if setup.law == "fixed":
+        return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
+    made = Tracking if setup.law == "f64" else TrackingF32
+    return made(magnets, np.array(list(pid(rig).values())), settings)
+
+
+def controller_settings(setup: StageSetup) -> dict[str, float]:
+    """Return what a controller is given beside its PID and its magnets, SI."""
+    rig, compensator = setup.rig, setup.compensator
+    amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.mechanics
     low, high = amplifier.current_low_A, amplifier.current_high_A
-    settings: dict[str, float] = {
+    at_bias = compensator.method in AT_BIAS
+    return {
+        "error_full": 0.5 * (stops.stop_high_m - stops.stop_low_m),
+        "forward_full": scales.demand,
         "demand_full": scales.demand,
         "current_full": scales.current,
         "flux_full": compensator.parameters.flux_full_scale,
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
-        "idle": bias(rig, compensator.method),
-        "by_halves": compensator.method in AT_BIAS,
         "gap_total": 2.0 * rig.gap,
+        "allocation": ALLOCATE_BY_HALVES if at_bias else ALLOCATE_CLASS_AB,
+        "idle": bias(rig, compensator.method),
         "current_low": low,
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
-        **pid(rig),
     }
-    return Tracking([compensator.fresh().native for _ in rig.bearing.magnets], settings)
+
+
+def fixed_pid(setup: StageSetup) -> FixedPidd2:
+    """Return the PID as the words of fixed point."""
+    rig, settings = setup.rig, controller_settings(setup)
+    b0, b1, b2, a1, a2 = pid(rig).values()
+    full = settings["demand_full"]
+    scales = FullScales(settings["error_full"], full, settings["forward_full"])
+    return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
+
+
+def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
+    """Return the settings of a controller in fixed point: currents and idle force as codes.
+
+    The highest current is the last one of the converter's grid that is within the limit.
+    """
+    current = settings["current_full"]
+    low = q31(settings["current_low"] / current)
+    step = q31(settings["current_step"] / current)
+    steps = (q31(settings["current_high"] / current) - low) // step
+    return {
+        **settings,
+        "idle": q31(settings["idle"] / settings["demand_full"]),
+        "current_low": low,
+        "current_high": low + steps * step,
+        "current_step": step,
+    }

@@ -12,13 +12,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anhyst._core import ALLOCATE_SINGLE, FixedForceController, ForceController
 from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import Native
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import FixedTwin
+from anhyst.control.biquad import integrator, notch
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.data.writing import check_recording, write_recording
@@ -26,7 +28,6 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.holding import Loss, SignalBound, find_loss
 from anhyst.rig.piezo.file import PiezoRig
-from anhyst.rig.piezo.stack import StageMotion
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -45,6 +46,8 @@ CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6)
 SEED = 20261125
 NOTCH = 0.7
 """Damping ratio of the notch filter in the feedback."""
+SEGMENTS = 4096
+"""Straight ones of a curve without memory."""
 LEAD = 2
 """Cycles that are not judged: the feedback finds its place."""
 TITLES = {
@@ -54,11 +57,13 @@ TITLES = {
 }
 
 
-class PiezoInverse(Protocol):
+@dataclass(frozen=True)
+class PiezoInverse:
     """What makes the voltage of a wanted displacement."""
 
-    def __call__(self, wanted: float) -> float:
-        """Return V for m, and take it as applied."""
+    native: Native  # the core's own
+    displacement: float = 1.0  # full scales of fixed point, m
+    voltage: float = 1.0  # V
 
 
 @dataclass(frozen=True)
@@ -181,9 +186,9 @@ def track(rig: PiezoRig) -> PiezoTracking:
             key="reference",
         )
     ways: dict[str, PiezoInverse] = {
-        "none": _constant(loops),
-        "single-valued": _single_valued(loops),
-        "full": _Compiled(model, rig),
+        "none": _constant(loops, rig),
+        "single-valued": _single_valued(loops, rig),
+        "full": _compiled(model, rig),
     }
     runs = {name: _follow(rig, wanted, way) for name, way in ways.items()}
     return PiezoTracking(wanted, rig.settings.control.bandwidth_Hz, runs)
@@ -231,85 +236,76 @@ def reference(rig: PiezoRig) -> FloatArray:
     return np.asarray(smooth[width : width + ticks])
 
 
-def _constant(loops: Loops) -> PiezoInverse:
+def _constant(loops: Loops, rig: PiezoRig) -> PiezoInverse:
     drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
                      for name in ("input", "output"))  # fmt: skip
     slope, offset = np.polyfit(answer, drive, 1)
-    return lambda wanted: float(slope * wanted + offset)
+    return _without_memory(rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1)
 
 
-def _single_valued(loops: Loops) -> PiezoInverse:
+def _single_valued(loops: Loops, rig: PiezoRig) -> PiezoInverse:
     """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
     loop = loops.loops[0]
     curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
-    return lambda wanted: float(curve(wanted))
+    return _without_memory(rig, curve, float(loop.output.max()), SEGMENTS)
 
 
-class _Compiled:
-    """The model as it is compiled, signals of 32 bits."""
-
-    def __init__(self, model: Model, rig: PiezoRig) -> None:
-        request = CompileRequest("full", "q15", rig.settings.control.rate_Hz)
-        plan = make_plan(replace(model, dynamics=None), request, 0)
-        assert isinstance(plan.block, Block)
-        self._twin = FixedTwin(plan.block, "q31")
-        self._twin.commit(0.0)
-
-    def __call__(self, wanted: float) -> float:
-        voltage = self._twin.solve(wanted)
-        self._twin.commit(voltage)
-        return voltage
+def _without_memory(
+    rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
+) -> PiezoInverse:
+    """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
+    row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
+    amplifier = rig.settings.amplifier
+    limits = amplifier.low_V, amplifier.high_V
+    return PiezoInverse(ForceController.map(np.array([row, row]), top, 0.0, 1.0, *limits))
 
 
-class _Notch:
-    """Takes out of the feedback what the resonance of the stage would make of it."""
-
-    def __init__(self, frequency: float, damping: float, dt: float) -> None:
-        w = np.tan(np.pi * frequency * dt)
-        scale = 1.0 + 2.0 * NOTCH * w + w * w
-        self._b = tuple(
-            part / scale
-            for part in (1.0 + 2.0 * damping * w + w * w, 2.0 * (w * w - 1.0),
-                         1.0 - 2.0 * damping * w + w * w)
-        )  # fmt: skip
-        self._a = 2.0 * (w * w - 1.0) / scale, (1.0 - 2.0 * NOTCH * w + w * w) / scale
-        self._one = self._two = 0.0
-
-    def __call__(self, value: float) -> float:
-        found = float(self._b[0] * value + self._one)
-        self._one = self._b[1] * value - self._a[0] * found + self._two
-        self._two = self._b[2] * value - self._a[1] * found
-        return found
+def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
+    """Return the inverse of the model as it is compiled, signals of 32 bits, its stack at 0 V."""
+    request = CompileRequest("full", "q15", rig.settings.control.rate_Hz)
+    block = make_plan(replace(model, dynamics=None), request, 0).block
+    assert isinstance(block, Block)
+    native = FixedForceController.compensator(block.kind, block.words)
+    native.commit(0, 0)
+    return PiezoInverse(native, block.scales.demand, block.scales.current)
 
 
 def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRun:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay."""
     settings = rig.settings
     dt = 1.0 / settings.control.rate_Hz
-    gain = 2.0 * np.pi * settings.control.bandwidth_Hz * dt
-    low, high = settings.amplifier.low_V, settings.amplifier.high_V
     noise = settings.sensor.noise_m * np.random.default_rng(SEED).standard_normal(wanted.size)
-    motion, late = StageMotion(rig.stage, dt), _lateness(rig)
-    notch = _Notch(rig.stage.resonance, rig.stage.damping, dt)
-    found, voltage, fed_back = np.empty((3, wanted.size))
-    correction = command = 0.0
-    expected = np.interp(np.arange(wanted.size) * dt - late, np.arange(wanted.size) * dt, wanted)
-    for i, value in enumerate(wanted.tolist()):
-        found[i] = motion.x
-        read = round((motion.x + noise[i]) / settings.sensor.step_m) * settings.sensor.step_m
-        motion.step(command)
-        correction += gain * notch(float(expected[i]) - read)
-        fed_back[i] = correction
-        command = min(max(inverse(value + correction), low), high)
-        voltage[i] = command
+    time = dt * np.arange(wanted.size, dtype=np.float64)
+    expected = np.interp(time - _lateness(rig), time, wanted)
+    filters = [notch(rig.stage.resonance, rig.stage.damping, NOTCH, dt).coefficients]
+    pid = integrator(2.0 * np.pi * settings.control.bandwidth_Hz * dt).coefficients
+    scales = {
+        "error_full": 1.0,
+        "forward_full": 1.0,
+        "demand_full": inverse.displacement,
+        "current_full": inverse.voltage,
+        "flux_full": 1.0,
+        "gap_low": 0.0,
+        "gap_high": 1.0,
+        "allocation": ALLOCATE_SINGLE,
+        "idle": 0.0,
+        "current_low": settings.amplifier.low_V,
+        "current_high": settings.amplifier.high_V,
+        "current_step": 0.0,
+        "sensor_step": settings.sensor.step_m,
+    }
+    stage = rig.stage.motion(dt)
+    table = stage.follow(inverse.native, filters, pid, scales, wanted, expected, noise)
+    found, corrected, voltage = table.T.copy()
     error = found - expected
     judged = error[round(LEAD * settings.control.rate_Hz / settings.reference.frequency_Hz) :]
     errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
-    time = dt * np.arange(wanted.size, dtype=np.float64)
     stroke = settings.reference.stroke_m
     bounds = (
         SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
-        SignalBound("the feedback asked for more than the stroke", fed_back, -stroke, stroke),
+        SignalBound(
+            "the feedback asked for more than the stroke", corrected - wanted, -stroke, stroke
+        ),
     )
     return PiezoRun(time, found, error, voltage, errors, find_loss(bounds, planned=wanted.size))
 

@@ -1,12 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-typedef struct ANHYST_NAME(anhyst_play_map) ANHYST_NAME(anhyst_play_map);
-
-/* One map with a play. What it does stands in it, so that a force controller that never has one
-   does not bring its code along. */
-struct ANHYST_NAME(anhyst_play_map) {
-  ANHYST_REAL (*solve)(ANHYST_NAME(anhyst_play_map) *c, ANHYST_REAL demand, ANHYST_REAL gap);
-  ANHYST_REAL (*commit)(ANHYST_NAME(anhyst_play_map) *c, ANHYST_REAL applied, ANHYST_REAL gap);
+/* One map with a play. */
+typedef struct {
   const ANHYST_NAME(anhyst_play_law) *law;
   ANHYST_REAL low; /* limits of the current */
   ANHYST_REAL high;
@@ -18,7 +13,7 @@ struct ANHYST_NAME(anhyst_play_map) {
   ANHYST_REAL current; /* and within */
   uint16_t flags;      /* of the last solve, see flags.h */
   uint16_t solved;     /* whether there was a solve since the last commit */
-};
+} ANHYST_NAME(anhyst_play_map);
 
 /* Whether a law is valid: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry; not for an
    interrupt. */

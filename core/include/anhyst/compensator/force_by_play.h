@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The force controller of force_controller.h by a map with one play, in fixed point. A source of
+   its own: who never has one does not bring its code along. */
+#ifndef ANHYST_FORCE_BY_PLAY_H
+#define ANHYST_FORCE_BY_PLAY_H
+
+#include "anhyst/compensator/force_controller.h"
+#include "anhyst/compensator/play_map.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "anhyst/numeric/q31.h"
+#include "anhyst/compensator/generic/force_by_play.h"
+#include "anhyst/numeric/no_format.h"
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The filter of biquad.h in floating point, by its coefficients of z. */
+#ifndef ANHYST_BIQUAD_REAL_H
+#define ANHYST_BIQUAD_REAL_H
+
+#include "anhyst/numeric/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "anhyst/numeric/f64.h"
+#include "anhyst/control/generic/biquad.h"
+#include "anhyst/numeric/f32.h"
+#include "anhyst/control/generic/biquad.h"
+#include "anhyst/numeric/no_format.h"
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tracking controller with all that it points to, one class for each number format.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "anhyst_plant/tracking.h"
+#include "force_controllers.h"
+#include "gains.h"
+#include "settings.h"
+
+inline anhyst_tracking_scales take_scales(Settings &given)
+{
+  const anhyst_tracking_scales scales = {
+      given.take<double>("error_full"),  given.take<double>("forward_full"),
+      given.take<double>("demand_full"), given.take<double>("current_full"),
+      given.take<double>("flux_full"),   given.take<double>("gap_low"),
+      given.take<double>("gap_high")};
+  if (!(scales.error > 0.0 && scales.forward > 0.0 && scales.demand > 0.0 && scales.current > 0.0 &&
+        scales.flux > 0.0 && scales.gap_low < scales.gap_high)) {
+    throw std::invalid_argument("a scale of the controller is not valid");
+  }
+  return scales;
+}
+
+template <class F> class TrackingLaw {
+public:
+  using Real = typename F::Real;
+
+  TrackingLaw() = default;
+  TrackingLaw(const TrackingLaw &) = delete;
+  TrackingLaw &operator=(const TrackingLaw &) = delete;
+
+  // Takes what the settings say of the law; magnets are its drives.
+  void start(const nb::list &magnets, const nb::list &filters, const typename F::Pid &pid,
+             Settings &given, const anhyst_tracking_scales &scales)
+  {
+    for (size_t i = 0; i < magnets.size(); i++) {
+      for (size_t j = 0; j < i; j++) {
+        if (magnets[i].is(magnets[j])) {
+          throw std::invalid_argument("each magnet has a force controller of its own");
+        }
+      }
+      magnets_.push_back(nb::borrow(magnets[i]));
+      drives_.push_back(drive_of(magnets[i], scales));
+    }
+    for (nb::handle filter : filters) {
+      filters_.push_back(F::filter(nb::cast<typename F::Row>(filter)));
+    }
+    filtered_.resize(filters_.size());
+    settings_.pid = pid;
+    settings_.allocation.kind = given.take<uint16_t>("allocation");
+    settings_.allocation.idle = given.take<Real>("idle");
+    settings_.current_low = given.take<Real>("current_low");
+    settings_.current_high = given.take<Real>("current_high");
+    settings_.current_step = given.take<Real>("current_step");
+    settings_.filter = filters_.data();
+    settings_.filters = static_cast<uint16_t>(filters_.size());
+    if (F::init(&tracking_, &settings_, drives_.data(), static_cast<uint16_t>(drives_.size()),
+                filtered_.data()) != ANHYST_OK) {
+      throw std::invalid_argument("the settings of the controller are not valid");
+    }
+  }
+
+  typename F::State *get() { return &tracking_; }
+
+private:
+  typename F::Drive *drive_of(nb::handle magnet, const anhyst_tracking_scales &scales)
+  {
+    typename F::Own *own = nullptr;
+    if (nb::try_cast<typename F::Own *>(magnet, own) && own) {
+      return own->get();
+    }
+    if constexpr (F::any_drive) {
+      FixedForceController *fixed = nullptr;
+      if (nb::try_cast<FixedForceController *>(magnet, fixed) && fixed) {
+        fixed_.push_back({fixed->get(), scales});
+        in_si_.emplace_back();
+        anhyst_tracking_drive_init_q31(&in_si_.back(), &fixed_.back());
+        return &in_si_.back();
+      }
+      RealForceController<ForceControllerF32> *narrow = nullptr;
+      if (nb::try_cast<RealForceController<ForceControllerF32> *>(magnet, narrow) && narrow) {
+        narrow_.push_back({narrow->get(), scales});
+        in_si_.emplace_back();
+        anhyst_tracking_drive_init_f32(&in_si_.back(), &narrow_.back());
+        return &in_si_.back();
+      }
+    }
+    throw std::invalid_argument("each magnet has a force controller of this format");
+  }
+
+  std::vector<nb::object> magnets_;
+  std::deque<anhyst_tracking_drive_q31> fixed_; // whose addresses stay
+  std::deque<anhyst_tracking_drive_f32> narrow_;
+  std::deque<anhyst_force_controller_f64> in_si_;
+  std::vector<typename F::Drive *> drives_;
+  std::vector<typename F::Filter> filters_;
+  std::vector<typename F::FilterState> filtered_;
+  typename F::Settings settings_{};
+  typename F::State tracking_{};
+};
+
+template <class Coefficients> Coefficients to_biquad(const In &row)
+{
+  same_length(5, row.shape(0), "a filter");
+  using Real = std::decay_t<decltype(Coefficients{}.back[0])>;
+  const auto at = [&](size_t i) { return static_cast<Real>(row(i)); };
+  return {{at(0), at(1), at(2)}, {at(3), at(4)}};
+}
+
+struct TrackingF64 {
+  using Real = double;
+  using Row = In;
+  using Own = RealForceController<ForceControllerF64>;
+  using Drive = anhyst_force_controller_f64;
+  using Pid = anhyst_pid_f64;
+  using Filter = anhyst_biquad_f64;
+  using FilterState = anhyst_biquad_state_f64;
+  using Settings = anhyst_tracking_settings_f64;
+  using State = anhyst_tracking_f64;
+  using Adapter = anhyst_tracking_adapter_f64;
+  static constexpr bool any_drive = true; // whatever its format
+  static constexpr auto init = anhyst_tracking_init_f64;
+  static constexpr auto tick = anhyst_tracking_adapter_tick_f64;
+  static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
+  static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
+};
+
+struct TrackingF32 {
+  using Real = float;
+  using Row = In;
+  using Own = RealForceController<ForceControllerF32>;
+  using Drive = anhyst_force_controller_f32;
+  using Pid = anhyst_pid_f32;
+  using Filter = anhyst_biquad_f32;
+  using FilterState = anhyst_biquad_state_f32;
+  using Settings = anhyst_tracking_settings_f32;
+  using State = anhyst_tracking_f32;
+  using Adapter = anhyst_tracking_adapter_f32;
+  static constexpr bool any_drive = false;
+  static constexpr auto init = anhyst_tracking_init_f32;
+  static constexpr auto tick = anhyst_tracking_adapter_tick_f32;
+  static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
+  static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
+};
+
+struct TrackingQ31 {
+  using Real = int32_t;
+  using Row = GainWords;
+  using Own = FixedForceController;
+  using Drive = anhyst_force_controller_q31;
+  using Pid = anhyst_pid_q31;
+  using Filter = anhyst_biquad_q31;
+  using FilterState = anhyst_biquad_state_q31;
+  using Settings = anhyst_tracking_settings_q31;
+  using State = anhyst_tracking_q31;
+  using Adapter = anhyst_tracking_adapter_q31;
+  static constexpr bool any_drive = false;
+  static constexpr auto init = anhyst_tracking_init_q31;
+  static constexpr auto tick = anhyst_tracking_adapter_tick_q31;
+  static Filter filter(const Row &words)
+  {
+    same_length(12, words.shape(0), "a filter");
+    const auto at = [&](size_t i) {
+      return anhyst_factor{GainsQ31::half(words(2 * i)), GainsQ31::half(words(2 * i + 1))};
+    };
+    return {at(0), at(1), at(2), at(3), at(4), at(5)};
+  }
+  static Pid pid(const Row &words) { return GainsQ31::read(words); }
+};
