@@ -70,7 +70,7 @@ class Case:
 
     def scenario(self) -> Scenario:
         """Return steps up and down, without lift-off."""
-        gap = self.rig.settings.simulate.gap_m
+        gap = self.rig.settings.gap_m
         script = Script(self.rig, gap)
         for height in HEIGHTS:
             for end in step_ends(gap, height):
@@ -90,9 +90,9 @@ def example() -> Case:
 
 def plant_of(rig: BearingRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
-    magnet, mechanics = rig.settings.magnet, rig.settings.mechanics
+    magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
-    steel, sensor = magnet.steel.steel(), rig.settings.position_sensor.sensor()
+    steel, sensor = magnet.steel.steel(), rig.settings.gap_sensor.sensor()
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     assert isinstance(steel, CellSteel)
@@ -192,7 +192,7 @@ def overshoot(case: Case, gap: Array) -> float:
     """Return that of the largest step up, per cent."""
     place = int(np.argmax(HEIGHTS))
     ticks = round(HOLD_S / case.rig.dt)
-    _, upper = step_ends(case.rig.settings.simulate.gap_m, HEIGHTS[place])
+    _, upper = step_ends(case.rig.settings.gap_m, HEIGHTS[place])
     step = gap[(2 * place + 1) * ticks : (2 * place + 2) * ticks]
     return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
 
@@ -200,7 +200,7 @@ def overshoot(case: Case, gap: Array) -> float:
 def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
     """Simulate with the plant of this project, everything in it; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
-    start = Script(case.rig, case.rig.settings.simulate.gap_m)
+    start = Script(case.rig, case.rig.settings.gap_m)
     lift = start.lift_off(case.controller.settings).build()
     best, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
@@ -218,7 +218,7 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("single-valued", "f64"))
-    noise = rig.settings.position_sensor.sensor().noise
+    noise = rig.settings.gap_sensor.sensor().noise
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = hanging(simulator, gap, load)
     best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
@@ -250,7 +250,7 @@ class Own:
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold position, the load given as weight; return the pull."""
-        mechanics = self._rig.settings.mechanics
+        mechanics = self._rig.settings.body
         weight = mechanics.model_copy(update={"gravity_m_per_s2": load / mechanics.mass_kg})
         settings = self._rig.settings.model_copy(update={"mechanics": weight})
         self._plant = make_bearing(replace(self._rig, settings=settings), 0)
@@ -267,7 +267,7 @@ class Own:
 
 def errors(rig: BearingRig, fliers: dict[str, Flier]) -> dict[str, float]:
     """Return the rms error of the force, parts of its range, against 64 sub-steps."""
-    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    gap, load = rig.settings.gap_m, rig.settings.load.force_N
     exact = Own(rig, 64)
     current = hanging(exact, gap, load)
     truth = open_loop(exact, current, load, gap)[:, 1]
@@ -293,7 +293,7 @@ class Trial:
 def tried(rig: BearingRig) -> list[Trial]:
     """Try every method of ``solve_ivp`` at every tolerance."""
     plant = plant_of(rig)
-    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    gap, load = rig.settings.gap_m, rig.settings.load.force_N
     current = hanging(Own(rig, 64), gap, load)
     trials = []
     for method in METHODS:

@@ -176,14 +176,14 @@ def rows() -> list[Row]:
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
-        magnet = identify_magnet(measure_loops(slow.bearing), rig.settings.identify)
+        magnet = identify_magnet(measure_loops(slow.bearing), rig.settings.loops)
         study = explore_stage(slow, magnet)
         found += of_iron(title, study)
         if title == CREEPS:
             found += of_iron(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
             found.append(fast(title, explore_stage(with_iron(rig, iron, 300.0), magnet)))
-        if iron.get("reversible_fraction") == rig.settings.magnet.steel.model_dump().get(
+        if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get(
             "reversible_fraction"
         ):
             found += [*formats(slow, magnet, study), *learning(study)]

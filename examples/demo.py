@@ -267,7 +267,7 @@ def bearing(out: Path) -> Piece:
     with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
         ready = make_ready(rig, controller)
-        rig, tried = ready.rig, ready.rig.settings.simulate
+        rig, tried = ready.rig, ready.rig.settings
         setups = make_setups(rig, controller, ready.knowledge(), BEARING)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
@@ -336,7 +336,7 @@ def stage(out: Path) -> Piece:
     """Let a stage follow set-points with feedforward, with every kind of compensation."""
     with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
-        magnet = identify_magnet(rig.measured.read(), rig.settings.identify)
+        magnet = identify_magnet(rig.measured.read(), rig.settings.loops)
         setups, _ = make_variants(rig, magnet, STAGE)
         found = dict(zip(setups, all_of(follow, list(setups.values())), strict=True))
     columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}

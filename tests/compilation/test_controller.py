@@ -159,7 +159,7 @@ def pair_rig(place: Path) -> BearingRig:
 
 def eventful(setup: Setup) -> Scenario:
     """Lift off, steps, samples that are missing, land."""
-    gap = setup.rig.settings.simulate.gap_m
+    gap = setup.rig.settings.gap_m
     script = Script(setup.rig, gap).lift_off(setup.controller)
     script.step(gap - 20e-6, 0.02).step(gap + 30e-6, 0.02)
     script.command(DROP, 2).hold(0.01)

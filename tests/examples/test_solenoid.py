@@ -57,7 +57,7 @@ def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
 def test_the_table_of_positions(rig: Rig) -> None:
     rows = table()
     assert [float(row[0].split()[0]) for row in rows] == [
-        round(1e3 * gap, 2) for gap in rig.settings.force_control.positions_m
+        round(1e3 * gap, 2) for gap in rig.settings.held_gaps_m
     ]
     assert rig.solenoid.measurement is not None
     measured = {round(1e3 * gap, 2) for gap in rig.solenoid.measurement.gaps_m}
@@ -82,7 +82,7 @@ def test_the_table_of_positions(rig: Rig) -> None:
         assert percent.max() == pytest.approx(reported[0], abs=0.06)
         assert percent.mean() == pytest.approx(reported[1], abs=0.06)
         assert percent.max() >= 4.0
-        assert rising[-1] >= rig.settings.force_control.force_max_N
+        assert rising[-1] >= rig.settings.force.force_max_N
         assert (where == "`loops.csv`") == (gap in measured)
 
 

@@ -47,7 +47,9 @@ def unknown_iron(folder: Path) -> PreparedForce:
     solenoid.write_text(text, encoding="utf-8")
     rig = read_rig(path)
     loops = loops_at(loops_of_rig(rig), GAP)
-    program = prepare("full", truth("solenoid-held"), rig.settings.rate_Hz, "host", folder / "c")
+    program = prepare(
+        "full", truth("solenoid-held"), rig.settings.timing.rate_Hz, "host", folder / "c"
+    )
     return PreparedForce(rig, loops, program)
 
 

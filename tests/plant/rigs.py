@@ -10,7 +10,7 @@ from typing import Any
 from anhyst._core import Bearing
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_bearing
-from anhyst.rig.bearing.tables import BearingTable
+from anhyst.rig.file import RigFile
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
 
@@ -39,7 +39,7 @@ def _example() -> dict[str, Any]:
 
 def rig(changes: dict[str, Any] | None = None) -> BearingRig:
     """Return the example's rig; keys of tables are written with dots."""
-    keys = BearingTable.model_validate(_example()).model_dump()
+    keys = RigFile.model_validate(_example()).model_dump()
     for path, value in (changes or {}).items():
         *tables, key = path.split(".")
         table = keys
@@ -47,7 +47,7 @@ def rig(changes: dict[str, Any] | None = None) -> BearingRig:
             table = table[name]
         assert key in table, path
         table[key] = value
-    return BearingRig(PATH, BearingTable.model_validate(keys))
+    return BearingRig(PATH, RigFile.model_validate(keys))
 
 
 def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Bearing:
@@ -55,7 +55,7 @@ def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Bearing:
 
 
 def example_steel() -> CellSteel:
-    steel = rig().settings.magnet.steel.steel()
+    steel = rig().settings.steel.steel()
     assert isinstance(steel, CellSteel)
     return steel
 

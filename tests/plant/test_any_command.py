@@ -37,7 +37,7 @@ rigs = st.fixed_dictionaries(
         "timing.delay_ticks": st.sampled_from([0.0, 1.0, 3.0]),
         "load.stiffness_N_per_m": st.floats(-1e5, 1e5),
         "load.damping_N_s_per_m": st.floats(0.0, 100.0),
-        "magnet.iron.reversible_fraction": st.floats(0.0, 1.0),
+        "iron.reversible_fraction": st.floats(0.0, 1.0),
     }
 )
 
@@ -74,7 +74,7 @@ def test_a_bearing_makes_no_energy(
             "timing.rate_Hz": 200e3,
             "timing.substeps": 1,
             "amplifier.supply_V": supply,
-            "mechanics.mass_kg": mass,
+            "body.mass_kg": mass,
         }
     )
     rows = [(plant.gap, plant.velocity, plant.current, plant.psi)]

@@ -133,8 +133,8 @@ def test_a_moving_bearing_keeps_its_energy() -> None:
         | {
             "timing.rate_Hz": 200e3,
             "timing.substeps": 1,
-            "mechanics.gravity_m_per_s2": 71.0,
-            "mechanics.damping_N_s_per_m": damping,
+            "body.gravity_m_per_s2": 71.0,
+            "body.damping_N_s_per_m": damping,
         }
     )
     plant.place(GAP, 0.0)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
+from anhyst.rig.bearing.tables import DisturbanceTable
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -34,7 +35,6 @@ from anhyst.reports.bearing.over_time import figure_forces, figure_steps
 from anhyst.reports.bearing.page import render
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.tables import DisturbanceTable
 from anhyst.support.units import QUANTITIES
 from tests.page import Page
 from tests.reports import bearing_reports
@@ -67,7 +67,7 @@ def test_the_diagram_holds_the_numbers_of_the_files(
         "encoder: step 50 nm", "noise 5 nm rms, 20 kHz",
     ):  # fmt: skip
         assert text in reported
-    heavier = rig.settings.mechanics.model_copy(update={"mass_kg": 3.5})
+    heavier = rig.settings.body.model_copy(update={"mass_kg": 3.5})
     other = replace(rig, settings=rig.settings.model_copy(update={"mechanics": heavier}))
     assert "mass 3.5 kg" in texts_of(figure_structure(other, controller))
 
@@ -87,11 +87,11 @@ def fullest(rig: BearingRig) -> BearingRig:
             "disturbance": [DisturbanceTable(kind="sine", force_N=12.5, frequency_Hz=50.0)] * 3,
         }
     )
-    mechanics = rig.settings.mechanics.model_copy(
+    mechanics = rig.settings.body.model_copy(
         update={"damping_N_s_per_m": 12.5, "gravity_m_per_s2": 9.81}
     )
     amplifier = rig.settings.amplifier.model_copy(update={"delay_s": 12.5e-6})
-    sensor = rig.settings.position_sensor.model_copy(update={"kind": "laser", "delay_s": 1e-5})
+    sensor = rig.settings.gap_sensor.model_copy(update={"kind": "laser", "delay_s": 1e-5})
     changes = {
         "magnet": magnet, "load": load, "mechanics": mechanics, "amplifier": amplifier,
         "position_sensor": sensor,

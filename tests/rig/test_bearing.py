@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from anhyst.rig.bearing.tables import DisturbanceTable, MagnetModelTable
 
 from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
@@ -20,7 +21,6 @@ from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import flux_table
 from anhyst.rig.bearing.recording import HOVER, READY, Recording
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import DisturbanceTable, MagnetModelTable
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.variations import changed
 from tests.study import bearings
@@ -82,7 +82,7 @@ def test_the_measured_flux_hangs_still(changes: Changes, number_format: NumberFo
     [
         pytest.param({"amplifier.mode": "voltage"}, id="voltage"),
         pytest.param({"magnet.eddy_time_s": 2e-4}, id="eddy currents"),
-        pytest.param({"mechanics.damping_N_s_per_m": 50.0}, id="damped guide"),
+        pytest.param({"body.damping_N_s_per_m": 50.0}, id="damped guide"),
         pytest.param({"load.damping_N_s_per_m": 100.0}, id="damping load"),
         pytest.param({"load.stiffness_N_per_m": 5e4}, id="stiff load"),
         pytest.param({"timing.substeps": 8}, id="finer sub-steps"),
@@ -103,7 +103,7 @@ def test_it_hangs_still(changes: Changes) -> None:
 
 def test_weight_counts_as_load() -> None:
     weight = 2.0 * 9.81
-    changes = {"mechanics.gravity_m_per_s2": 9.81, "load.force_N": 150.0 - weight}
+    changes = {"body.gravity_m_per_s2": 9.81, "load.force_N": 150.0 - weight}
     _, still = levitate(changed(bearings.example(), changes))
     holds(still, 150.0, 0.3e-6)
     assert still["load_N"].mean() == pytest.approx(150.0 - weight, abs=0.1)
@@ -157,7 +157,7 @@ def test_a_rendered_load_pushes_back() -> None:
     changes = {"load.stiffness_N_per_m": 5e4}
     recording, _ = levitate(changed(bearings.example(), changes))
     up = recording.part(len(recording) - 10000 - 2000, len(recording) - 10000)
-    away = up["gap_m"].mean() - bearings.example().settings.simulate.gap_m
+    away = up["gap_m"].mean() - bearings.example().settings.gap_m
     assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * away, abs=0.05)
     assert up["force_N"].mean() == pytest.approx(150.5, abs=0.1)
 
@@ -177,7 +177,7 @@ def law(tmp_path: Path) -> BearingRig:
 
 def with_table(rig: BearingRig) -> BearingRig:
     table = MagnetModelTable(file="model.toml", flux_table="flux.csv")
-    return changed(rig, {"magnet.model": table, "magnet.iron": None})
+    return changed(rig, {"magnet.model": table, "iron": None})
 
 
 @pytest.mark.parametrize(

@@ -56,8 +56,8 @@ def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
 
 def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: ForceBench) -> None:
     shape = TriangleTable(name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
-    demand = triangle(shape, rig.settings.force_control.force_max_N, bench.rate)
-    gap = np.full(demand.force.size, rig.settings.force_control.end_m)
+    demand = triangle(shape, rig.settings.force.force_max_N, bench.rate)
+    gap = np.full(demand.force.size, rig.settings.force.end_m)
     stand = ActuatorBench(rig, gap, [2, 0], unknown_past=False)
     wanted, _ = run_firmware(program, stand, demand, "host", demagnetised=True)
     run(bench)

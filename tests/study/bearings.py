@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from anhyst.rig.bearing.tables import PositionTable
 
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import (
@@ -24,7 +25,6 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import HOVER, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import PositionTable
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.variations import changed, with_iron
 from tests.once import made_once
@@ -132,7 +132,7 @@ def with_rig(setup: Setup, changes: dict[str, Any]) -> Setup:
 
 def sensor(kind: str, **given: float) -> PositionTable:
     """A position sensor with the range of the example's."""
-    own = example().settings.position_sensor
+    own = example().settings.gap_sensor
     return PositionTable.model_validate(
         {"kind": kind, "low_m": own.low_m, "high_m": own.high_m, **given}
     )

@@ -23,7 +23,7 @@ from anhyst.support.units import QUANTITIES
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
 UNSEEN = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}
-IRON = {"bearing": ("rig.toml", "magnet.iron"), "solenoid": ("solenoid.toml", "iron")}
+IRON = {"bearing": ("rig.toml", "iron"), "solenoid": ("solenoid.toml", "iron")}
 GAP_MAP = {"bearing": "circuit", "solenoid": "reluctance"}
 WIDE = (0.0, 0.95, 0.1, 0.8, 0.05, 0.6, 0.3, 0.9, 0.0)
 INNER = (

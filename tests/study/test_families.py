@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from anhyst.rig.bearing.tables import TrajectoryTable
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
@@ -23,7 +24,6 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, mak
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import TrajectoryTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
@@ -42,7 +42,7 @@ RATE = 20e3
 def rig_of(name: str) -> BearingRig:
     """Return the bearing with an iron; its loops are measured in coarser steps, to be quick."""
     rig = changed(bearings.example(), {"measurement.sample_s": 0.025})
-    return rig if name == "cells" else changed(rig, {"magnet.iron": generator().tables()[name]})
+    return rig if name == "cells" else changed(rig, {"iron": generator().tables()[name]})
 
 
 @cache

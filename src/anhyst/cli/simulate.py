@@ -262,7 +262,7 @@ def _show(found: Simulation, out: Path) -> None:
     from anhyst.reports.bearing.verdict import judge
 
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
-    gap = found.rig.settings.simulate.gap_m
+    gap = found.rig.settings.gap_m
     rows = table(
         f"overshoot of steps at {1e3 * gap:g} mm, %",
         ["", *(f"{1e6 * height:g} um" for height in heights), "settling, ms", "standstill, nm"],
@@ -281,7 +281,7 @@ def _show(found: Simulation, out: Path) -> None:
     show(
         *(f"lost levitation: {one}" for one in found.lost_in),
         rows,
-        f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
+        f"* of the controller file; mean of {found.rig.settings.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
         *found.plant.lines,

@@ -2,46 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel
 
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.iron_table import MagnetSteelTable
+from anhyst.rig.file import RigFile
+from anhyst.rig.iron_table import NamedCells
 from anhyst.support.errors import InputError
 
 
-def changed(rig: BearingRig, changes: dict[str, Any]) -> BearingRig:
-    """Return a rig with other settings."""
-    settings = rig.settings
+def changed(rig: BearingRig, changes: Mapping[str, Any]) -> BearingRig:
+    """Return a rig with other settings, by the names that they have in :class:`RigFile`.
+
+    ``gap_m`` moves the armature between its magnets: those of a pair stay where they are.
+    """
+    file = rig.settings
     for path, value in changes.items():
-        settings = _set(settings, path.split("."), value)
-    return replace(rig, settings=settings)
+        first, *rest = path.split(".")
+        if path == "gap_m":
+            opposite, moved = file.opposite, value - file.gap_m
+            if opposite is not None:
+                other = opposite.model_copy(update={"gap_m": opposite.gap_m - moved})
+                file = file.replaced(opposite, other)
+            first, rest = "magnet", ["gap_m"]
+        name = "given_load" if first == "load" else first
+        table = getattr(file, first)
+        new = _set(table, rest, value) if rest else value
+        if name in RigFile.model_fields:
+            file = file.model_copy(update={name: new})
+        else:
+            file = file.replaced(table, new)
+    return replace(rig, settings=file)
 
 
 def with_iron(
     rig: BearingRig, reversible_fraction: float | None = None, width: float = 1.0
 ) -> BearingRig:
     """Return a rig with another iron of the same family."""
-    magnet = rig.settings.magnet
-    if magnet.force != "cells":
+    if rig.settings.magnet.kind == "law":
         raise InputError(
-            f'{rig.path}: magnet.force: other irons are tried with force "cells"; set it so',
+            f"{rig.path}: magnet.kind: other irons are tried with a magnet that has one; write "
+            '"electromagnet"',
             code="not-iron-of-cells",
-            key="magnet.force",
+            key="magnet.kind",
         )
-    keys = magnet.steel.drifted(width - 1.0, 0.0, 0.0)
+    steel = rig.settings.steel
+    keys = steel.drifted(width - 1.0, 0.0, 0.0)
     if reversible_fraction is not None:
-        if not isinstance(magnet.steel, MagnetSteelTable):
+        if not isinstance(steel, NamedCells):
             raise InputError(
-                f"{rig.path}: magnet.iron.family: cells alone have a reversible fraction; describe "
+                f"{rig.path}: iron.family: cells alone have a reversible fraction; describe "
                 "an iron of cells, or leave the fraction out",
                 code="not-iron-of-cells",
-                key="magnet.iron.family",
+                key="iron.family",
             )
         keys["reversible_fraction"] = reversible_fraction
-    return changed(rig, {f"magnet.iron.{key}": value for key, value in keys.items()})
+    return changed(rig, {f"iron.{key}": value for key, value in keys.items()})
 
 
 def _set(table: Any, path: list[str], value: Any) -> Any:

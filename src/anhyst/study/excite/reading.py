@@ -28,9 +28,8 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
     if take_kind(place, TAKES["excite"]) is FileKind.FORCE:
         rig = read_rig(place)
         named = rig.settings.solenoid
-        files = [place] if named is None else [place, place.parent / named]
-        magnet = rig.settings.magnet
-        if magnet is not None and magnet.from_loops:
+        files = [place] if named is None else [place, place.parent / named.file]
+        if named is None and rig.settings.magnet.from_loops:
             files += rig.measured.files
             rig = complete_rig(rig, rig.measured.read())
         return ReadSpecimen(force_specimen(rig), tuple(files))

@@ -114,14 +114,14 @@ def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
 
 def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
     """Return everything measured, as ``figures.json`` holds it."""
-    force_max = rig.settings.force_control.force_max_N
+    force_max = rig.settings.force.force_max_N
     scores = [(outcome, score(outcome, force_max)) for outcome in outcomes]
     return {
         "format": "anhyst-force-control",
         "rig": rig.settings.name,
         "board": board,
         "force_max_N": force_max,
-        "rate_Hz": rig.settings.rate_Hz,
+        "rate_Hz": rig.settings.timing.rate_Hz,
         "force_noise_N": rig.settings.force_sensor.noise_N,
         "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
         "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),

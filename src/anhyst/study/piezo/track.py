@@ -186,7 +186,7 @@ def track(rig: PiezoRig) -> PiezoTracking:
         "full": _Compiled(model, rig),
     }
     runs = {name: _follow(rig, wanted, way) for name, way in ways.items()}
-    return PiezoTracking(wanted, rig.settings.control.bandwidth_Hz, runs)
+    return PiezoTracking(wanted, rig.settings.displacement.bandwidth_Hz, runs)
 
 
 def write_tracking(found: PiezoTracking, out: PathLike) -> None:
@@ -204,13 +204,13 @@ def write_tracking(found: PiezoTracking, out: PathLike) -> None:
 
 def measure(rig: PiezoRig) -> Loops:
     """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
-    top = rig.settings.amplifier.high_V
+    top = rig.settings.stack_amplifier.high_V
     pace = 2.0 * top / LOOP_SECONDS
     points = top * np.array([0.0, *(end for low, high in CYCLES for end in (low, high, low)), 0.0])
     when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
     time = np.arange(0.0, when[-1], LOOP_STEP)
     drive = np.interp(time, when, points)
-    sensor = rig.settings.sensor
+    sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
     read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
@@ -219,7 +219,7 @@ def measure(rig: PiezoRig) -> Loops:
 
 def reference(rig: PiezoRig) -> FloatArray:
     """Return the triangle, its corners rounded, from rest at its low end."""
-    want, rate = rig.settings.reference, rig.settings.control.rate_Hz
+    want, rate = rig.settings.moved, rig.settings.timing.rate_Hz
     ticks = round(want.cycles * rate / want.frequency_Hz)
     phase = (np.arange(ticks) * want.frequency_Hz / rate) % 1.0
     raw = want.low_m + want.stroke_m * (1.0 - np.abs(1.0 - 2.0 * phase))
@@ -249,7 +249,7 @@ class _Compiled:
     """The model as it is compiled, signals of 32 bits."""
 
     def __init__(self, model: Model, rig: PiezoRig) -> None:
-        request = CompileRequest("full", "q15", rig.settings.control.rate_Hz)
+        request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
         plan = make_plan(replace(model, dynamics=None), request, 0)
         assert isinstance(plan.block, Block)
         self._twin = FixedTwin(plan.block, "q31")
@@ -285,10 +285,12 @@ class _Notch:
 def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRun:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay."""
     settings = rig.settings
-    dt = 1.0 / settings.control.rate_Hz
-    gain = 2.0 * np.pi * settings.control.bandwidth_Hz * dt
-    low, high = settings.amplifier.low_V, settings.amplifier.high_V
-    noise = settings.sensor.noise_m * np.random.default_rng(SEED).standard_normal(wanted.size)
+    dt = 1.0 / settings.timing.rate_Hz
+    gain = 2.0 * np.pi * settings.displacement.bandwidth_Hz * dt
+    low, high = settings.stack_amplifier.low_V, settings.stack_amplifier.high_V
+    noise = settings.position_sensor.noise_m * np.random.default_rng(SEED).standard_normal(
+        wanted.size
+    )
     motion, late = StageMotion(rig.stage, dt), _lateness(rig)
     notch = _Notch(rig.stage.resonance, rig.stage.damping, dt)
     found, voltage, fed_back = np.empty((3, wanted.size))
@@ -296,17 +298,20 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
     expected = np.interp(np.arange(wanted.size) * dt - late, np.arange(wanted.size) * dt, wanted)
     for i, value in enumerate(wanted.tolist()):
         found[i] = motion.x
-        read = round((motion.x + noise[i]) / settings.sensor.step_m) * settings.sensor.step_m
+        read = (
+            round((motion.x + noise[i]) / settings.position_sensor.step_m)
+            * settings.position_sensor.step_m
+        )
         motion.step(command)
         correction += gain * notch(float(expected[i]) - read)
         fed_back[i] = correction
         command = min(max(inverse(value + correction), low), high)
         voltage[i] = command
     error = found - expected
-    judged = error[round(LEAD * settings.control.rate_Hz / settings.reference.frequency_Hz) :]
+    judged = error[round(LEAD * settings.timing.rate_Hz / settings.moved.frequency_Hz) :]
     errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
     time = dt * np.arange(wanted.size, dtype=np.float64)
-    stroke = settings.reference.stroke_m
+    stroke = settings.moved.stroke_m
     bounds = (
         SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
         SignalBound("the feedback asked for more than the stroke", fed_back, -stroke, stroke),
@@ -322,4 +327,4 @@ def _lateness(rig: PiezoRig) -> float:
     """
     stage = rig.stage
     rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
-    return 1.5 / rig.settings.control.rate_Hz + stage.amplifier + rounded
+    return 1.5 / rig.settings.timing.rate_Hz + stage.amplifier + rounded
