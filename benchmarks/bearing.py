@@ -11,15 +11,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from anhyst.rig.bearing.tables import PositionTable, TrajectoryTable
-
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.iron_table import SteelTable
+from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -130,19 +130,20 @@ def _tried(found: Mapping[str, Any], name: str, factor: float, form: str, unit: 
 def quiet(rig: BearingRig) -> BearingRig:
     """Return the rig with a sensor of 5 nm rms instead of the encoder."""
     sensor = rig.settings.gap_sensor
-    capacitive = PositionTable(
+    capacitive = GapSensorTable(
+        of="gap",
         kind="capacitive",
         low_m=sensor.low_m,
         high_m=sensor.high_m,
         noise_m=5e-9,
         bandwidth_Hz=sensor.bandwidth_Hz,
     )
-    return changed(rig, {"position_sensor": capacitive})
+    return changed(rig, {"gap_sensor": capacitive})
 
 
 def slow_table(irons: Sequence[Iron]) -> str:
     """Slow and small: triangle of 20 um at 1 Hz, steps of 1 um; Markdown."""
-    shape = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+    shape = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     lines = [
         "| iron | variant | triangle, rms error | its force error | 1 um, overshoot | settling |",
         "| --- | --- | --- | --- | --- | --- |",

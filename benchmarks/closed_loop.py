@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
@@ -92,7 +92,7 @@ def plant_of(rig: BearingRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
     magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
-    steel, sensor = magnet.steel.steel(), rig.settings.gap_sensor.sensor()
+    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor.sensor()
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     assert isinstance(steel, CellSteel)
@@ -110,7 +110,7 @@ def plant_of(rig: BearingRig) -> Plant:
         width=poles.width,
         depth=poles.depth,
         leakage=poles.leakage,
-        supply=rig.settings.amplifier.supply_V,
+        supply=rig.settings.amplifier.supply,
         gain=gain,
         reset=reset,
         mass=mechanics.mass_kg,
@@ -242,18 +242,13 @@ class Own:
     """The plant of this project as the baselines are."""
 
     def __init__(self, rig: BearingRig, substeps: int) -> None:
-        timing = rig.settings.timing.model_copy(update={"substeps": substeps})
-        fine = rig.settings.amplifier.model_copy(update={"dac_bits": 24})
-        load = rig.settings.load.model_copy(update={"force_N": 0.0})
-        update = {"timing": timing, "amplifier": fine, "load": load}
-        self._rig = replace(rig, settings=rig.settings.model_copy(update=update))
+        fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
+        self._rig = changed(rig, fine)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold position, the load given as weight; return the pull."""
-        mechanics = self._rig.settings.body
-        weight = mechanics.model_copy(update={"gravity_m_per_s2": load / mechanics.mass_kg})
-        settings = self._rig.settings.model_copy(update={"mechanics": weight})
-        self._plant = make_bearing(replace(self._rig, settings=settings), 0)
+        weight = {"body.gravity_m_per_s2": load / self._rig.settings.body.mass_kg}
+        self._plant = make_bearing(changed(self._rig, weight), 0)
         self._plant.place(gap, 0.0)
         self._plant.hold(current, 0)
         return self._plant.force

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from anhyst.rig.bearing.tables import TrajectoryTable
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
@@ -27,6 +26,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, mak
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -56,7 +56,7 @@ LEVELS = (0.2, 0.5, 0.8)
 NARROW = 0.02
 """Of the pinning, where hardly any hysteresis is left."""
 
-SLOW = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
 @dataclass(frozen=True)

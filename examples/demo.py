@@ -271,7 +271,7 @@ def bearing(out: Path) -> Piece:
         setups = make_setups(rig, controller, ready.knowledge(), BEARING)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
-        cells = compare(list(setups.values()), [tried.gap_m], tried.steps_m, [load], seeds)
+        cells = compare(list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds)
     steps = grouped(cells)
     last = steps[-1]
     overshoot = last.of("overshoot_percent")
@@ -293,7 +293,7 @@ def bearing(out: Path) -> Piece:
         BASELINE[rival],
         "%",
     )
-    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, tried.steps_m[-1:])
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, tried.step.heights_m[-1:])
     runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (rival, "full")}
 
     def draw(ax: Axes) -> None:
@@ -325,10 +325,12 @@ class Tracked:
 
 def follow(setup: StageSetup) -> Tracked:
     """Find the gains of the feedforward on one set-point and follow another with them."""
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
     gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
     motion = motion_of(table, table.test_m_per_s2)
-    runs = [track(setup, motion, gains, seed) for seed in range(1, table.noise_seeds + 1)]
+    runs = [
+        track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
+    ]
     return Tracked([measure(run, table.slit_s) for run in runs], runs[0])
 
 
@@ -343,7 +345,7 @@ def stage(out: Path) -> Piece:
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
         out / "table.txt",
-        f"error on the test set-point; {rig.settings.tracking.noise_seeds} noise seeds",
+        f"error on the test set-point; {rig.settings.noise_seeds} noise seeds",
         list(columns),
         {
             name: [interval_text(one.of(key), factor=by) for key, by in columns.values()]

@@ -6,7 +6,7 @@ stands in the key. Every key is described in docs/rig-file.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
@@ -283,6 +283,36 @@ class RigFile(Table):
         """Return where a table of a list stands in the file, or a key of it, for errors."""
         return (*next(place for place, one in self.tables() if one is table), *keys)
 
+    def changed(self, changes: Mapping[str, Any]) -> RigFile:
+        """Return a file with other values, by names of attributes: ``body.mass_kg``, ``gap_m``.
+
+        ``gap_m`` moves the body between its magnets: those of a pair stay where they are. An iron
+        keeps its name.
+        """
+        file = self
+        for path, value in changes.items():
+            file = file._moved(value) if path == "gap_m" else file._with(path.split("."), value)
+        return file
+
+    def _moved(self, gap: float) -> RigFile:
+        moved, opposite = gap - self.gap_m, self.opposite
+        file = self.replaced(self.magnet, self.magnet.model_copy(update={"gap_m": gap}))
+        if opposite is None:
+            return file
+        other = opposite.model_copy(update={"gap_m": opposite.gap_m - moved})
+        return file.replaced(opposite, other)
+
+    def _with(self, path: list[str], value: Any) -> RigFile:
+        first, *rest = path
+        field = f"given_{first}" if f"given_{first}" in type(self).model_fields else first
+        table = getattr(self, first)
+        new = _set(table, rest, value) if rest else value
+        if first == "iron":
+            new = new.model_copy(update={"name": table.name})
+        if field in type(self).model_fields:
+            return self.model_copy(update={field: new})
+        return self.replaced(table, new)
+
     def replaced(self, table: Table, other: Table) -> RigFile:
         """Return a file with another table in place of one of a list."""
         key, number = self.place(table)
@@ -301,6 +331,15 @@ _FIELDS = {
     "case": "cases",
 }
 """Attributes of what is a list of tables, by their keys in the file."""
+
+
+def _set(table: Any, path: list[str], value: Any) -> Any:
+    first, *rest = path
+    if not isinstance(table, Table) or first not in type(table).model_fields:
+        raise KeyError(first)
+    return table.model_copy(
+        update={first: _set(getattr(table, first), rest, value) if rest else value}
+    )
 
 
 def _first(entries: list[Any], kind: type[Entry]) -> Entry | None:

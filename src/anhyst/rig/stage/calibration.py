@@ -75,13 +75,10 @@ def make_mistaken(rig: BearingRig, errors: CalibrationErrors, seed: int) -> Bear
         for error in errors.currents
     )
     sensor, hall = settings.gap_sensor, settings.hall_probe
-    changed = settings.replaced(
-        sensor, sensor.model_copy(update={"offset_m": sensor.offset_m + errors.gap_zero})
-    )
+    wrong = {"gap_sensor.offset_m": sensor.offset_m + errors.gap_zero}
     if hall is not None:
-        wrong = hall.model_copy(update={"gain_error": hall.gain_error + errors.hall})
-        changed = changed.replaced(hall, wrong)
-    return make_bearing(replace(rig, settings=changed), seed, first, second)
+        wrong["hall_probe.gain_error"] = hall.gain_error + errors.hall
+    return make_bearing(replace(rig, settings=settings.changed(wrong)), seed, first, second)
 
 
 def _pinned(iron: NamedIron, error: float) -> NamedIron:

@@ -6,36 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from pydantic import BaseModel
-
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.file import RigFile
+from anhyst.rig.from_loops import AnyRig
 from anhyst.rig.iron_table import NamedCells
 from anhyst.support.errors import InputError
 
 
-def changed(rig: BearingRig, changes: Mapping[str, Any]) -> BearingRig:
-    """Return a rig with other settings, by the names that they have in :class:`RigFile`.
-
-    ``gap_m`` moves the armature between its magnets: those of a pair stay where they are.
-    """
-    file = rig.settings
-    for path, value in changes.items():
-        first, *rest = path.split(".")
-        if path == "gap_m":
-            opposite, moved = file.opposite, value - file.gap_m
-            if opposite is not None:
-                other = opposite.model_copy(update={"gap_m": opposite.gap_m - moved})
-                file = file.replaced(opposite, other)
-            first, rest = "magnet", ["gap_m"]
-        name = "given_load" if first == "load" else first
-        table = getattr(file, first)
-        new = _set(table, rest, value) if rest else value
-        if name in RigFile.model_fields:
-            file = file.model_copy(update={name: new})
-        else:
-            file = file.replaced(table, new)
-    return replace(rig, settings=file)
+def changed(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
+    """Return a rig with other settings, by the names of :meth:`RigFile.changed`."""
+    return replace(rig, settings=rig.settings.changed(changes))
 
 
 def with_iron(
@@ -61,12 +40,3 @@ def with_iron(
             )
         keys["reversible_fraction"] = reversible_fraction
     return changed(rig, {f"iron.{key}": value for key, value in keys.items()})
-
-
-def _set(table: Any, path: list[str], value: Any) -> Any:
-    first, *rest = path
-    if not isinstance(table, BaseModel) or first not in type(table).model_fields:
-        raise KeyError(first)
-    return table.model_copy(
-        update={first: _set(getattr(table, first), rest, value) if rest else value}
-    )
