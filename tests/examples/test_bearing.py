@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -19,6 +18,7 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.parts.iron import CellSteel
+from anhyst.study.bearing.variations import with_iron
 from anhyst.support.arrays import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -98,13 +98,11 @@ def test_the_table_of_gaps(rig: BearingRig) -> None:
 
 def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
     table = rows(r"^\| 0\.\d\d \|.*$")
-    magnet, gap = rig.settings.magnet, rig.settings.gap_m
-    assert isinstance(magnet.steel, SteelTable)
-    assert float(table[0][0]) == magnet.steel.reversible_fraction
+    steel, gap = rig.settings.steel, rig.settings.gap_m
+    assert isinstance(steel, SteelTable)
+    assert float(table[0][0]) == steel.reversible_fraction
     for fraction, on, back, part, width in table:
-        iron = magnet.steel.model_copy(update={"reversible_fraction": float(fraction)})
-        other = magnet.model_copy(update={"iron": iron})
-        changed = replace(rig, settings=rig.settings.model_copy(update={"magnet": other}))
+        changed = with_iron(rig, float(fraction))
 
         def force(*currents: float, rig: BearingRig = changed) -> float:
             path = np.array([*PAST, *currents])

@@ -55,7 +55,8 @@ def unknown_iron(folder: Path) -> PreparedForce:
 
 def pinned_more(prepared: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller before an iron that became harder."""
-    file = prepared.whole.solenoid
+    file = prepared.whole.solenoid_file
+    assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     other = file.model_copy(update={"iron": iron})

@@ -10,13 +10,8 @@ from hypothesis import strategies as st
 
 from anhyst.rig.bearing.plant import STOP_RESONANCE
 from tests.plant.oracle import Ledger, Shape, middles
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
+from tests.plant.rigs import OPEN_LOOP, bearing, example_steel
 
-PAIR = {
-    "magnet.arrangement": "pair",
-    "magnet.gap_total_m": 2.0 * GAP,
-    "magnet.bias_force_N": 100.0,
-}
 commands = st.lists(
     st.tuples(
         st.floats(-1e6, 1e6) | st.floats(-1.0, 5.0),
@@ -47,7 +42,7 @@ rigs = st.fixed_dictionaries(
 def test_no_command_makes_a_number_that_is_none(
     changes: dict[str, Any], pair: bool, script: list[tuple[float, float, float, int]]
 ) -> None:
-    plant = bearing(changes | (PAIR if pair else {}))
+    plant = bearing(changes, pair=pair)
     for first, second, load, ticks in script:
         for _ in range(ticks):
             plant.advance(first, second, load)

@@ -89,7 +89,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
     a quarter of it with twice as many steps."""
     rig = read_stage(STAGE)
     magnet = rig.settings.magnet
-    steel = magnet.steel.steel()
+    steel = rig.settings.steel.steel()
     assert isinstance(steel, CellSteel)
 
     def balance(substeps: int) -> tuple[float, float, float]:

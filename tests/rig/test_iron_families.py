@@ -89,7 +89,9 @@ def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, n
 
 
 def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
-    geometry = read_rig(solenoid).solenoid.solenoid().geometry
+    file = read_rig(solenoid).solenoid_file
+    assert file is not None
+    geometry = file.solenoid().geometry
     for name in ("preisach-hard", "duhem-hard"):
         coarse, fine = (Solenoid(STEELS[name], geometry) for _ in range(2))
         for start, end in ((0.0, 1.2), (1.2, 0.3), (0.3, 0.9)):

@@ -79,7 +79,7 @@ def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
     rig = bearings.example()
     still = np.zeros(300)
     assert excess_band(rig, still) == LEAST_BAND_M
-    coarse = changed(rig, {"position_sensor": bearings.sensor("encoder", step_m=1e-6, noise_m=0.0)})
+    coarse = changed(rig, {"gap_sensor": bearings.sensor("encoder", step_m=1e-6, noise_m=0.0)})
     assert excess_band(coarse, still) == pytest.approx(3e-6 / np.sqrt(12.0))
     still[-100:] = np.tile([1e-6, -1e-6], 50)
     assert excess_band(rig, still) == pytest.approx(4e-6)

@@ -16,8 +16,8 @@ from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
-from anhyst.rig.stage.file import CalibrationTable
 from anhyst.rig.stage.loop import Feedforward, pid, track
+from anhyst.rig.tables import SpreadTable
 from anhyst.study.tracking.measures import Measures, cruises, measure, moving, settling
 from anhyst.support.pays import STAGE
 from tests.study import stages
@@ -113,10 +113,10 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
 
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
-    drawn = draw_errors(CalibrationTable(), "pinning", np.random.default_rng(1))
+    drawn = draw_errors(SpreadTable(), "pinning", np.random.default_rng(1))
     assert drawn.pinning != 0.0
     assert drawn == CalibrationErrors(pinning=drawn.pinning)
-    assert draw_errors(CalibrationTable(), "all", np.random.default_rng(1)).eddy > 0.0
+    assert draw_errors(SpreadTable(), "all", np.random.default_rng(1)).eddy > 0.0
 
 
 def test_measures_say_what_they_say() -> None:
