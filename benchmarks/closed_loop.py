@@ -28,6 +28,7 @@ from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.ready import make_ready
+from anhyst.study.bearing.variations import changed
 from anhyst.support.arrays import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row
