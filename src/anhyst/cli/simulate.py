@@ -59,7 +59,7 @@ def simulate(
         typer.Option(
             metavar="N",
             min=1,
-            help="Instead, run N plants that have drifted as [drift] of the rig file says; FILE "
+            help="Instead, run N plants that have drifted as [spread] of the rig file says; FILE "
             "then ends in '.jsonl' and holds a line for each of them. The same command goes on "
             "with what is there.",
         ),

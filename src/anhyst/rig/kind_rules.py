@@ -106,6 +106,7 @@ RULES: Mapping[FileKind, KindRule] = {
         single={
             "loops": True,
             "measurement": True,
+            "excite": False,
             "frame": False,
             "spread": False,
             "seed": False,

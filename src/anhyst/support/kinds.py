@@ -59,7 +59,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "simulate": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
     "tune": (FileKind.BEARING,),
     "force-control": (FileKind.FORCE,),
-    "excite": (FileKind.BEARING, FileKind.FORCE),
+    "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
     "live": (FileKind.BEARING, FileKind.FORCE, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),
 }

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.measuring import HeldBearing
+from anhyst.rig.control_table import TrackingTable
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.measuring import HeldActuator
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
@@ -49,7 +50,7 @@ class Specimen:
 
 
 def bearing_specimen(rig: BearingRig) -> Specimen:
-    """Return the magnet of a bearing that closes the gap; its own magnet must be whole."""
+    """Return the first magnet of a body; it must be whole."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
     poles = settings.magnet.poles
@@ -60,7 +61,7 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         gaps,
         excite,
         campaign,
-        operating=Bound(abs(rig.load), "load.force_N"),
+        operating=_operating(rig),
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
             Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
@@ -69,6 +70,15 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
         sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
+
+
+def _operating(rig: BearingRig) -> Bound:
+    """Return the force about which a magnet of a body works, where the file does not say."""
+    control = rig.settings.control
+    if isinstance(control, TrackingTable):
+        return Bound(0.5 * control.force_max_N, "control.force_max_N")
+    bias = rig.settings.bias_N
+    return Bound(abs(rig.load), "load.force_N") if bias is None else Bound(bias, "control.bias_N")
 
 
 def force_specimen(rig: Rig) -> Specimen:

@@ -24,6 +24,7 @@ from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
+_DRAWN = {"gap_zero_m", "current_percent", "pinning_percent", "hall_percent", "eddy_s"}
 _STREAM = 5
 """Of the random numbers, apart from those of the noise."""
 
@@ -57,7 +58,7 @@ class CalibrationStudy:
             "format": "anhyst-tracking-calibration",
             "rig": self.rig.settings.name,
             "plants": self.plants,
-            "one_sigma": self.rig.settings.spread.model_dump(),
+            "one_sigma": self.rig.settings.spread.model_dump(include=_DRAWN),
             "variants": {
                 name: {
                     kind: {
