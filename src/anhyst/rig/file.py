@@ -7,7 +7,7 @@ stands in the key. Every key is described in docs/rig-file.md.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import Field
 
@@ -61,7 +61,28 @@ from anhyst.support.toml_text import Path as KeyPath
 MOST_SEED = 1 << 31
 """Seeds are below it."""
 
-Entry = TypeVar("Entry")
+Entry = TypeVar("Entry", bound=Table)
+
+
+class Maybe(Generic[Entry]):
+    """The first table of a kind among those of an attribute, or None."""
+
+    def __init__(self, attribute: str, kind: type[Entry]) -> None:
+        self.attribute, self.kind = attribute, kind
+
+    def __get__(self, file: RigFile, owner: type[RigFile]) -> Entry | None:
+        value = getattr(file, self.attribute)
+        tables = value if isinstance(value, list) else [value]
+        return next((table for table in tables if isinstance(table, self.kind)), None)
+
+
+class The(Maybe[Entry]):
+    """The same, where the kind of rig makes sure that there is one."""
+
+    def __get__(self, file: RigFile, owner: type[RigFile]) -> Entry:
+        found = super().__get__(file, owner)
+        assert found is not None
+        return found
 
 
 class RigFile(Table):
@@ -88,25 +109,36 @@ class RigFile(Table):
     cases: Annotated[list[CaseEntry], Field(alias="case", min_length=1)]
     spread: SpreadTable = Field(default_factory=SpreadTable)
 
+    magnet: ClassVar = The("magnets", MagnetTable)  # the one that others are like
+    opposite: ClassVar = Maybe("magnets", LikeTable)  # the magnet on the other side of the body
+    solenoid: ClassVar = Maybe("magnets", SolenoidTable)
+    stack: ClassVar = The("stacks", StackTable)
+    amplifier: ClassVar = The("amplifiers", AmplifierTable)  # of each coil
+    stack_amplifier: ClassVar = The("amplifiers", StackAmplifierTable)
+    body: ClassVar = The("bodies", BodyTable)
+    flexure: ClassVar = The("bodies", FlexureTable)  # a body that a stack pushes
+    gap_sensor: ClassVar = The("sensors", GapSensorTable)
+    current_sensor: ClassVar = The("sensors", CurrentSensorTable)  # of each coil
+    force_sensor: ClassVar = The("sensors", ForceSensorTable)  # measures the loops
+    hall_probe: ClassVar = Maybe("sensors", FluxSensorTable)
+    position_sensor: ClassVar = The("sensors", PositionSensorTable)  # place of the body in space
+    step: ClassVar = The("cases", StepCase)
+    load_case: ClassVar = Maybe("cases", LoadCase)
+    scan: ClassVar = The("cases", ScanCase)
+    held: ClassVar = The("cases", HeldCase)
+    moving: ClassVar = The("cases", MovingCase)
+    moved: ClassVar = The("cases", DisplacementCase)
+    loops: ClassVar = The("given_loops", LoopsTable)  # all that a controller may know
+    measurement: ClassVar = The("given_measurement", MeasurementTable)
+    levitation: ClassVar = The("control", LevitationTable)
+    tracking: ClassVar = The("control", TrackingTable)
+    force: ClassVar = The("control", ForceTable)
+    displacement: ClassVar = The("control", DisplacementTable)
+
     @property
     def kind(self) -> FileKind:
         """What kind of rig it is."""
         return FileKind(self.control.kind)
-
-    @property
-    def magnet(self) -> MagnetTable:
-        """The electromagnet, or the one that the others are built as."""
-        return _only(self.magnets, MagnetTable)
-
-    @property
-    def opposite(self) -> LikeTable | None:
-        """The magnet on the other side of the body, if there is one."""
-        return _first(self.magnets, LikeTable)
-
-    @property
-    def solenoid(self) -> SolenoidTable | None:
-        """The solenoid, if there is one."""
-        return _first(self.magnets, SolenoidTable)
 
     @property
     def iron(self) -> NamedIron | None:
@@ -131,14 +163,10 @@ class RigFile(Table):
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
-    def amplifier(self) -> AmplifierTable:
-        """Of each coil."""
-        return _only(self.amplifiers, AmplifierTable)
-
-    @property
-    def body(self) -> BodyTable:
-        """What moves."""
-        return _only(self.bodies, BodyTable)
+    def bias_N(self) -> float | None:  # noqa: N802 - as in the file
+        """What each magnet of a pair pulls with where no net force is wanted."""
+        control = self.control
+        return control.bias_N if isinstance(control, LevitationTable | TrackingTable) else None
 
     @property
     def load(self) -> LoadTable:
@@ -146,91 +174,9 @@ class RigFile(Table):
         return self.given_load or NO_LOAD
 
     @property
-    def loops(self) -> LoopsTable:
-        """Measured loops, all that a controller may know of the magnets."""
-        assert self.given_loops is not None
-        return self.given_loops
-
-    @property
-    def measurement(self) -> MeasurementTable:
-        """How the loops were measured."""
-        assert self.given_measurement is not None
-        return self.given_measurement
-
-    @property
-    def stack(self) -> StackTable:
-        """The piezo stack."""
-        return self.stacks[0]
-
-    @property
-    def flexure(self) -> FlexureTable:
-        """What the stack pushes."""
-        return _only(self.bodies, FlexureTable)
-
-    @property
-    def stack_amplifier(self) -> StackAmplifierTable:
-        """Of the stack."""
-        return _only(self.amplifiers, StackAmplifierTable)
-
-    @property
-    def gap_sensor(self) -> GapSensorTable:
-        """What reads the gap of the first magnet."""
-        return _only(self.sensors, GapSensorTable)
-
-    @property
-    def current_sensor(self) -> CurrentSensorTable:
-        """What reads the current of each coil."""
-        return _only(self.sensors, CurrentSensorTable)
-
-    @property
-    def force_sensor(self) -> ForceSensorTable:
-        """What measures the loops."""
-        return _only(self.sensors, ForceSensorTable)
-
-    @property
-    def hall_probe(self) -> FluxSensorTable | None:
-        """What reads the flux density, if anything does."""
-        return _first(self.sensors, FluxSensorTable)
-
-    @property
-    def position_sensor(self) -> PositionSensorTable:
-        """What reads the place of the body in space."""
-        return _only(self.sensors, PositionSensorTable)
-
-    @property
-    def levitation(self) -> LevitationTable:
-        """How an armature is held in the air."""
-        assert isinstance(self.control, LevitationTable)
-        return self.control
-
-    @property
-    def bias_N(self) -> float | None:  # noqa: N802 - as in the file
-        """What each magnet of a pair pulls with where no net force is wanted."""
-        control = self.control
-        return control.bias_N if isinstance(control, LevitationTable | TrackingTable) else None
-
-    @property
-    def tracking(self) -> TrackingTable:
-        """How a set-point is followed."""
-        assert isinstance(self.control, TrackingTable)
-        return self.control
-
-    @property
-    def force(self) -> ForceTable:
-        """What force is controlled."""
-        assert isinstance(self.control, ForceTable)
-        return self.control
-
-    @property
-    def displacement(self) -> DisplacementTable:
-        """How a displacement is followed."""
-        assert isinstance(self.control, DisplacementTable)
-        return self.control
-
-    @property
-    def step(self) -> StepCase:
-        """Steps of the reference."""
-        return _only(self.cases, StepCase)
+    def load_steps_N(self) -> list[float]:  # noqa: N802 - as in the file
+        """Steps of the load."""
+        return [] if self.load_case is None else self.load_case.forces_N
 
     @property
     def step_gaps_m(self) -> list[float]:
@@ -238,40 +184,14 @@ class RigFile(Table):
         return [self.gap_m, *self.step.also_gaps_m]
 
     @property
-    def load_steps_N(self) -> list[float]:  # noqa: N802 - as in the file
-        """Steps of the load."""
-        found = _first(self.cases, LoadCase)
-        return [] if found is None else found.forces_N
-
-    @property
     def trajectories(self) -> list[TrajectoryCase]:
         """References that move all the time."""
         return [case for case in self.cases if isinstance(case, TrajectoryCase)]
 
     @property
-    def scan(self) -> ScanCase:
-        """The set-points that a stage follows."""
-        return _only(self.cases, ScanCase)
-
-    @property
     def force_triangles(self) -> list[ForceCase]:
         """The forces that are demanded."""
         return [case for case in self.cases if isinstance(case, ForceCase)]
-
-    @property
-    def held_gaps_m(self) -> list[float]:
-        """Where the armature is held meanwhile."""
-        return _only(self.cases, HeldCase).gaps_m
-
-    @property
-    def moving(self) -> MovingCase:
-        """How the armature moves in the last run."""
-        return _only(self.cases, MovingCase)
-
-    @property
-    def moved(self) -> DisplacementCase:
-        """What displacement is followed."""
-        return _only(self.cases, DisplacementCase)
 
     def tables(self) -> Iterator[tuple[KeyPath, Table]]:
         """Yield the tables of all lists, each with its place in the file."""
@@ -340,13 +260,3 @@ def _set(table: Any, path: list[str], value: Any) -> Any:
     return table.model_copy(
         update={first: _set(getattr(table, first), rest, value) if rest else value}
     )
-
-
-def _first(entries: list[Any], kind: type[Entry]) -> Entry | None:
-    return next((entry for entry in entries if isinstance(entry, kind)), None)
-
-
-def _only(entries: list[Any], kind: type[Entry]) -> Entry:
-    found = _first(entries, kind)
-    assert found is not None
-    return found

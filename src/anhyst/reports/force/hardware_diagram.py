@@ -76,7 +76,7 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
 
 
 def _stroke(rig: Rig) -> str:
-    positions = rig.settings.held_gaps_m
+    positions = rig.settings.held.gaps_m
     return f"{1e3 * min(positions):g} to {1e3 * max(positions):g}"
 
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.rig.case_table import LoadCase
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.loop_files import Measured
@@ -128,8 +127,8 @@ def check_load(rig: BearingRig, force_max: float) -> None:
         if load < force_max <= load + step:
             text = f"{load:.4g} N and this step are {load + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"
-            case = next(one for one in rig.settings.cases if isinstance(one, LoadCase))
-            key = rig.settings.place(case, "forces_N", place)
+            assert rig.settings.load_case is not None
+            key = rig.settings.place(rig.settings.load_case, "forces_N", place)
             faults.append(FileFault(key, text, code="load-too-large"))
     if faults:
         raise rig_error(rig.path, faults)

@@ -87,7 +87,7 @@ def force_specimen(rig: Rig) -> Specimen:
     amplifier, excite, force = settings.amplifier, settings.excite, settings.force
     file = rig.solenoid_file
     campaign = None if file is None else file.measurement
-    usual = sorted({force.end_m, *settings.held_gaps_m}) if campaign is None else campaign.gaps_m
+    usual = sorted({force.end_m, *settings.held.gaps_m}) if campaign is None else campaign.gaps_m
     return _specimen(
         HeldActuator(rig),
         tuple(excite.gaps_m or usual),

@@ -89,7 +89,7 @@ def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
             yield ForceTrial("end", demand, settings.force.end_m, start, number)
             number += 1
     for demand in demands:
-        for position in settings.held_gaps_m:
+        for position in settings.held.gaps_m:
             yield ForceTrial("positions", demand, position, "unknown", number)
             number += 1
     for demand in demands:
