@@ -44,7 +44,7 @@ from anhyst.model.writer import write_model
 from anhyst.reports import write_report
 from anhyst.reports.bearing.look import interval_text, line_of
 from anhyst.reports.bearing.subject import grouped
-from anhyst.reports.bearing.verdict import TITLES, judge, strongest
+from anhyst.reports.bearing.tables import judge_steps
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
@@ -57,6 +57,7 @@ from anhyst.study.bearing.responses import compare, default_seeds
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.search import find_gains
 from anhyst.study.tracking.simulate import make_variants
+from anhyst.study.verdict import TITLES, strongest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.pays import FEEDBACK
@@ -275,7 +276,7 @@ def bearing(out: Path) -> Piece:
     steps = grouped(cells)
     last = steps[-1]
     overshoot = last.of("overshoot_percent")
-    rival = strongest(last)
+    rival = strongest(last.of("overshoot_percent"))
     assert rival is not None
     write_table(
         out / "table.txt",
@@ -306,7 +307,7 @@ def bearing(out: Path) -> Piece:
         title = "bearing: feedback hides the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
-    judged = judge(steps, "full")
+    judged = judge_steps(steps, "full")
     remark = "" if judged.level == "yes" else f"bearing: {TITLES[judged.level].lower()}; {FEEDBACK}"
     return Piece([line], draw, remark)
 

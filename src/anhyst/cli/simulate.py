@@ -259,7 +259,7 @@ def _overshoot(cell: StepCell) -> str:
 
 def _show(found: Simulation, out: Path) -> None:
     from anhyst.reports.bearing.subject import grouped
-    from anhyst.reports.bearing.verdict import judge
+    from anhyst.reports.bearing.tables import judge_steps
 
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
     gap = found.rig.settings.gap_m
@@ -289,7 +289,7 @@ def _show(found: Simulation, out: Path) -> None:
         *(
             []
             if found.lost_in
-            else [f"verdict: {judge(grouped(found.cells), found.own).sentence()}"]
+            else [f"verdict: {judge_steps(grouped(found.cells), found.own).sentence}"]
         ),
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",

@@ -34,8 +34,8 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     for name, one in found.tried.items():
         rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
     judged = (
-        f"verdict: {verdict(found)[1]}",
-        *(one.text for one in verdicts(found)),
+        f"verdict: {verdict(found).sentence}",
+        *(f"against '{name}': {one.sentence}" for name, one in verdicts(found).items()),
         *limits(found),
     )
     show(

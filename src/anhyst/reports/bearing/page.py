@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from anhyst.compensate.interface import MethodName
 from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.force_current import figure_force_current
-from anhyst.reports.bearing.look import ordered
+from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
 from anhyst.reports.bearing.over_runs import (
     BenefitCell,
@@ -29,16 +29,17 @@ from anhyst.reports.bearing.tables import (
     OVERSHOOT,
     benefit_table,
     comparison_table,
+    judge_steps,
     legend_table,
     margin_table,
     overshoot_text,
     settling_sentence,
     step_tables,
 )
-from anhyst.reports.bearing.verdict import judge, strongest
 from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
 from anhyst.study.bearing.zones import zone
+from anhyst.study.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table
 from anhyst.support.page.numbers import NBSP, number
@@ -104,7 +105,7 @@ def _headline(subject: SimulationSubject) -> Headline:
     )
     if subject.steps:
         basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
-    judged = [judge(subject.steps, subject.variant).note()] if subject.steps else []
+    judged = [verdict_note(judge_steps(subject.steps, subject.variant))] if subject.steps else []
     notes = (*judged, *subject.notes, *_lost(subject))
     return Headline(
         title=plant.name,
@@ -140,7 +141,7 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
 def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
     """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
-    other = strongest(step)
+    other = strongest(step.of(OVERSHOOT))
     if other not in (None, variant):
         yield f"strongest without hysteresis model ({other}): {overshoot_text(step, other)}"
     if "flux" in step.cells and variant != "flux":

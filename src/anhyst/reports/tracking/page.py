@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 from anhyst.compensate.methods import METHODS
-from anhyst.reports.bearing.look import interval_text
+from anhyst.reports.bearing.look import interval_text, verdict_note
 from anhyst.reports.tracking.figures import figure_learning, figure_scan, figure_settling
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.study.tracking.simulate import OWN, TrackingStudy
@@ -18,7 +19,6 @@ from anhyst.support.page.blocks import (
     Picture,
     Section,
     Text,
-    Tone,
     table,
 )
 from anhyst.support.page.numbers import NBSP, number
@@ -59,17 +59,9 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
 
 def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
-    worth, sentence = verdict(study)
-    tone: Tone = "bad" if study.lost_in else "good" if worth else "warn"
-    notes = [Note(tone, "Verdict", f"{sentence}.")]
-    notes += [
-        Note(
-            "good" if one.better else "warn",
-            "Worth it" if one.better else "Not worth it",
-            f"{one.text}.",
-        )
-        for one in verdicts(study)
-    ]
+    found = verdict_note(verdict(study))
+    notes = [replace(found, tone="bad") if study.lost_in else found]
+    notes += [verdict_note(one) for one in verdicts(study).values()]
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
     return Headline(
         title=plant.name,

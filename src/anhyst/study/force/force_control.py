@@ -24,7 +24,7 @@ from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
 from anhyst.rig.from_loops import complete_rig
-from anhyst.study.force.results import figures
+from anhyst.study.force.results import figures, judge_stages
 from anhyst.study.force.trials import (
     Controllers,
     ForceOutcome,
@@ -33,7 +33,6 @@ from anhyst.study.force.trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.study.force.verdict import verdict
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.folder import whole_folder
@@ -207,7 +206,7 @@ def _run(
         outcomes = all_of(_outcome, tasks, report.part(len(trials)))
         plant = rig.check(loops, models["stroke"])
         found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
-        found["verdict"] = None if found["lost_in"] else verdict(found["summary"])
+        found["verdict"] = None if found["lost_in"] else judge_stages(found["summary"])
         _write(rig, folder, found, outcomes, recordings)
     return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
 

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.compensate.methods import MODELS
 from anhyst.rig.force.file import Rig
 from anhyst.rig.holding import SignalBound, find_loss
 from anhyst.study.force.trials import ForceOutcome
+from anhyst.study.verdict import Comparison, judge
 from anhyst.support.arrays import FloatArray
+from anhyst.support.pays import FORCE
 
 TITLES: Mapping[str, str] = {
     "full": "full",
@@ -141,3 +144,25 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
             for outcome, found in scores
         ],
     }
+
+
+def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
+    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
+    worst = {
+        stage: {name: one["worst_percent"] for name, one in found.items()}
+        for stage, found in summary.items()
+    }
+    against = {
+        stage: min((name for name in found if name not in MODELS), key=lambda name: found[name])
+        for stage, found in worst.items()
+    }
+    judged = judge(
+        "worst error of full",
+        [
+            Comparison(stage, TITLES[against[stage]], found["full"], found[against[stage]], 0.0)
+            for stage, found in worst.items()
+        ],
+        "stages",
+        FORCE,
+    )
+    return {"level": judged.level, "text": judged.sentence, "strongest": against}
