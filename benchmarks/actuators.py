@@ -131,7 +131,7 @@ def stage() -> list[Row]:
             f"{found.ratio:.3f}: {texts}",
             found.ratio <= 0.2,
         ),
-        *_compiled(rig.settings.control.rate_Hz, measure(rig), reference(rig)),
+        *_compiled(rig.settings.timing.rate_Hz, measure(rig), reference(rig)),
     ]
 
 

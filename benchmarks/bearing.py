@@ -17,8 +17,9 @@ from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import PositionTable, TrajectoryTable
+from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.iron_table import SteelTable
+from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -51,7 +52,7 @@ class Iron:
     @property
     def title(self) -> str:
         """For tables: its reversible fraction, and whether it is pathological."""
-        steel = self.rig.settings.magnet.steel
+        steel = self.rig.settings.steel
         assert isinstance(steel, SteelTable)
         share = f"{steel.reversible_fraction:g}"
         return f"{share} (pathological)" if self.at.slopes.label == "pathological" else share
@@ -75,7 +76,7 @@ def make_iron(rig: BearingRig, controller: ControllerFile, fraction: float) -> I
 
 def same_gains(iron: Iron) -> list[StepCell]:
     """Run steps of every height with every variant behind the same gains."""
-    gap = iron.rig.settings.simulate.gap_m
+    gap = iron.rig.settings.gap_m
     load = iron.rig.settings.load.force_N
     return compare(list(iron.setups.values()), [gap], HEIGHTS, [load], default_seeds(iron.rig))
 
@@ -128,20 +129,21 @@ def _tried(found: Mapping[str, Any], name: str, factor: float, form: str, unit: 
 
 def quiet(rig: BearingRig) -> BearingRig:
     """Return the rig with a sensor of 5 nm rms instead of the encoder."""
-    sensor = rig.settings.position_sensor
-    capacitive = PositionTable(
+    sensor = rig.settings.gap_sensor
+    capacitive = GapSensorTable(
+        of="gap",
         kind="capacitive",
         low_m=sensor.low_m,
         high_m=sensor.high_m,
         noise_m=5e-9,
         bandwidth_Hz=sensor.bandwidth_Hz,
     )
-    return changed(rig, {"position_sensor": capacitive})
+    return changed(rig, {"gap_sensor": capacitive})
 
 
 def slow_table(irons: Sequence[Iron]) -> str:
     """Slow and small: triangle of 20 um at 1 Hz, steps of 1 um; Markdown."""
-    shape = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+    shape = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     lines = [
         "| iron | variant | triangle, rms error | its force error | 1 um, overshoot | settling |",
         "| --- | --- | --- | --- | --- | --- |",
@@ -151,7 +153,7 @@ def slow_table(irons: Sequence[Iron]) -> str:
         setups = {name: Setup(rig, s.controller, s.compensator) for name, s in iron.setups.items()}
         seeds = default_seeds(rig)
         tried = experiments.of_all(experiments.follow, setups, seeds, shape)
-        gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+        gap, load = rig.settings.gap_m, rig.settings.load.force_N
         small = compare(list(setups.values()), [gap], [1e-6], [load], seeds)
         for name, cell in zip(setups, small, strict=True):
             off = _tried(tried[name], "tracking_rms_m", 1e9, ".0f", "nm")
@@ -211,7 +213,7 @@ def _standstill(irons: Sequence[Iron]) -> list[Row]:
         full = tried["full"]
         reported = ", ".join(_standstill_text(name, one) for name, one in tried.items())
         reached = not full["lost"] and full["rms_m"]["mean"] <= 10e-9 and not full["limit_cycles"]
-        asked = iron.rig.settings.magnet.iron is not None and iron is not irons[0]
+        asked = iron.rig.settings.iron is not None and iron is not irons[0]
         found.append(
             Row(
                 f"bearing, standstill with a 5 nm sensor, iron {iron.title}",
@@ -232,7 +234,7 @@ def _standstill_text(name: str, found: Mapping[str, Any]) -> str:
 def _formats(iron: Iron, controller: ControllerFile) -> list[Row]:
     variants: tuple[MethodName, ...] = ("single-valued", "simplified", "full")
     formats: tuple[NumberFormat, ...] = ("f64", "f32", "fixed")
-    gap, load = iron.rig.settings.simulate.gap_m, iron.rig.settings.load.force_N
+    gap, load = iron.rig.settings.gap_m, iron.rig.settings.load.force_N
     worst, reported = 0.0, []
     for variant in variants:
         setups = {name: in_format(iron, controller, variant, name) for name in formats}

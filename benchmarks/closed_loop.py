@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
@@ -28,6 +28,7 @@ from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.ready import make_ready
+from anhyst.study.bearing.variations import changed
 from anhyst.support.arrays import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row
@@ -70,7 +71,7 @@ class Case:
 
     def scenario(self) -> Scenario:
         """Return steps up and down, without lift-off."""
-        gap = self.rig.settings.simulate.gap_m
+        gap = self.rig.settings.gap_m
         script = Script(self.rig, gap)
         for height in HEIGHTS:
             for end in step_ends(gap, height):
@@ -90,9 +91,9 @@ def example() -> Case:
 
 def plant_of(rig: BearingRig) -> Plant:
     """Hand the numbers of a rig file to the baselines."""
-    magnet, mechanics = rig.settings.magnet, rig.settings.mechanics
+    magnet, mechanics = rig.settings.magnet, rig.settings.body
     poles = magnet.poles
-    steel, sensor = magnet.steel.steel(), rig.settings.position_sensor.sensor()
+    steel, sensor = rig.settings.steel.steel(), rig.settings.gap_sensor.sensor()
     gain, reset = current_gains(rig)
     stop = 2.0 * math.pi * STOP_RESONANCE
     assert isinstance(steel, CellSteel)
@@ -110,7 +111,7 @@ def plant_of(rig: BearingRig) -> Plant:
         width=poles.width,
         depth=poles.depth,
         leakage=poles.leakage,
-        supply=rig.settings.amplifier.supply_V,
+        supply=rig.settings.amplifier.supply,
         gain=gain,
         reset=reset,
         mass=mechanics.mass_kg,
@@ -192,7 +193,7 @@ def overshoot(case: Case, gap: Array) -> float:
     """Return that of the largest step up, per cent."""
     place = int(np.argmax(HEIGHTS))
     ticks = round(HOLD_S / case.rig.dt)
-    _, upper = step_ends(case.rig.settings.simulate.gap_m, HEIGHTS[place])
+    _, upper = step_ends(case.rig.settings.gap_m, HEIGHTS[place])
     step = gap[(2 * place + 1) * ticks : (2 * place + 2) * ticks]
     return float(100.0 * (upper - np.min(step)) / HEIGHTS[place])
 
@@ -200,7 +201,7 @@ def overshoot(case: Case, gap: Array) -> float:
 def ours(case: Case, variant: MethodName, number_format: NumberFormat) -> Measured:
     """Simulate with the plant of this project, everything in it; lift-off is not counted."""
     setup, scenario = case.setup(variant, number_format), case.scenario()
-    start = Script(case.rig, case.rig.settings.simulate.gap_m)
+    start = Script(case.rig, case.rig.settings.gap_m)
     lift = start.lift_off(case.controller.settings).build()
     best, gap = math.inf, np.empty(0)
     for _ in range(REPETITIONS):
@@ -218,7 +219,7 @@ def baseline(case: Case, simulator: ByScipy | ByNumba, name: str, repetitions: i
     rig, scenario = case.rig, case.scenario()
     gap, load = float(scenario.target[0]), rig.settings.load.force_N
     control = control_of(case.setup("single-valued", "f64"))
-    noise = rig.settings.position_sensor.sensor().noise
+    noise = rig.settings.gap_sensor.sensor().noise
     drawn = noise * np.random.default_rng(0).standard_normal(scenario.ticks)
     current = hanging(simulator, gap, load)
     best, run = math.inf, LevitationRun(np.empty(0), np.empty(0))
@@ -242,18 +243,13 @@ class Own:
     """The plant of this project as the baselines are."""
 
     def __init__(self, rig: BearingRig, substeps: int) -> None:
-        timing = rig.settings.timing.model_copy(update={"substeps": substeps})
-        fine = rig.settings.amplifier.model_copy(update={"dac_bits": 24})
-        load = rig.settings.load.model_copy(update={"force_N": 0.0})
-        update = {"timing": timing, "amplifier": fine, "load": load}
-        self._rig = replace(rig, settings=rig.settings.model_copy(update=update))
+        fine = {"timing.substeps": substeps, "amplifier.dac_bits": 24, "load.force_N": 0.0}
+        self._rig = changed(rig, fine)
 
     def start(self, gap: float, current: float, load: float) -> float:
         """Hold position, the load given as weight; return the pull."""
-        mechanics = self._rig.settings.mechanics
-        weight = mechanics.model_copy(update={"gravity_m_per_s2": load / mechanics.mass_kg})
-        settings = self._rig.settings.model_copy(update={"mechanics": weight})
-        self._plant = make_bearing(replace(self._rig, settings=settings), 0)
+        weight = {"body.gravity_m_per_s2": load / self._rig.settings.body.mass_kg}
+        self._plant = make_bearing(changed(self._rig, weight), 0)
         self._plant.place([gap], [0.0])
         self._plant.hold(current, 0)
         return self._plant.force
@@ -267,7 +263,7 @@ class Own:
 
 def errors(rig: BearingRig, fliers: dict[str, Flier]) -> dict[str, float]:
     """Return the rms error of the force, parts of its range, against 64 sub-steps."""
-    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    gap, load = rig.settings.gap_m, rig.settings.load.force_N
     exact = Own(rig, 64)
     current = hanging(exact, gap, load)
     truth = open_loop(exact, current, load, gap)[:, 1]
@@ -293,7 +289,7 @@ class Trial:
 def tried(rig: BearingRig) -> list[Trial]:
     """Try every method of ``solve_ivp`` at every tolerance."""
     plant = plant_of(rig)
-    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    gap, load = rig.settings.gap_m, rig.settings.load.force_N
     current = hanging(Own(rig, 64), gap, load)
     trials = []
     for method in METHODS:

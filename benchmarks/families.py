@@ -26,7 +26,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, mak
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import TrajectoryTable
+from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
@@ -56,7 +56,7 @@ LEVELS = (0.2, 0.5, 0.8)
 NARROW = 0.02
 """Of the pinning, where hardly any hysteresis is left."""
 
-SLOW = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+SLOW = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Tried:
 def rigs() -> dict[str, BearingRig]:
     """Return the bearing with every iron; the first has its own."""
     rig, _ = read()
-    others = {name: changed(rig, {"magnet.iron": table}) for name, table in irons().items()}
+    others = {name: changed(rig, {"iron": table}) for name, table in irons().items()}
     return {BUNDLED: rig, **others}
 
 
@@ -141,7 +141,7 @@ def _triangle(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, 
 
 
 def _steps(rig: BearingRig, setups: Mapping[MethodName, Setup]) -> dict[str, list[StepCell]]:
-    gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+    gap, load = rig.settings.gap_m, rig.settings.load.force_N
     return {
         variant: compare([setup], [gap], HEIGHTS, [load], default_seeds(rig))
         for variant, setup in setups.items()

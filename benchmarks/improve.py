@@ -51,7 +51,8 @@ def rows() -> list[Row]:
 
 def pinned(prepared: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller before an iron whose pinning is another."""
-    file = prepared.whole.solenoid
+    file = prepared.whole.solenoid_file
+    assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     other = file.model_copy(update={"iron": iron})
@@ -81,7 +82,9 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     loops = read_loops(improver.place / "loops.csv")
     model = unknown.identify(loops)
     session.close()
-    program = prepare("full", model, unknown.whole.settings.rate_Hz, "host", place / "off-line")
+    program = prepare(
+        "full", model, unknown.whole.settings.timing.rate_Hz, "host", place / "off-line"
+    )
     off_line = replace(unknown, program=program).open()
     reference = force_error(off_line)
     off_line.close()
@@ -160,7 +163,7 @@ def swung(prepared: PreparedForce, cycles: int) -> FloatArray:
 
 def found(known: PreparedForce) -> Row:
     """Watch a bench whose iron becomes harder at a tick."""
-    rate = known.whole.settings.rate_Hz
+    rate = known.whole.settings.timing.rate_Hz
     begin = round(LEARNT * rate)
     usual, harder = swung(known, LEARNT + 15), swung(pinned(known, 1.2), LEARNT + 15)
     fine = BenchWatch(known.model, ForceBench.signals, rate)
@@ -186,7 +189,7 @@ def found(known: PreparedForce) -> Row:
 
 def hour(known: PreparedForce) -> Row:
     """Watch an hour of one settled cycle with the noise of all sensors."""
-    rate = known.whole.settings.rate_Hz
+    rate = known.whole.settings.timing.rate_Hz
     every = round(rate / SAMPLES_HZ)
     whole = round(rate)
     cycle = swung(known, 6)[-whole::every]

@@ -129,7 +129,7 @@ def paced(setup: Setup, firmware: Path) -> Row:
 
 def million(setup: Setup, firmware: Path) -> Row:
     """Run many ticks on the bench, and the same in the simulated loop."""
-    script = Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off(setup.controller)
+    script = Script(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
     landing = script.count(land_time(setup.rig, setup.controller))
     while script.ticks < TICKS - landing:
         for gap, load in ((0.41e-3, 130.0), (0.49e-3, 165.0), (0.45e-3, 150.0)):

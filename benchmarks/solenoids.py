@@ -55,9 +55,9 @@ def write_rig(folder: Path, name: str, law: str) -> Path:
     lines = "".join(f"{key} = {json.dumps(value)}\n" for key, value in iron.items())
     circuit = solenoid[solenoid.index("[circuit]") :]
     (folder / "solenoid.toml").write_text(f"[iron]\n{lines}\n{circuit}", encoding="utf-8")
-    rig = re.sub(r"positions_m = .*", f"positions_m = {list(POSITIONS)}", rig)
+    rig = re.sub(r"gaps_m = .*", f"gaps_m = {list(POSITIONS)}", rig)
     place = folder / "rig.toml"
-    place.write_text(f'{rig}\n[identify]\nlaw = "{law}"\n', encoding="utf-8")
+    place.write_text(rig.replace("[loops]", f'[loops]\nlaw = "{law}"'), encoding="utf-8")
     for file, text in _loops_module().files(place).items():
         (folder / file).write_text(text, encoding="utf-8")
     gaps = read_loops(folder / "loops.csv").by_schedule().values()
@@ -123,8 +123,8 @@ def bundled() -> list[Row]:
         with tempfile.TemporaryDirectory() as place:
             shutil.copytree(FOLDER, place, dirs_exist_ok=True)
             rig = Path(place) / "rig.toml"
-            with rig.open("a", encoding="utf-8") as stream:
-                stream.write(f'\n[identify]\nlaw = "{law}"\n')
+            text = rig.read_text(encoding="utf-8").replace("[loops]", f'[loops]\nlaw = "{law}"')
+            rig.write_text(text, encoding="utf-8")
             summaries[law] = run(rig)["summary"]
     return lines_of("iron of cells", summaries)
 

@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.magnet_table import ElectromagnetTable
+from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import track
 from anhyst.rig.stage.make_setup import make_stage
 from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.bearing.variations import changed
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from rows import ROOT, Row
 
@@ -36,28 +37,19 @@ VARIANTS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
 
 def with_iron(rig: StageRig, iron: dict[str, object], crossover: float = 130.0) -> StageRig:
     """Return the stage with other iron and crossover."""
-    settings = rig.settings
-    table = settings.magnet.model_dump(exclude_none=True) | {"iron": iron}
-    changes = {
-        "magnet": type(settings.magnet).model_validate(table),
-        "tracking": settings.tracking.model_copy(update={"crossover_Hz": crossover}),
-    }
-    return replace(rig, settings=settings.model_copy(update=changes))
+    schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
+    table = schema.validate_python({"name": "own", **iron})
+    return changed(rig, {"iron": table, "control.crossover_Hz": crossover})
 
 
 def without_noise(rig: StageRig) -> StageRig:
     """Return the stage whose position and gap are read without noise, so that no current ripples."""
-    settings = rig.settings
-    quiet = {
-        "tracking": settings.tracking.model_copy(update={"position_noise_m": 0.0}),
-        "gap_sensor": settings.gap_sensor.model_copy(update={"noise_m": 0.0}),
-    }
-    return replace(rig, settings=settings.model_copy(update=quiet))
+    return changed(rig, {"position_sensor.noise_m": 0.0, "gap_sensor.noise_m": 0.0})
 
 
 def irons(rig: StageRig) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield the irons that are tried, the three of the requirement first."""
-    own = ElectromagnetTable.model_dump(rig.settings.magnet, exclude_none=True)["iron"]
+    own = rig.settings.steel.model_dump()
     for share in REVERSIBLE:
         yield f"cells, reversible part {share:g}", own | {"reversible_fraction": share}
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
@@ -137,17 +129,12 @@ def learning(study: TrackingStudy) -> list[Row]:
 
 def formats(rig: StageRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> list[Row]:
     """Return what fixed point and the sub-steps of the plant change, with the same noise."""
-    table = rig.settings.tracking
+    table = rig.settings.scan
     motion = motion_of(table, table.test_m_per_s2)
     gains = study.tried["full"].gains
 
     def error(format_: str, substeps: int) -> np.ndarray:
-        timing = rig.settings.timing.model_copy(update={"substeps": substeps})
-        tracking = table.model_copy(update={"format": format_})
-        other = replace(
-            rig,
-            settings=rig.settings.model_copy(update={"timing": timing, "tracking": tracking}),
-        )
+        other = changed(rig, {"timing.substeps": substeps, "control.format": format_})
         return track(make_stage(other, magnet, "full"), motion, gains, 1).error
 
     own = rig.settings.timing.substeps
@@ -176,14 +163,14 @@ def rows() -> list[Row]:
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
-        magnet = identify_magnet(measure_loops(slow.bearing), rig.settings.identify)
+        magnet = identify_magnet(measure_loops(slow.bearing), rig.settings.loops)
         study = explore_stage(slow, magnet)
         found += of_iron(title, study)
         if title == CREEPS:
             found += of_iron(f"{title}, no noise", explore_stage(without_noise(slow), magnet))
         if number < len(REVERSIBLE):
             found.append(fast(title, explore_stage(with_iron(rig, iron, 300.0), magnet)))
-        if iron.get("reversible_fraction") == rig.settings.magnet.steel.model_dump().get(
+        if iron.get("reversible_fraction") == rig.settings.steel.model_dump().get(
             "reversible_fraction"
         ):
             found += [*formats(slow, magnet, study), *learning(study)]

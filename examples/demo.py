@@ -44,7 +44,7 @@ from anhyst.model.writer import write_model
 from anhyst.reports import write_report
 from anhyst.reports.bearing.look import interval_text, line_of
 from anhyst.reports.bearing.subject import grouped
-from anhyst.reports.bearing.verdict import TITLES, judge, strongest
+from anhyst.reports.bearing.tables import judge_steps
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
@@ -57,6 +57,7 @@ from anhyst.study.bearing.responses import compare, default_seeds
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.search import find_gains
 from anhyst.study.tracking.simulate import make_variants
+from anhyst.study.verdict import TITLES, strongest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.pays import FEEDBACK
@@ -267,15 +268,15 @@ def bearing(out: Path) -> Piece:
     with step(f"bearing: steps in the air, {len(BEARING)} ways from force to current"):
         rig, controller = read_files(EXAMPLES / "bearing" / "rig.toml", None)
         ready = make_ready(rig, controller)
-        rig, tried = ready.rig, ready.rig.settings.simulate
+        rig, tried = ready.rig, ready.rig.settings
         setups = make_setups(rig, controller, ready.knowledge(), BEARING)
         load = rig.settings.load.force_N
         seeds = default_seeds(rig)
-        cells = compare(list(setups.values()), [tried.gap_m], tried.steps_m, [load], seeds)
+        cells = compare(list(setups.values()), [tried.gap_m], tried.step.heights_m, [load], seeds)
     steps = grouped(cells)
     last = steps[-1]
     overshoot = last.of("overshoot_percent")
-    rival = strongest(last)
+    rival = strongest(last.of("overshoot_percent"))
     assert rival is not None
     write_table(
         out / "table.txt",
@@ -293,7 +294,7 @@ def bearing(out: Path) -> Piece:
         BASELINE[rival],
         "%",
     )
-    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, tried.steps_m[-1:])
+    scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, tried.step.heights_m[-1:])
     runs = {name: SimulatedLoop(setups[name]).run(scenario) for name in (rival, "full")}
 
     def draw(ax: Axes) -> None:
@@ -306,7 +307,7 @@ def bearing(out: Path) -> Piece:
         title = "bearing: feedback hides the hysteresis"
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
-    judged = judge(steps, "full")
+    judged = judge_steps(steps, "full")
     remark = "" if judged.level == "yes" else f"bearing: {TITLES[judged.level].lower()}; {FEEDBACK}"
     return Piece([line], draw, remark)
 
@@ -325,10 +326,12 @@ class Tracked:
 
 def follow(setup: StageSetup) -> Tracked:
     """Find the gains of the feedforward on one set-point and follow another with them."""
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
     gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
     motion = motion_of(table, table.test_m_per_s2)
-    runs = [track(setup, motion, gains, seed) for seed in range(1, table.noise_seeds + 1)]
+    runs = [
+        track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
+    ]
     return Tracked([measure(run, table.slit_s) for run in runs], runs[0])
 
 
@@ -336,14 +339,14 @@ def stage(out: Path) -> Piece:
     """Let a stage follow set-points with feedforward, with every kind of compensation."""
     with step(f"stage: follows set-points with feedforward, {len(STAGE)} ways"):
         rig = read_stage(EXAMPLES / "stage" / "rig.toml")
-        magnet = identify_magnet(rig.measured.read(), rig.settings.identify)
+        magnet = identify_magnet(rig.measured.read(), rig.settings.loops)
         setups, _ = make_variants(rig, magnet, STAGE)
         found = dict(zip(setups, all_of(follow, list(setups.values())), strict=True))
     columns = {"peak, nm": ("peak_m", 1e9), "moving average, nm": ("average_m", 1e9)}
     columns |= {"50 nm, ms": ("settling_50_s", 1e3), "force rms, N": ("force_rms_N", 1.0)}
     write_table(
         out / "table.txt",
-        f"error on the test set-point; {rig.settings.tracking.noise_seeds} noise seeds",
+        f"error on the test set-point; {rig.settings.noise_seeds} noise seeds",
         list(columns),
         {
             name: [interval_text(one.of(key), factor=by) for key, by in columns.values()]

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from anhyst._core import Coil, Magnet
-from anhyst.rig.magnet_table import HandTyped, IronEntry
+from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.parts.iron import AnySteel
 from anhyst.rig.parts.magnet import Electromagnet, Poles, iron_magnet
 from anhyst.support.arrays import FloatArray
@@ -65,12 +65,11 @@ POLES = Poles(
 )
 
 
-def tables(path: Path = HERE / "irons.toml") -> dict[str, HandTyped]:
+def tables(path: Path = HERE / "irons.toml") -> dict[str, NamedIron]:
     """Return the irons by name, as a rig file holds them."""
-    schema: TypeAdapter[HandTyped | str] = TypeAdapter(IronEntry)
+    schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
     irons = tomllib.loads(path.read_text(encoding="utf-8"))
-    found = {name: schema.validate_python(table) for name, table in irons.items()}
-    return {name: table for name, table in found.items() if not isinstance(table, str)}
+    return {name: schema.validate_python({"name": name, **table}) for name, table in irons.items()}
 
 
 def irons() -> dict[str, AnySteel]:

@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE)
     folder = parser.parse_args().out
     rig = read_piezo_rig(HERE / "rig.toml")
-    sensor = rig.settings.sensor
+    sensor = rig.settings.position_sensor
     generator = np.random.default_rng(SEED)
     drive = nested()
     read = run(rig, drive, DT) + generator.normal(0.0, sensor.noise_m, drive.size)

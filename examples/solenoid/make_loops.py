@@ -17,8 +17,8 @@ from pathlib import Path
 
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.measuring import HeldActuator
+from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import conditioning, measure_place
-from anhyst.rig.tables import MeasurementTable
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\
@@ -47,8 +47,9 @@ def rows(rig: Rig) -> Iterator[str]:
 
 def campaign_of(rig: Rig) -> MeasurementTable:
     """Return how the loops are to be measured."""
-    assert rig.solenoid.measurement is not None
-    return rig.solenoid.measurement
+    assert rig.solenoid_file is not None
+    assert rig.solenoid_file.measurement is not None
+    return rig.solenoid_file.measurement
 
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:

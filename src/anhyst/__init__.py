@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from anhyst.compilation.verb import compile_actuator as compile  # noqa: A004
     from anhyst.dashboard.verb import live
     from anhyst.data.clean import clean
-    from anhyst.data.convert import convert
     from anhyst.data.inspection import Inspection, inspect
     from anhyst.data.loops import Loop, Loops
     from anhyst.data.reading import read_loops
     from anhyst.draft.drafting import Drafted, init
     from anhyst.draft.examples import example_files
+    from anhyst.exchange.convert import convert
     from anhyst.exchange.verb import export
     from anhyst.identification.identify import identify
     from anhyst.identification.result import IdentifyResult
@@ -150,7 +150,7 @@ _PLACES = {
     "Verification": "verification.result",
     "clean": "data.clean",
     "compile": "compilation.verb:compile_actuator",
-    "convert": "data.convert",
+    "convert": "exchange.convert",
     "diff": "model.diff",
     "example_files": "draft.examples",
     "excite": "reports.measuring:excite_rig",

@@ -12,4 +12,4 @@ from anhyst.support.pays import PIEZO
 def test_a_piezo_stage_that_gains_little_names_where_it_would_pay(
     share: float, worth: bool
 ) -> None:
-    assert (PIEZO in verdict(share * WORTH_IT)) != worth
+    assert (PIEZO in verdict(share * WORTH_IT).text) != worth

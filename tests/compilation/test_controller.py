@@ -30,6 +30,7 @@ from anhyst.rig.bearing.setup import Setup
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 from tests.core.test_c_core import tool
 from tests.refusals import says
+from tests.study import bearings
 from tests.truths import path_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -152,14 +153,14 @@ def test_currents_are_words_of_the_converter(compiled: Compiled) -> None:
 def pair_rig(place: Path) -> BearingRig:
     """Return the bundled bearing with a second magnet and less load."""
     text = (place / "rig.toml").read_text()
-    text = text.replace('arrangement = "single"', 'arrangement = "pair"\n' + "\n".join(PAIR))
-    (place / "pair.toml").write_text(text.replace("force_N = 150.0", "force_N = 60.0"))
+    text = bearings.pair_text(text, 100.0).replace("force_N = 150.0", "force_N = 60.0")
+    (place / "pair.toml").write_text(text)
     return read_bearing(place / "pair.toml")
 
 
 def eventful(setup: Setup) -> Scenario:
     """Lift off, steps, samples that are missing, land."""
-    gap = setup.rig.settings.simulate.gap_m
+    gap = setup.rig.settings.gap_m
     script = Script(setup.rig, gap).lift_off(setup.controller)
     script.step(gap - 20e-6, 0.02).step(gap + 30e-6, 0.02)
     script.command(DROP, 2).hold(0.01)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -19,6 +18,7 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.parts.iron import CellSteel
+from anhyst.study.bearing.variations import with_iron
 from anhyst.support.arrays import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -80,8 +80,8 @@ def opening(current: FloatArray, rising: FloatArray, falling: FloatArray) -> Flo
 
 def test_the_table_of_gaps(rig: BearingRig) -> None:
     table = rows(r"^\| 0\.\d\d mm.*$")
-    mechanics, measured = rig.settings.mechanics, rig.settings.measurement.gaps_m
-    wanted = sorted({*measured, rig.settings.simulate.gap_m})
+    mechanics, measured = rig.settings.body, rig.settings.measurement.gaps_m
+    wanted = sorted({*measured, rig.settings.gap_m})
     assert [float(row[0].split()[0]) for row in table] == [round(1e3 * gap, 2) for gap in wanted]
     assert measured[0] == mechanics.stop_low_m
     assert measured[-1] == mechanics.stop_high_m
@@ -98,13 +98,11 @@ def test_the_table_of_gaps(rig: BearingRig) -> None:
 
 def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
     table = rows(r"^\| 0\.\d\d \|.*$")
-    magnet, gap = rig.settings.magnet, rig.settings.simulate.gap_m
-    assert isinstance(magnet.steel, SteelTable)
-    assert float(table[0][0]) == magnet.steel.reversible_fraction
+    steel, gap = rig.settings.steel, rig.settings.gap_m
+    assert isinstance(steel, SteelTable)
+    assert float(table[0][0]) == steel.reversible_fraction
     for fraction, on, back, part, width in table:
-        iron = magnet.steel.model_copy(update={"reversible_fraction": float(fraction)})
-        other = magnet.model_copy(update={"iron": iron})
-        changed = replace(rig, settings=rig.settings.model_copy(update={"magnet": other}))
+        changed = with_iron(rig, float(fraction))
 
         def force(*currents: float, rig: BearingRig = changed) -> float:
             path = np.array([*PAST, *currents])
@@ -124,12 +122,12 @@ def test_the_table_of_reversible_fractions(rig: BearingRig) -> None:
 
 def test_the_numbers_in_the_text(rig: BearingRig) -> None:
     settings = rig.settings
-    steel = settings.magnet.steel.steel()
+    steel = settings.steel.steel()
     assert isinstance(steel, CellSteel)
     thresholds = steel.thresholds
     low, high = map(float, re.findall(r"thresholds between\s+(\d+) and (\d+) A/m", README)[0])
     assert (round(thresholds[1]), round(thresholds[-1])) == (low, high)
-    gap = settings.simulate.gap_m
+    gap = settings.gap_m
     path = np.array([*PAST, 2.85, 2.852])
     linkage = static_map(rig, path, np.full(path.size, gap))[1]
     inductance = (linkage[-1] - linkage[-2]) / 2e-3

@@ -57,21 +57,23 @@ def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
 def test_the_table_of_positions(rig: Rig) -> None:
     rows = table()
     assert [float(row[0].split()[0]) for row in rows] == [
-        round(1e3 * gap, 2) for gap in rig.settings.force_control.positions_m
+        round(1e3 * gap, 2) for gap in rig.settings.held_gaps_m
     ]
-    assert rig.solenoid.measurement is not None
-    measured = {round(1e3 * gap, 2) for gap in rig.solenoid.measurement.gaps_m}
-    turns, length = rig.solenoid.circuit.turns, rig.solenoid.iron.length_m
+    file = rig.solenoid_file
+    assert file is not None
+    assert file.measurement is not None
+    measured = {round(1e3 * gap, 2) for gap in file.measurement.gaps_m}
+    turns, length = file.circuit.turns, file.iron.length_m
     for place, force, left, width, density, share, where in rows:
         gap = float(place.split()[0])
-        solenoid = rig.solenoid.solenoid()
+        solenoid = file.solenoid()
         current = np.linspace(0.0, CURRENT_MAX, 201)
         for turn in (CURRENT_MAX, 0.0) * 3:
             rest = solenoid.step(turn, 1e-3 * gap)
         rising = np.array([solenoid.step(one, 1e-3 * gap) for one in current])
         assert f"{rising[-1]:.1f} N" == force
         assert f"{rest:.2f} N" == left
-        assert f"{solenoid.flux / rig.solenoid.iron.area_m2:.2f} T" == density
+        assert f"{solenoid.flux / file.iron.area_m2:.2f} T" == density
         used = solenoid.iron.field * length / (turns * CURRENT_MAX)
         assert f"{100.0 * used:.0f} %" == share
         falling = np.array([solenoid.step(one, 1e-3 * gap) for one in current[::-1]])[::-1]
@@ -82,12 +84,13 @@ def test_the_table_of_positions(rig: Rig) -> None:
         assert percent.max() == pytest.approx(reported[0], abs=0.06)
         assert percent.mean() == pytest.approx(reported[1], abs=0.06)
         assert percent.max() >= 4.0
-        assert rising[-1] >= rig.settings.force_control.force_max_N
+        assert rising[-1] >= rig.settings.force.force_max_N
         assert (where == "`loops.csv`") == (gap in measured)
 
 
 def test_the_thresholds_of_the_cells(rig: Rig) -> None:
-    steel = rig.solenoid.iron.steel()
+    assert rig.solenoid_file is not None
+    steel = rig.solenoid_file.iron.steel()
     assert isinstance(steel, CellSteel)
     thresholds = steel.thresholds
     text = (FOLDER / "README.md").read_text()

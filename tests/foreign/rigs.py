@@ -24,7 +24,7 @@ def write_bearing(magnet: ForeignMagnet, folder: Path, keys: str = FROM_LOOPS) -
     magnet : ForeignMagnet
     folder : Path
     keys : str, optional
-        What stands in ``[magnet]``.
+        What stands in ``[[magnet]]`` beside its name and its gap, and behind it.
     """
     magnet.write_loops(folder / "loops.csv")
     low, high, top = magnet.gaps[0], magnet.gaps[-1], magnet.top
@@ -32,45 +32,53 @@ def write_bearing(magnet: ForeignMagnet, folder: Path, keys: str = FROM_LOOPS) -
     mass, largest = load / 30.0, reach(magnet, low)
     rig = folder / "rig.toml"
     rig.write_text(f"""\
-format = "anhyst-bearing"
-version = 1
+format = "anhyst-rig"
+version = 2
 name = "{magnet.name}"
-seed = 1
-loops = "loops.csv"
+noise_seeds = 2
 [timing]
 rate_Hz = 20000.0
-[magnet]
+[loops]
+files = "loops.csv"
+[[magnet]]
+name = "magnet"
+gap_m = {middle:.6g}
 {keys}
-[amplifier]
+[[amplifier]]
 supply_V = 150.0
 bandwidth_Hz = 2500.0
 current_high_A = {top}
 dac_bits = 16
-[mechanics]
+[[body]]
 mass_kg = {mass:.5g}
 stop_low_m = {low + 0.05 * step:.6g}
 stop_high_m = {high - 0.05 * step:.6g}
-[load]
-force_N = {load:.5g}
-bandwidth_Hz = 500.0
-encoder_step_m = 50e-9
-velocity_bandwidth_Hz = 200.0
-[position_sensor]
+[[sensor]]
+of = "gap"
 kind = "encoder"
 low_m = {0.5 * low:.6g}
 high_m = {1.5 * high:.6g}
-[current_sensor]
+[[sensor]]
+of = "current"
 low_A = {-0.1 * top:.6g}
 high_A = {1.1 * top:.6g}
 adc_bits = 16
 noise_A = {1e-4 * top:.3g}
 bandwidth_Hz = 10e3
-[force_sensor]
+[[sensor]]
+of = "force"
 low_N = {-0.1 * largest:.6g}
 high_N = {1.2 * largest:.6g}
 adc_bits = 14
 noise_N = {1e-3 * largest:.3g}
 bandwidth_Hz = 500.0
+[load]
+force_N = {load:.5g}
+bandwidth_Hz = 500.0
+encoder_step_m = 50e-9
+velocity_bandwidth_Hz = 200.0
+[control]
+kind = "levitation"
 [measurement]
 gaps_m = [{low}, {high}]
 current_max_A = {top}
@@ -78,11 +86,10 @@ sweep_A_per_s = {top}
 sample_s = 0.01
 conditioning_cycles = 1
 records = [{{ name = "full", turns = [0.0, 1.0, 0.0] }}]
-[simulate]
-gap_m = {middle:.6g}
-steps_m = [{0.1 * step:.3g}]
+[[case]]
+kind = "step"
+heights_m = [{0.1 * step:.3g}]
 hold_s = 0.03
-noise_seeds = 2
 """)
     (folder / "controller.toml").write_text(f"""\
 format = "anhyst-controller"
@@ -130,40 +137,59 @@ def write_force_control(magnet: ForeignMagnet, folder: Path) -> Path:
     rig = folder / "rig.toml"
     rig.write_text(f"""\
 format = "anhyst-rig"
-version = 1
+version = 2
 name = "{magnet.name}"
+[timing]
 rate_Hz = 1000.0
-seed = 1
-[magnet]
+[loops]
+files = "loops.csv"
+[[magnet]]
+name = "magnet"
 {FROM_LOOPS}
-[amplifier]
-current_max_A = {top}
+[[amplifier]]
+current_high_A = {top}
 dac_bits = 14
 bandwidth_Hz = 200.0
 slew_A_per_s = {100.0 * top:.6g}
-[current_sensor]
+[[sensor]]
+of = "current"
 low_A = {-0.1 * top:.6g}
 high_A = {1.1 * top:.6g}
 adc_bits = 14
 noise_A = {1e-4 * top:.3g}
-[lvdt]
+[[sensor]]
+of = "gap"
+kind = "lvdt"
 low_m = 0.0
 high_m = {1.5 * high:.6g}
 adc_bits = 14
 noise_m = {1e-4 * low:.3g}
 bandwidth_Hz = 50.0
-[force_sensor]
+[[sensor]]
+of = "force"
 low_N = {-0.1 * largest:.6g}
 high_N = {1.2 * largest:.6g}
 adc_bits = 14
 noise_N = {1e-3 * largest:.3g}
 bandwidth_Hz = 500.0
-[force_control]
-loops = "loops.csv"
+[control]
+kind = "force"
 force_max_N = {0.9 * reach(magnet, high):.5g}
 end_m = {low}
-positions_m = [{0.5 * (low + high):.6g}]
-demand = [{{ name = "wide", low = 0.1, high = 0.9, period_s = 0.5, cycles = 1 }}]
-moving = {{ low_m = {low}, high_m = {high}, period_s = 0.4 }}
+[[case]]
+kind = "held"
+gaps_m = [{0.5 * (low + high):.6g}]
+[[case]]
+kind = "force"
+name = "wide"
+low = 0.1
+high = 0.9
+period_s = 0.5
+cycles = 1
+[[case]]
+kind = "moving"
+low_m = {low}
+high_m = {high}
+period_s = 0.4
 """)
     return rig

@@ -55,7 +55,7 @@ def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
 
 @pytest.mark.slow
 def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
-    rig = read_bearing(drafted / "rig.toml").settings.simulate
+    rig = read_bearing(drafted / "rig.toml").settings
     heights = [rig.steps_m[0], rig.steps_m[-1]]
     shortened(drafted / "rig.toml", noise_seeds="2", also_gaps_m="[]", steps_m=f"{heights}")
     done = anhyst("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)

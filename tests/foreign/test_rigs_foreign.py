@@ -12,7 +12,7 @@ from anhyst.data import Loops
 from anhyst.data.reading import read_loops
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import FittedPlant, fit_magnet
-from anhyst.rig.magnet_table import ElectromagnetTable
+from anhyst.rig.magnet_table import MagnetTable
 from tests.cli.command import Result, anhyst, contents, refused
 from tests.foreign.magnets import MAGNETS
 from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
@@ -24,13 +24,15 @@ CLOSE = {"u": 0.25, "hard": 1.2, "soft": 0.1}
 """Largest mean distance of a fitted plant from its loops, % of the largest force."""
 
 TYPED = """\
+iron = "core"
 turns = 150
 resistance_ohm = 1.0
 pole_width_m = 0.02
 pole_depth_m = 0.02
 leakage_H = 1e-7
 iron_length_m = 0.2
-[magnet.iron]
+[[iron]]
+name = "core"
 cells = 10
 reversible_fraction = 0.2
 pinning_scale_A_per_m = 100.0
@@ -45,7 +47,7 @@ knee_slow_A_per_m = 4000.0
 
 def fit(path: Path, **known: float) -> tuple[FittedPlant, Loops]:
     loops = read_loops(path)
-    table = ElectromagnetTable.model_validate({"iron": "from loops", **known})
+    table = MagnetTable.model_validate({"name": "magnet", "iron": "from loops", **known})
     return fit_magnet(loops, table), loops
 
 
@@ -115,46 +117,46 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
         pytest.param(
             "noise_seeds = 2",
             "noise_seeds = 1",
-            "greater-than-equal: rig.toml:51: simulate.noise_seeds",
-            id="last key of the rig",
+            "greater-than-equal: rig.toml:4: noise_seeds",
+            id="first key of the rig",
         ),
         pytest.param(
-            'loops = "loops.csv"',
-            'loops = ["loops.csv", "gone"]',
-            "no-such-file: rig.toml:5: loops[2]: gone",
+            'files = "loops.csv"',
+            'files = ["loops.csv", "gone"]',
+            "no-such-file: rig.toml:8: loops.files[2]: gone",
             id="one of several files",
         ),
         pytest.param(
-            'loops = "loops.csv"',
-            'loops = "empty"',
-            "no-files: rig.toml:5: loops: empty",
+            'files = "loops.csv"',
+            'files = "empty"',
+            "no-files: rig.toml:8: loops.files: empty",
             id="empty folder",
         ),
         pytest.param(
-            'loops = "loops.csv"', "loops = 3", "wrong-kind: rig.toml:5: loops", id="number"
+            'files = "loops.csv"', "files = 3", "wrong-kind: rig.toml:8: loops.files", id="number"
         ),
         pytest.param(
             FROM_LOOPS,
             'iron = "from loop"',
-            "literal-error: rig.toml:9: magnet.iron",
+            "unknown-name: rig.toml:12: magnet[1].iron",
             id="another word",
         ),
         pytest.param(
-            FROM_LOOPS,
-            f'{FROM_LOOPS}\n[identify]\nclean = "dedupe,dirt"',
-            "unknown-cleaning-step: rig.toml:11: identify.clean",
+            "[[magnet]]",
+            'clean = "dedupe,dirt"\n[[magnet]]',
+            "unknown-cleaning-step: rig.toml:9: loops.clean",
             id="unknown cleaning",
         ),
         pytest.param(
-            FROM_LOOPS,
-            f'{FROM_LOOPS}\n[identify]\ngap_map = "free"',
-            "choice-not-for-this: rig.toml:11: identify.gap_map",
+            "[[magnet]]",
+            'gap_map = "free"\n[[magnet]]',
+            "choice-not-for-this: rig.toml:9: loops.gap_map",
             id="map of fixed gaps",
         ),
         pytest.param(
-            FROM_LOOPS,
-            f'{FROM_LOOPS}\n[identify]\nlaw = "jiles-atherton-1986"',
-            "choices-together: rig.toml:10: identify",
+            "[[magnet]]",
+            'law = "jiles-atherton-1986"\n[[magnet]]',
+            "choices-together: rig.toml:7: loops",
             id="law without that map",
         ),
     ],
@@ -172,9 +174,9 @@ def test_what_is_wrong_with_a_rig_file_is_said_before_any_work(
 
 def test_a_wrong_last_key_costs_no_work(tmp_path: Path) -> None:
     rig = write_bearing(MAGNETS["u"], tmp_path)
-    rig.write_text(rig.read_text().replace("noise_seeds = 2", "noise_seeds = 1"))
+    rig.write_text(rig.read_text().replace("hold_s = 0.03", "hold_s = -0.03"))
     (tmp_path / "loops.csv").write_text("nothing that a fit could begin with\n")
-    assert "simulate.noise_seeds: " in refused(*RUN, cwd=tmp_path, preexec_fn=None)
+    assert "case[1].hold_s: " in refused(*RUN, cwd=tmp_path, preexec_fn=None)
 
 
 def test_a_wrong_key_of_the_controller_is_said_before_the_fit(tmp_path: Path) -> None:
@@ -223,8 +225,11 @@ def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     knowledge = ready.knowledge()
     assert check_plant(ready.rig, knowledge).warnings == []
     write_model(knowledge.model, tmp_path / "model.toml")
-    rig = (tmp_path / "rig.toml").read_text().replace('force = "cells"', 'force = "model"')
-    rig = rig.replace("[amplifier]", '[magnet.model]\nfile = "model.toml"\n[amplifier]')
+    rig = (
+        (tmp_path / "rig.toml")
+        .read_text()
+        .replace('"electromagnet"', '"law"\nmodel = "model.toml"')
+    )
     (tmp_path / "rig.toml").write_text(rig)
     own = make_ready(*read_files(tmp_path / "rig.toml", None))
     (said,) = check_plant(own.rig, knowledge).warnings

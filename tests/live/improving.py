@@ -47,13 +47,16 @@ def unknown_iron(folder: Path) -> PreparedForce:
     solenoid.write_text(text, encoding="utf-8")
     rig = read_rig(path)
     loops = loops_at(loops_of_rig(rig), GAP)
-    program = prepare("full", truth("solenoid-held"), rig.settings.rate_Hz, "host", folder / "c")
+    program = prepare(
+        "full", truth("solenoid-held"), rig.settings.timing.rate_Hz, "host", folder / "c"
+    )
     return PreparedForce(rig, loops, program)
 
 
 def pinned_more(prepared: PreparedForce, factor: float) -> PreparedForce:
     """Return the same controller before an iron that became harder."""
-    file = prepared.whole.solenoid
+    file = prepared.whole.solenoid_file
+    assert file is not None
     scale = file.iron.pinning_scale_A_per_m * factor  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     other = file.model_copy(update={"iron": iron})

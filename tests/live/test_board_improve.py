@@ -26,7 +26,7 @@ from tests.refusals import refused
 def board(prepared: PreparedForce) -> Iterator[Board]:
     rig, program = prepared.whole, prepared.program
     plant = StandPlant(rig, program, 0)
-    with running(program.firmware, plant, rig.settings.rate_Hz) as started:
+    with running(program.firmware, plant, rig.settings.timing.rate_Hz) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
         yield started
 

@@ -47,7 +47,9 @@ def manifest(program: Program) -> dict[str, Any]:
 @pytest.fixture
 def board(program: Program) -> Iterator[Board]:
     rig = forces.example()
-    with running(program.firmware, StandPlant(rig, program, 0), rig.settings.rate_Hz) as started:
+    with running(
+        program.firmware, StandPlant(rig, program, 0), rig.settings.timing.rate_Hz
+    ) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
         yield started
 

@@ -50,7 +50,7 @@ class Power:
     def on(self, firmware: Path | None = None) -> Board:
         rig = forces.example()
         plant = StandPlant(rig, self.program, 0) if firmware is None else HeldArmature()
-        rate = rig.settings.rate_Hz
+        rate = rig.settings.timing.rate_Hz
         program = firmware or self.program.firmware
         started = self._open.enter_context(running(program, plant, rate, xcp=self._port))
         self.xcp = started.xcp
@@ -230,7 +230,7 @@ def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(
 ) -> None:
     text = (firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
     manifest, plant = json.loads(text), WatchedBearing()
-    rest = bearings.example().settings.mechanics.stop_high_m
+    rest = bearings.example().settings.body.stop_high_m
     with (
         running(firmware, plant, manifest["rate_Hz"]) as board,
         serial_port(lambda: board.xcp) as port,

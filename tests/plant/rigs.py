@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from anhyst._core import Plant
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.plant import make_bearing
-from anhyst.rig.bearing.tables import BearingTable
+from anhyst.rig.file import RigFile
+from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
 
@@ -33,29 +33,29 @@ STIFF: dict[str, Any] = OPEN_LOOP | {
 
 
 @cache
-def _example() -> dict[str, Any]:
-    return tomllib.loads(PATH.read_text(encoding="utf-8"))
+def _example() -> RigFile:
+    return read_bearing(PATH).settings
 
 
-def rig(changes: dict[str, Any] | None = None) -> BearingRig:
-    """Return the example's rig; keys of tables are written with dots."""
-    keys = BearingTable.model_validate(_example()).model_dump()
-    for path, value in (changes or {}).items():
-        *tables, key = path.split(".")
-        table = keys
-        for name in tables:
-            table = table[name]
-        assert key in table, path
-        table[key] = value
-    return BearingRig(PATH, BearingTable.model_validate(keys))
+def rig(changes: dict[str, Any] | None = None, pair: bool = False) -> BearingRig:
+    """Return the example's rig with other values, by the names of its attributes.
+
+    A pair has a second magnet on the other side, as far from the armature at `GAP`.
+    """
+    file = _example()
+    if pair:
+        second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=GAP)
+        file = file.changed({"magnets": [file.magnet, second], "control.bias_N": 100.0})
+    file = file.changed(changes or {})
+    return BearingRig(PATH, RigFile.model_validate(file.model_dump(by_alias=True)))
 
 
-def bearing(changes: dict[str, Any] | None = None, seed: int = 0) -> Plant:
-    return make_bearing(rig(changes), seed)
+def bearing(changes: dict[str, Any] | None = None, seed: int = 0, pair: bool = False) -> Plant:
+    return make_bearing(rig(changes, pair), seed)
 
 
 def example_steel() -> CellSteel:
-    steel = rig().settings.magnet.steel.steel()
+    steel = rig().settings.steel.steel()
     assert isinstance(steel, CellSteel)
     return steel
 

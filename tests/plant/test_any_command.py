@@ -10,13 +10,8 @@ from hypothesis import strategies as st
 
 from anhyst.rig.bearing.plant import STOP_RESONANCE
 from tests.plant.oracle import Ledger, Shape, middles
-from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
+from tests.plant.rigs import OPEN_LOOP, bearing, example_steel
 
-PAIR = {
-    "magnet.arrangement": "pair",
-    "magnet.gap_total_m": 2.0 * GAP,
-    "magnet.bias_force_N": 100.0,
-}
 commands = st.lists(
     st.tuples(
         st.floats(-1e6, 1e6) | st.floats(-1.0, 5.0),
@@ -37,7 +32,7 @@ rigs = st.fixed_dictionaries(
         "timing.delay_ticks": st.sampled_from([0.0, 1.0, 3.0]),
         "load.stiffness_N_per_m": st.floats(-1e5, 1e5),
         "load.damping_N_s_per_m": st.floats(0.0, 100.0),
-        "magnet.iron.reversible_fraction": st.floats(0.0, 1.0),
+        "iron.reversible_fraction": st.floats(0.0, 1.0),
     }
 )
 
@@ -47,7 +42,7 @@ rigs = st.fixed_dictionaries(
 def test_no_command_makes_a_number_that_is_none(
     changes: dict[str, Any], pair: bool, script: list[tuple[float, float, float, int]]
 ) -> None:
-    plant = bearing(changes | (PAIR if pair else {}))
+    plant = bearing(changes, pair=pair)
     for first, second, load, ticks in script:
         for _ in range(ticks):
             plant.advance([first, second] if pair else [first], load)
@@ -74,7 +69,7 @@ def test_a_bearing_makes_no_energy(
             "timing.rate_Hz": 200e3,
             "timing.substeps": 1,
             "amplifier.supply_V": supply,
-            "mechanics.mass_kg": mass,
+            "body.mass_kg": mass,
         }
     )
     rows = [(plant.gap, plant.velocity, plant.current, plant.psi)]

@@ -13,14 +13,14 @@ from anhyst.support.arrays import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
 SOFT: dict[str, Any] = {
-    "magnet.iron.reversible_fraction": 1.0,
-    "magnet.iron.saturation_sharp_T": 2.0,
-    "magnet.iron.knee_sharp_A_per_m": 1.0,
-    "magnet.iron.saturation_slow_T": 0.01,
+    "iron.reversible_fraction": 1.0,
+    "iron.saturation_sharp_T": 2.0,
+    "iron.knee_sharp_A_per_m": 1.0,
+    "iron.saturation_slow_T": 0.01,
     "magnet.iron_length_m": 1e-4,
 }
 """An iron that needs no ampere-turns: the inductance is that of the gaps."""
-FIXED: dict[str, Any] = OPEN_LOOP | {"mechanics.mass_kg": 1e200}
+FIXED: dict[str, Any] = OPEN_LOOP | {"body.mass_kg": 1e200}
 """The armature is welded in place, to the last bit."""
 
 
@@ -128,7 +128,7 @@ def test_in_voltage_mode_the_command_is_the_voltage() -> None:
     assert plant.current == pytest.approx(2.0, rel=1e-3)
 
 
-FREE: dict[str, Any] = OPEN_LOOP | {"mechanics.stop_low_m": 0.1e-3, "mechanics.stop_high_m": 0.8e-3}
+FREE: dict[str, Any] = OPEN_LOOP | {"body.stop_low_m": 0.1e-3, "body.stop_high_m": 0.8e-3}
 
 
 def run_armature(changes: dict[str, Any], velocity: float, force: float, ticks: int) -> FloatArray:
@@ -174,7 +174,7 @@ def test_the_load_drive_knows_the_gap_in_steps_of_its_encoder() -> None:
     steps = QUICK | {"load.stiffness_N_per_m": 1e6, "load.encoder_step_m": 1e-6}
     force = []
     for place in (GAP + 0.6e-6, GAP + 1.4e-6, GAP + 1.6e-6):
-        plant = bearing(FREE | steps | {"mechanics.mass_kg": 1e3})
+        plant = bearing(FREE | steps | {"body.mass_kg": 1e3})
         plant.place([place], [0.0])
         plant.advance([0.0], 0.0)
         before = plant.velocity

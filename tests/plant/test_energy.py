@@ -89,7 +89,7 @@ def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
     a quarter of it with twice as many steps."""
     rig = read_stage(STAGE)
     magnet = rig.settings.magnet
-    steel = magnet.steel.steel()
+    steel = rig.settings.steel.steel()
     assert isinstance(steel, CellSteel)
 
     def balance(substeps: int) -> tuple[float, float, float]:
@@ -133,8 +133,8 @@ def test_a_moving_bearing_keeps_its_energy() -> None:
         | {
             "timing.rate_Hz": 200e3,
             "timing.substeps": 1,
-            "mechanics.gravity_m_per_s2": 71.0,
-            "mechanics.damping_N_s_per_m": damping,
+            "body.gravity_m_per_s2": 71.0,
+            "body.damping_N_s_per_m": damping,
         }
     )
     plant.place([GAP], [0.0])

@@ -113,7 +113,7 @@ CASES = {
     "eddy currents": Case({"magnet.eddy_time_s": 5e-5}),
     "damped, with a spring": Case(
         {
-            "mechanics.damping_N_s_per_m": 500.0,
+            "body.damping_N_s_per_m": 500.0,
             "load.damping_N_s_per_m": 100.0,
             "load.stiffness_N_per_m": 1e4,
         }
@@ -126,7 +126,7 @@ CASES = {
 
 def run(case: Case, substeps: int, lift: float) -> FloatArray:
     """Return gap, velocity, force and current at each tick of 3 ms of moving commands."""
-    changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "mechanics.gravity_m_per_s2": lift}
+    changes = OPEN_LOOP | {"timing.delay_ticks": 1.0, "body.gravity_m_per_s2": lift}
     plant = make_bearing(
         rig(changes | case.changes | {"timing.substeps": substeps}), 0, *case.magnets
     )

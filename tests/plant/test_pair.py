@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -12,15 +10,9 @@ from anhyst.support.arrays import FloatArray
 from tests.plant.oracle import OracleMagnet, Shape
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_steel
 
-PAIR: dict[str, Any] = OPEN_LOOP | {
-    "magnet.arrangement": "pair",
-    "magnet.gap_total_m": 2.0 * GAP,
-    "magnet.bias_force_N": 100.0,
-}
-
 
 def pair(first: float, second: float, displaced: float = 0.0) -> Plant:
-    plant = bearing(PAIR)
+    plant = bearing(OPEN_LOOP, pair=True)
     plant.place([GAP + displaced], [0.0])
     plant.hold(first, 0)
     plant.hold(second, 1)

@@ -12,19 +12,19 @@ from anhyst._core import Plant
 from anhyst.support.arrays import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing
 
-STILL: dict[str, Any] = OPEN_LOOP | {"mechanics.mass_kg": 1e12}
+STILL: dict[str, Any] = OPEN_LOOP | {"body.mass_kg": 1e12}
 """Too heavy to be moved by a magnet, but for its own speed."""
 SHARP: dict[str, Any] = STILL | {
-    "position_sensor.noise_m": 0.0,
-    "position_sensor.step_m": 1e-13,
-    "position_sensor.bandwidth_Hz": 1e9,
-    "position_sensor.delay_s": 0.0,
+    "gap_sensor.noise_m": 0.0,
+    "gap_sensor.step_m": 1e-13,
+    "gap_sensor.bandwidth_Hz": 1e9,
+    "gap_sensor.delay_s": 0.0,
 }
 QUIET: dict[str, Any] = STILL | {
     "current_sensor.noise_A": 0.0,
     "force_sensor.noise_N": 0.0,
     "hall_probe.noise_T": 0.0,
-    "position_sensor.noise_m": 0.0,
+    "gap_sensor.noise_m": 0.0,
 }
 NAMES = ("gap", "current", "flux", "force")
 
@@ -62,7 +62,7 @@ def test_converters_of_current_force_and_flux_have_the_steps_of_their_bits() -> 
 
 
 def test_beyond_its_range_a_sensor_says_its_end() -> None:
-    plant = bearing(QUIET | {"current_sensor.high_A": 2.0, "position_sensor.low_m": 0.5e-3})
+    plant = bearing(QUIET | {"current_sensor.high_A": 2.0, "gap_sensor.low_m": 0.5e-3})
     plant.place([GAP], [0.0])
     plant.hold(3.0, 0)
     gap, current, *_ = seen(plant)
@@ -71,7 +71,7 @@ def test_beyond_its_range_a_sensor_says_its_end() -> None:
 
 @pytest.mark.parametrize("substeps", [0, 1, 3, 10])
 def test_a_late_sensor_says_what_was_so_many_sub_steps_before(substeps: int) -> None:
-    plant = bearing(SHARP | {"position_sensor.delay_s": substeps * 12.5e-6})
+    plant = bearing(SHARP | {"gap_sensor.delay_s": substeps * 12.5e-6})
     plant.place([GAP], [1e-3])
     for _ in range(10):
         plant.advance([0.0], 0.0)
@@ -80,7 +80,7 @@ def test_a_late_sensor_says_what_was_so_many_sub_steps_before(substeps: int) -> 
 
 
 def test_a_slow_sensor_lags_behind_a_ramp_by_its_time_constant() -> None:
-    plant = bearing(SHARP | {"position_sensor.bandwidth_Hz": 1000.0})
+    plant = bearing(SHARP | {"gap_sensor.bandwidth_Hz": 1000.0})
     plant.place([GAP], [1e-3])
     for _ in range(100):
         plant.advance([0.0], 0.0)
@@ -127,7 +127,7 @@ FINE = {
     "current_sensor.adc_bits": 24,
     "force_sensor.adc_bits": 24,
     "hall_probe.adc_bits": 24,
-    "position_sensor.step_m": 1e-12,
+    "gap_sensor.step_m": 1e-12,
 }
 
 

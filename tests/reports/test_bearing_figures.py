@@ -34,7 +34,9 @@ from anhyst.reports.bearing.over_time import figure_forces, figure_steps
 from anhyst.reports.bearing.page import render
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.tables import DisturbanceTable
+from anhyst.rig.magnet_table import OPENS, LikeTable
+from anhyst.rig.tables import DisturbanceTable
+from anhyst.study.bearing.variations import changed
 from anhyst.support.units import QUANTITIES
 from tests.page import Page
 from tests.reports import bearing_reports
@@ -67,36 +69,26 @@ def test_the_diagram_holds_the_numbers_of_the_files(
         "encoder: step 50 nm", "noise 5 nm rms, 20 kHz",
     ):  # fmt: skip
         assert text in reported
-    heavier = rig.settings.mechanics.model_copy(update={"mass_kg": 3.5})
-    other = replace(rig, settings=rig.settings.model_copy(update={"mechanics": heavier}))
-    assert "mass 3.5 kg" in texts_of(figure_structure(other, controller))
+    heavier = changed(rig, {"body.mass_kg": 3.5})
+    assert "mass 3.5 kg" in texts_of(figure_structure(heavier, controller))
 
 
 def fullest(rig: BearingRig) -> BearingRig:
     """A rig in which every block has as much to say as it can."""
-    magnet = rig.settings.magnet.model_copy(
-        update={
-            "arrangement": "pair", "gap_total_m": 0.9e-3, "bias_force_N": 120.5,
-            "eddy_time_s": 12.5e-6,
-        }
-    )  # fmt: skip
-    load = rig.settings.load.model_copy(
-        update={
-            "stiffness_N_per_m": 12500.0,
-            "damping_N_s_per_m": 12.5,
-            "disturbance": [DisturbanceTable(kind="sine", force_N=12.5, frequency_Hz=50.0)] * 3,
-        }
-    )
-    mechanics = rig.settings.mechanics.model_copy(
-        update={"damping_N_s_per_m": 12.5, "gravity_m_per_s2": 9.81}
-    )
-    amplifier = rig.settings.amplifier.model_copy(update={"delay_s": 12.5e-6})
-    sensor = rig.settings.position_sensor.model_copy(update={"kind": "laser", "delay_s": 1e-5})
+    second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=0.45e-3)
     changes = {
-        "magnet": magnet, "load": load, "mechanics": mechanics, "amplifier": amplifier,
-        "position_sensor": sensor,
-    }  # fmt: skip
-    return replace(rig, settings=rig.settings.model_copy(update=changes))
+        "magnets": [rig.settings.magnet.model_copy(update={"eddy_time_s": 12.5e-6}), second],
+        "control.bias_N": 120.5,
+        "load.stiffness_N_per_m": 12500.0,
+        "load.damping_N_s_per_m": 12.5,
+        "load.disturbance": [DisturbanceTable(kind="sine", force_N=12.5, frequency_Hz=50.0)] * 3,
+        "body.damping_N_s_per_m": 12.5,
+        "body.gravity_m_per_s2": 9.81,
+        "amplifier.delay_s": 12.5e-6,
+        "gap_sensor.kind": "laser",
+        "gap_sensor.delay_s": 1e-5,
+    }
+    return changed(rig, changes)
 
 
 def tuned(controller: ControllerTable) -> ControllerTable:

@@ -17,10 +17,10 @@ from anhyst.reports.bearing import SimulationSubject, write_simulation_report
 from anhyst.reports.bearing.look import COLOURS, interval_text
 from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import grouped
-from anhyst.reports.bearing.tables import difference
-from anhyst.reports.bearing.verdict import judge
+from anhyst.reports.bearing.tables import difference_text, judge_steps
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.bearing.metrics import Interval
+from anhyst.study.verdict import compare
 from anhyst.support.pays import FEEDBACK
 from tests.page import NAMESPACES, Page
 from tests.reports.bearing_reports import (
@@ -152,9 +152,8 @@ def test_figures_stand_with_their_intervals(page: Page) -> None:
 def test_every_percentage_names_its_baseline(page: Page) -> None:
     text = page.text.replace("\N{NO-BREAK SPACE}", " ")
     assert (
-        "Not worth it here. With the same gains full certainly overshoots less at 0 and more at 1 "
-        "of 2 steps than the strongest baseline without hysteresis model (single-valued), 2.1 percentage "
-        "points of the height more; " in text
+        "Not worth it here. Full against the strongest baseline without hysteresis model, more: "
+        "overshoot 1.2 of 'single-valued'; alike within the noise: overshoot" in text
     )
     assert "60 % less +2.1 points" in text  # against ratio, in the table below
 
@@ -191,16 +190,18 @@ def test_the_verdict_follows_the_strongest_baseline(
         for cell in cells()
         if cell.variant != "ratio"
     ]
-    found = judge(grouped(changed), "full")
+    found = judge_steps(grouped(changed), "full")
     assert found.level == level
     assert (FEEDBACK in found.text) == (level != "yes")
-    assert "strongest baseline without hysteresis model (single-valued)" in found.text
-    assert judge(grouped(changed), "single-valued").variant == "full"
+    assert "of 'single-valued'" in found.text
+    assert (
+        judge_steps(grouped(changed), "single-valued").text == found.text
+    )  # of the model beside it
 
 
 def test_without_a_hysteresis_model_the_verdict_remains_open() -> None:
     alone = [cell for cell in cells() if cell.variant != "full"]
-    assert judge(grouped(alone), "single-valued").level == "unknown"
+    assert judge_steps(grouped(alone), "single-valued").level == "unknown"
 
 
 def test_the_map_says_against_whom_and_where_there_is_no_gain(page: Page) -> None:
@@ -250,7 +251,7 @@ def test_no_difference_within_the_noise_of_a_standstill_is_certain(
         for cell in cells()
     ]
     text = Page(render(replace(subject, steps=grouped(noisy)))).text
-    assert "full certainly overshoots less at 0 and more at 0 of 2 steps" in text
+    assert "model, alike within the noise: overshoot" in text
 
 
 @pytest.mark.parametrize(
@@ -266,8 +267,8 @@ def test_no_difference_within_the_noise_of_a_standstill_is_certain(
 def test_a_difference_within_the_noise_is_none(
     mine: tuple[float, float], other: tuple[float, float], floor: float, text: str
 ) -> None:
-    found = difference(Interval(*mine, 20), Interval(*other, 20), floor)
-    assert found.text.replace("\N{NO-BREAK SPACE}", " ") == text
+    found = compare("", "", Interval(*mine, 20), Interval(*other, 20), floor)
+    assert difference_text(found).replace("\N{NO-BREAK SPACE}", " ") == text
 
 
 @pytest.mark.parametrize(

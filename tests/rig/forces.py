@@ -25,7 +25,7 @@ def program(factory: pytest.TempPathFactory) -> Program:
 
     def make(folder: Path) -> None:
         model = truth("solenoid-end")
-        built = prepare("full", model, example().settings.rate_Hz, "host", folder)
+        built = prepare("full", model, example().settings.timing.rate_Hz, "host", folder)
         (folder / "program").write_bytes(pickle.dumps(built))
 
     return load(made_once(factory, "force", make))

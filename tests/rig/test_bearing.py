@@ -20,7 +20,7 @@ from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import flux_table
 from anhyst.rig.bearing.recording import HOVER, READY, Recording
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import DisturbanceTable, MagnetModelTable
+from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.variations import changed
 from tests.study import bearings
@@ -82,15 +82,15 @@ def test_the_measured_flux_hangs_still(changes: Changes, number_format: NumberFo
     [
         pytest.param({"amplifier.mode": "voltage"}, id="voltage"),
         pytest.param({"magnet.eddy_time_s": 2e-4}, id="eddy currents"),
-        pytest.param({"mechanics.damping_N_s_per_m": 50.0}, id="damped guide"),
+        pytest.param({"body.damping_N_s_per_m": 50.0}, id="damped guide"),
         pytest.param({"load.damping_N_s_per_m": 100.0}, id="damping load"),
         pytest.param({"load.stiffness_N_per_m": 5e4}, id="stiff load"),
         pytest.param({"timing.substeps": 8}, id="finer sub-steps"),
         pytest.param({"amplifier.supply_V": 40.0}, id="low supply"),
-        pytest.param({"position_sensor": bearings.sensor("lvdt")}, id="lvdt"),
-        pytest.param({"position_sensor": bearings.sensor("laser")}, id="laser"),
-        pytest.param({"position_sensor": bearings.sensor("capacitive")}, id="capacitive"),
-        pytest.param({"position_sensor": bearings.sensor("encoder")}, id="encoder"),
+        pytest.param({"gap_sensor": bearings.sensor("lvdt")}, id="lvdt"),
+        pytest.param({"gap_sensor": bearings.sensor("laser")}, id="laser"),
+        pytest.param({"gap_sensor": bearings.sensor("capacitive")}, id="capacitive"),
+        pytest.param({"gap_sensor": bearings.sensor("encoder")}, id="encoder"),
     ],
 )
 def test_it_hangs_still(changes: Changes) -> None:
@@ -98,12 +98,12 @@ def test_it_hangs_still(changes: Changes) -> None:
     find_operating_point(rig)
     _, still = levitate(rig)
     holds(still, 150.0, 0.3e-6)
-    assert np.abs(still["voltage_V"]).max() <= rig.settings.amplifier.supply_V
+    assert np.abs(still["voltage_V"]).max() <= rig.settings.amplifier.supply
 
 
 def test_weight_counts_as_load() -> None:
     weight = 2.0 * 9.81
-    changes = {"mechanics.gravity_m_per_s2": 9.81, "load.force_N": 150.0 - weight}
+    changes = {"body.gravity_m_per_s2": 9.81, "load.force_N": 150.0 - weight}
     _, still = levitate(changed(bearings.example(), changes))
     holds(still, 150.0, 0.3e-6)
     assert still["load_N"].mean() == pytest.approx(150.0 - weight, abs=0.1)
@@ -113,7 +113,7 @@ def test_a_sharper_sensor_makes_a_quieter_hover() -> None:
     """LVDT, encoder, capacitive, laser: in the order of their noise."""
     spread = []
     for kind in ("lvdt", "encoder", "capacitive", "laser"):
-        rig = changed(bearings.example(), {"position_sensor": bearings.sensor(kind)})
+        rig = changed(bearings.example(), {"gap_sensor": bearings.sensor(kind)})
         spread.append(float(levitate(rig)[1]["gap_m"].std()))
     assert spread == sorted(spread, reverse=True)
     assert spread[0] > 20.0 * spread[-1]
@@ -157,7 +157,7 @@ def test_a_rendered_load_pushes_back() -> None:
     changes = {"load.stiffness_N_per_m": 5e4}
     recording, _ = levitate(changed(bearings.example(), changes))
     up = recording.part(len(recording) - 10000 - 2000, len(recording) - 10000)
-    away = up["gap_m"].mean() - bearings.example().settings.simulate.gap_m
+    away = up["gap_m"].mean() - bearings.example().settings.gap_m
     assert up["load_N"].mean() == pytest.approx(150.0 - 5e4 * away, abs=0.05)
     assert up["force_N"].mean() == pytest.approx(150.5, abs=0.1)
 
@@ -170,14 +170,12 @@ def law(tmp_path: Path) -> BearingRig:
     current, gap = np.meshgrid(table.current, table.gap)
     columns = {"I_A": current.ravel(), "gap_m": gap.ravel(), "psi_Wb": table.psi.ravel()}
     write_csv(tmp_path / "flux.csv", columns)
-    model = MagnetModelTable(file="model.toml")
-    rig = changed(bearings.example(), {"magnet.force": "model", "magnet.model": model})
+    rig = changed(bearings.example(), {"magnet.kind": "law", "magnet.model": "model.toml"})
     return replace(rig, path=tmp_path / "rig.toml")
 
 
 def with_table(rig: BearingRig) -> BearingRig:
-    table = MagnetModelTable(file="model.toml", flux_table="flux.csv")
-    return changed(rig, {"magnet.model": table, "magnet.iron": None})
+    return changed(rig, {"magnet.flux_table": "flux.csv", "magnet.iron": None, "irons": []})
 
 
 @pytest.mark.parametrize(
@@ -192,7 +190,7 @@ def test_an_identified_law_makes_the_force(
     more than that of the magnet, which sees what the amplifier makes of it.
     """
     silent = {
-        "position_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),
+        "gap_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),
         "current_sensor.noise_A": 0.0,
     }
     rig = changed(change(law), silent)

@@ -11,6 +11,7 @@ from typing import Any, cast, get_args
 
 import numpy as np
 import pytest
+from anhyst.rig.bearing.tables import POSITION_SENSORS, RigFile
 from pydantic import BaseModel
 
 from anhyst.compensate.interface import MethodName
@@ -28,7 +29,6 @@ from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import check_load, check_rate, read_bearing, step_ends
 from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
-from anhyst.rig.bearing.tables import POSITION_SENSORS, BearingTable
 from anhyst.support.errors import InputError
 from tests.refusals import refused
 from tests.study import bearings
@@ -110,14 +110,14 @@ def test_the_resolution_is_that_of_the_file_or_of_the_kind(
     folder: Path, old: str, new: str, step: float
 ) -> None:
     change(folder / "rig.toml", old, new)
-    sensor = read_bearing(folder / "rig.toml").settings.position_sensor.sensor()
+    sensor = read_bearing(folder / "rig.toml").settings.gap_sensor.sensor()
     assert sensor.step == pytest.approx(step, rel=1e-12)
 
 
 def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
     change(folder / "rig.toml", "noise_m = 5e-9", "noise_m = 0.0\ndelay_s = 0.0")
     change(folder / "rig.toml", 'kind = "encoder"', 'kind = "laser"')
-    sensor = read_bearing(folder / "rig.toml").settings.position_sensor.sensor()
+    sensor = read_bearing(folder / "rig.toml").settings.gap_sensor.sensor()
     assert (sensor.noise, sensor.delay) == (0.0, 0.0)
 
 
@@ -130,7 +130,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "amplifier.bandwidth",
             "unit-missing amplifier.bandwidth: bandwidth_Hz",
         ),
-        ("mass_kg = 2.0", "mass = 2.0", "mechanics.mass", "unit-missing mechanics.mass: mass_kg"),
+        ("mass_kg = 2.0", "mass = 2.0", "body.mass", "unit-missing mechanics.mass: mass_kg"),
         (
             "substeps = 4",
             "substep = 4",
@@ -140,7 +140,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "knee_slow_A_per_m",
             "knee_slow_A_per_mm",
-            "magnet.iron.knee_slow_A_per_mm",
+            "iron.knee_slow_A_per_mm",
             "extra-forbidden magnet.iron.knee_slow_A_per_mm",
         ),
         ("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay-not-whole"),
@@ -148,7 +148,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         ('arrangement = "single"', 'arrangement = "pair"', "magnet", "missing: gap_total_m"),
         ('arrangement = "single"', "gap_total_m = 1e-3", "magnet", "pair-only"),
         ('force = "cells"', 'force = "model"', "magnet", "missing"),
-        ("cells = 24", "cells = 64", "magnet.iron.cells", "too-many-cells"),
+        ("cells = 24", "cells = 64", "iron.cells", "too-many-cells"),
         (
             "stop_low_m = 0.35e-3",
             "stop_low_m = 0.55e-3",
@@ -171,7 +171,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "gap_m = 0.45e-3",
             "gap_m = 0.56e-3",
-            "simulate.gap_m",
+            "gap_m",
             "outside-travel simulate.gap_m: 0.00056 m; 0.00035; 0.00055 m",
         ),
         (
@@ -201,7 +201,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "noise_m = 5e-9 ",
             "delay_s = 2e-3 #",
-            "position_sensor.delay_s",
+            "gap_sensor.delay_s",
             "delay-too-long position_sensor.delay_s: 160",
         ),
         (
@@ -213,7 +213,7 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "noise_seeds = 20",
             "noise_seeds = 1",
-            "simulate.noise_seeds",
+            "noise_seeds",
             "greater-than-equal simulate.noise_seeds",
         ),
         (
@@ -260,7 +260,7 @@ def test_a_pair_needs_room_for_its_second_magnet(folder: Path) -> None:
         'arrangement = "single"',
         'arrangement = "pair"\nbias_force_N = 80.0\ngap_total_m = 0.9e-3',
     )
-    assert read_bearing(path).settings.magnet.bias_force_N == 80.0
+    assert read_bearing(path).settings.bias_N == 80.0
     line = change(path, "gap_total_m = 0.9e-3", "gap_total_m = 0.55e-3")
     with refused(f"range-too-narrow magnet.gap_total_m: :{line}:"):
         read_bearing(path)
@@ -524,7 +524,7 @@ def tables(annotation: Any) -> Iterator[type[BaseModel]]:
 @pytest.mark.parametrize(
     ("page", "table", "others"),
     [
-        ("rig-file.md", BearingTable, set[str]()),
+        ("rig-file.md", RigFile, set[str]()),
         ("controller-file.md", ControllerTable, set(get_args(MethodName))),
     ],
 )
@@ -559,7 +559,7 @@ def test_the_page_reports_what_each_kind_of_sensor_has() -> None:
 def test_magnets_are_a_list_each_with_its_own_gap() -> None:
     (only,) = bearings.example().magnets
     first, second = bearings.pair_rig().magnets
-    total = bearings.pair_rig().settings.magnet.gap_total_m
+    total = bearings.pair_rig().settings.gap_total_m
     assert total is not None
     assert only.gap(0.4e-3) == first.gap(0.4e-3) == 0.4e-3
     assert second.gap(0.4e-3) == total - 0.4e-3

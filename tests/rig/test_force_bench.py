@@ -12,9 +12,10 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import Refused
 from anhyst.rig.bench.armature import Armature
 from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.case_table import ForceCase
 from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import triangle
-from anhyst.rig.force.file import Rig, TriangleTable
+from anhyst.rig.force.file import Rig
 from anhyst.rig.force.modelling import loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program
 from anhyst.rig.force.session import run_firmware
@@ -55,9 +56,9 @@ def column(bench: ForceBench, rows: FloatArray, name: str) -> FloatArray:
 
 
 def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: ForceBench) -> None:
-    shape = TriangleTable(name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
-    demand = triangle(shape, rig.settings.force_control.force_max_N, bench.rate)
-    gap = np.full(demand.force.size, rig.settings.force_control.end_m)
+    shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.4, cycles=1)
+    demand = triangle(shape, rig.settings.force.force_max_N, bench.rate)
+    gap = np.full(demand.force.size, rig.settings.force.end_m)
     stand = ActuatorBench(rig, gap, [2, 0], unknown_past=False)
     wanted, _ = run_firmware(program, stand, demand, "host", demagnetised=True)
     run(bench)
@@ -80,7 +81,7 @@ def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: F
 def test_compensation_is_switched_while_it_runs(
     rig: Rig, program: Program, bench: ForceBench
 ) -> None:
-    settings = rig.settings.force_control
+    settings = rig.settings.force
     loops = loops_at(loops_of_rig(rig), settings.end_m)
     bench.apply({"ratio": 1.0 / float(fit_ratio(loops, settings.force_max_N).ratio[0])})
     run(bench)

@@ -39,7 +39,7 @@ def change(path: Path, old: str, new: str) -> None:
 @pytest.mark.parametrize("folder", [EXAMPLE, EXAMPLE / "drawn"])
 def test_the_bundled_rigs_are_read(folder: Path) -> None:
     rig = read_rig(folder / "rig.toml")
-    assert rig.dt == 1.0 / rig.settings.rate_Hz
+    assert rig.dt == 1.0 / rig.settings.timing.rate_Hz
     assert rig.measured.places[0] == folder / "loops.csv"
     assert rig.solenoid.solenoid().step(1.0, 1e-3) > 30.0
 

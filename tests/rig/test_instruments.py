@@ -9,9 +9,10 @@ import pytest
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.data import History, Loop, Loops
+from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
 from anhyst.rig.force.demand import LEAD_IN, moving_gap, triangle, with_lead_in
-from anhyst.rig.force.file import MovingTable, Rig, TriangleTable, read_rig
+from anhyst.rig.force.file import Rig, read_rig
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 
@@ -42,7 +43,7 @@ def loopset(*pairs: tuple[float, float]) -> Loops:
 
 
 def test_a_triangle_turns_where_it_says_after_its_lead_in() -> None:
-    shape = TriangleTable(name="wide", low=0.05, high=0.95, period_s=0.5, cycles=3)
+    shape = ForceCase(kind="force", name="wide", low=0.05, high=0.95, period_s=0.5, cycles=3)
     demand = triangle(shape, 40.0, RATE)
     assert demand.lead_in == round(LEAD_IN * RATE)
     proper = demand.force[demand.lead_in :]
@@ -61,7 +62,8 @@ def test_a_demand_that_begins_at_zero_has_a_flat_lead_in() -> None:
 
 
 def test_the_armature_begins_at_rest_and_stays_within_its_stroke() -> None:
-    gap = moving_gap(MovingTable(low_m=1e-3, high_m=3e-3, period_s=0.5), 1000, RATE)
+    shape = MovingCase(kind="moving", low_m=1e-3, high_m=3e-3, period_s=0.5)
+    gap = moving_gap(shape, 1000, RATE)
     assert gap[0] == 1e-3
     assert gap[1] - gap[0] < 0.1 * np.diff(gap).max()
     assert gap.min() >= 1e-3

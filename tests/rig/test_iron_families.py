@@ -57,9 +57,9 @@ def solenoid(tmp_path: Path) -> Path:
 
 @every
 def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
-    rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
-    assert rig.settings.magnet.steel.steel() == STEELS[name]
-    plant = make_bearing(changed(rig, {"mechanics.mass_kg": 1e200}), 0)  # welded in place
+    rig = read_bearing(with_keys(bearing, "iron", keys_of(name)))
+    assert rig.settings.steel.steel() == STEELS[name]
+    plant = make_bearing(changed(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
     plant.place([0.45e-3], [0.0])
     plant.hold(2.5, 0)
     rising = plant.force
@@ -89,7 +89,9 @@ def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, n
 
 
 def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
-    geometry = read_rig(solenoid).solenoid.solenoid().geometry
+    file = read_rig(solenoid).solenoid_file
+    assert file is not None
+    geometry = file.solenoid().geometry
     for name in ("preisach-hard", "duhem-hard"):
         coarse, fine = (Solenoid(STEELS[name], geometry) for _ in range(2))
         for start, end in ((0.0, 1.2), (1.2, 0.3), (0.3, 0.9)):
@@ -101,7 +103,7 @@ def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
 
 @pytest.mark.parametrize("name", ["preisach-usual", "duhem-usual"])
 def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, name: str) -> None:
-    rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
+    rig = read_bearing(with_keys(bearing, "iron", keys_of(name)))
     loop = next(iter(measure_loops(rig).loops))
     rising, falling = (
         loop.output[np.abs(loop.input - 2.0) < 0.03][side] for side in (slice(2), slice(-2, None))
@@ -159,16 +161,16 @@ def test_numbers_that_make_no_iron_are_refused_in_one_line_at_their_place(
     keys = keys_of(name)
     assert old in keys
     with refused(what) as caught:
-        read_bearing(with_keys(bearing, "magnet.iron", keys.replace(old, new)))
+        read_bearing(with_keys(bearing, "iron", keys.replace(old, new)))
     assert re.match(rf"{re.escape(str(bearing))}:\d+: magnet\.iron", str(caught.value))
 
 
 def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
     for name in ("preisach-usual", "duhem-usual"):
-        path = with_keys(bearing, "magnet.iron", keys_of(name))
+        path = with_keys(bearing, "iron", keys_of(name))
         rig = read_bearing(path)
         drift = Drift(pinning=0.2, saturation=0.05)
-        iron, other = (one.settings.magnet.steel.steel() for one in (rig, drifted_rig(rig, drift)))
+        iron, other = (one.settings.steel.steel() for one in (rig, drifted_rig(rig, drift)))
         assert other.saturation_sharp == pytest.approx(1.05 * iron.saturation_sharp)
         assert other != iron
         shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
@@ -179,21 +181,21 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
         ("duhem-usual", "coercivity_A_per_m"),
         ("preisach-usual", "pinning_A_per_m"),
     ):
-        rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of(name)))
+        rig = read_bearing(with_keys(bearing, "iron", keys_of(name)))
         narrow, wide = (judge(measure_loops(with_iron(rig, None, width))) for width in (1.0, 2.0))
         assert wide.width_relative > 1.5 * narrow.width_relative
-        other = with_iron(rig, None, 2.0).settings.magnet.steel
-        assert other.model_dump() == rig.settings.magnet.steel.model_dump() | {
-            key: 2.0 * getattr(rig.settings.magnet.steel, key)
+        other = with_iron(rig, None, 2.0).settings.steel
+        assert other.model_dump() == rig.settings.steel.model_dump() | {
+            key: 2.0 * getattr(rig.settings.steel, key)
         }
         shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)
 
 
 def test_a_reversible_fraction_is_refused_where_the_family_has_none(bearing: Path) -> None:
-    rig = read_bearing(with_keys(bearing, "magnet.iron", keys_of("duhem-usual")))
+    rig = read_bearing(with_keys(bearing, "iron", keys_of("duhem-usual")))
     with refused("not-iron-of-cells magnet.iron.family"):
         with_iron(rig, 0.1)
 
 
 def test_an_iron_without_family_is_one_of_cells(bearing: Path) -> None:
-    assert read_bearing(bearing).settings.magnet.steel.family == "cells"
+    assert read_bearing(bearing).settings.steel.family == "cells"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,9 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import HOVER, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import PositionTable
+from anhyst.rig.case_table import LoadCase
+from anhyst.rig.magnet_table import OPENS, LikeTable
+from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.variations import changed, with_iron
 from tests.once import made_once
@@ -86,16 +89,32 @@ def firmware(factory: pytest.TempPathFactory) -> Path:
 
 @cache
 def pair_rig() -> BearingRig:
-    return changed(
-        example(),
-        {
-            "magnet.arrangement": "pair",
-            "magnet.gap_total_m": TOTAL,
-            "magnet.bias_force_N": 75.0,
-            "load.force_N": 0.0,
-            "simulate.load_steps_N": [],
-        },
+    rig = changed(example(), {"control.bias_N": 75.0, "load.force_N": 0.0})
+    file = rig.settings
+    second = LikeTable(name="opposite", like="magnet", direction=OPENS, gap_m=TOTAL - GAP)
+    cases = [case for case in file.cases if not isinstance(case, LoadCase)]
+    update = {"magnets": [*file.magnets, second], "cases": cases}
+    return replace(rig, settings=file.model_copy(update=update))
+
+
+def pair_text(text: str, bias: float, second_gap: float = GAP) -> str:
+    """The example's rig file with a second magnet."""
+    second = (
+        f'name = "opposite"\nlike = "magnet"\ndirection = [1.0, 0.0, 0.0]\ngap_m = {second_gap}'
     )
+    for before, new in (
+        ("[[amplifier]]", f"[[magnet]]\n{second}\n\n[[amplifier]]"),
+        ('kind = "levitation"', f'kind = "levitation"\nbias_N = {bias}'),
+    ):
+        assert text.count(before) == 1
+        text = text.replace(before, new)
+    return text
+
+
+def without_probe(rig: BearingRig) -> BearingRig:
+    """The same without the Hall probe."""
+    sensors = [one for one in rig.settings.sensors if not isinstance(one, FluxSensorTable)]
+    return replace(rig, settings=rig.settings.model_copy(update={"sensors": sensors}))
 
 
 def pair_controller() -> ControllerTable:
@@ -106,12 +125,12 @@ def pair_controller() -> ControllerTable:
 
 def pair_file(path: Path, applied: str = "reference") -> ControllerFile:
     """Write the controller of the pair as a file, which says of the magnets what the rig does."""
-    own, magnet = pair_controller(), pair_rig().settings.magnet
+    own, rig = pair_controller(), pair_rig().settings
     compensation = own.compensation.model_copy(update={"applied": applied})
     table = type(own).model_validate(
         own.model_dump(exclude_none=True)
         | {
-            "pair": {"bias_force_N": magnet.bias_force_N, "gap_total_m": magnet.gap_total_m},
+            "pair": {"bias_force_N": rig.bias_N, "gap_total_m": rig.gap_total_m},
             "compensation": compensation.model_dump(exclude_none=True),
         }
     )
@@ -130,11 +149,11 @@ def with_rig(setup: Setup, changes: dict[str, Any]) -> Setup:
     return Setup(changed(setup.rig, changes), setup.controller, setup.compensator)
 
 
-def sensor(kind: str, **given: float) -> PositionTable:
+def sensor(kind: str, **given: float) -> GapSensorTable:
     """A position sensor with the range of the example's."""
-    own = example().settings.position_sensor
-    return PositionTable.model_validate(
-        {"kind": kind, "low_m": own.low_m, "high_m": own.high_m, **given}
+    own = example().settings.gap_sensor
+    return GapSensorTable.model_validate(
+        {"of": "gap", "kind": kind, "low_m": own.low_m, "high_m": own.high_m, **given}
     )
 
 

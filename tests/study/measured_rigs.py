@@ -16,14 +16,14 @@ from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import HeldBearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.measuring import HeldActuator
+from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import HeldRig, measure_place, straight
-from anhyst.rig.tables import MeasurementTable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
 UNSEEN = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}
-IRON = {"bearing": ("rig.toml", "magnet.iron"), "solenoid": ("solenoid.toml", "iron")}
+IRON = {"bearing": ("rig.toml", "iron"), "solenoid": ("solenoid.toml", "iron")}
 GAP_MAP = {"bearing": "circuit", "solenoid": "reluctance"}
 WIDE = (0.0, 0.95, 0.1, 0.8, 0.05, 0.6, 0.3, 0.9, 0.0)
 INNER = (
@@ -97,8 +97,9 @@ def measured_rig(kind: str, folder: Path, iron: str | None = None, more: str = "
         bearing = read_bearing(path)
         return MeasuredRig(kind, path, HeldBearing(bearing), bearing.settings.measurement, 0.0)
     rig = read_rig(path)
-    campaign = rig.solenoid.measurement
+    assert rig.solenoid_file is not None
+    campaign = rig.solenoid_file.measurement
     assert campaign is not None
     return MeasuredRig(
-        kind, path, HeldActuator(rig), campaign, rig.settings.amplifier.shunt_offset_A
+        kind, path, HeldActuator(rig), campaign, rig.settings.current_sensor.offset_A
     )

@@ -12,6 +12,7 @@ from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import StageSetup
 from anhyst.rig.stage.make_setup import make_stage
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
+from anhyst.rig.tables import FrameTable
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from tests.study import bearings
 
@@ -21,17 +22,22 @@ SHORT = {
     "cruise_s": 0.03,
     "train_m_per_s2": [22.0, 12.0],
     "test_m_per_s2": [22.0, 10.0, 18.0],
-    "noise_seeds": 2,
 }
 
 
-def stage(substeps: int = 8, **changes: Any) -> StageRig:
+def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> StageRig:
+    """Return the example with other sub-steps, another stray, other keys of [control]."""
     rig = read_stage(EXAMPLE / "rig.toml")
-    update = {
-        "timing": rig.settings.timing.model_copy(update={"substeps": substeps}),
-        "tracking": rig.settings.tracking.model_copy(update=SHORT | changes),
+    file = rig.settings
+    update: dict[str, Any] = {
+        "timing": file.timing.model_copy(update={"substeps": substeps}),
+        "control": file.control.model_copy(update=control),
+        "noise_seeds": 2,
     }
-    return replace(rig, settings=rig.settings.model_copy(update=update))
+    if stray_m is not None:
+        update["frame"] = FrameTable(stray_m=stray_m)
+    short = file.replaced(file.scan, file.scan.model_copy(update=SHORT))
+    return replace(rig, settings=short.model_copy(update=update))
 
 
 def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
@@ -40,7 +46,7 @@ def setup(method: MethodName, substeps: int = 8, **changes: Any) -> StageSetup:
 
 def unseen(rig: StageRig) -> SetPoint:
     """SetPoint on which nothing was tuned."""
-    return motion_of(rig.settings.tracking, rig.settings.tracking.test_m_per_s2)
+    return motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
 
 
 @cache

@@ -19,6 +19,7 @@ from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import quotient
 from anhyst.study.bearing.variations import changed, with_iron
 from tests.refusals import refused
+from tests.study import bearings
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 HEIGHTS = (10e-6, 100e-6)
@@ -98,7 +99,7 @@ def test_flux_stands_beside_what_has_no_memory(found: Benefit) -> None:
 
 @pytest.mark.slow
 def test_without_a_probe_there_is_no_flux(rig: BearingRig, controller: ControllerFile) -> None:
-    bare = changed(rig, {"hall_probe": None, "measurement.sample_s": 0.05})
+    bare = bearings.without_probe(changed(rig, {"measurement.sample_s": 0.05}))
     (one,) = benefit(bare, controller, (1.0,), (0.3,), (100e-6,), seeds=2, jobs=1).cells
     assert one.flux == {}
     assert set(one.figures) == set(one.standstill) == {*BASELINES, "full"}
@@ -161,7 +162,7 @@ def test_it_is_written_as_json(found: Benefit) -> None:
 
 
 def test_a_law_is_no_iron_to_vary(rig: BearingRig, controller: ControllerFile) -> None:
-    law = changed(rig, {"magnet.force": "model"})
+    law = changed(rig, {"magnet.kind": "law"})
     with refused("not-iron-of-cells: rig.toml"):
         benefit(law, controller)
 

@@ -86,7 +86,7 @@ def test_the_firmware_does_what_the_simulation_does(running: LevitatingFirmware)
     assert (recorded[:, 1] == simulated["gap_m"]).all()
     assert running.state is State.READY
     assert recorded[-1, 3] == 0.0
-    assert recorded[-1, 1] > setup.rig.settings.mechanics.stop_high_m - 1e-6
+    assert recorded[-1, 1] > setup.rig.settings.body.stop_high_m - 1e-6
 
 
 def test_another_run_differs_from_it(running: LevitatingFirmware) -> None:

@@ -23,7 +23,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, mak
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import TrajectoryTable
+from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
@@ -42,7 +42,7 @@ RATE = 20e3
 def rig_of(name: str) -> BearingRig:
     """Return the bearing with an iron; its loops are measured in coarser steps, to be quick."""
     rig = changed(bearings.example(), {"measurement.sample_s": 0.025})
-    return rig if name == "cells" else changed(rig, {"magnet.iron": generator().tables()[name]})
+    return rig if name == "cells" else changed(rig, {"iron": generator().tables()[name]})
 
 
 @cache
@@ -58,7 +58,7 @@ def setup_of(name: str, variant: MethodName, law: str = "play-cells") -> Setup:
 
 def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> float:
     """Rms of the force error on a triangle of 20 um at 1 Hz, N."""
-    slow = TrajectoryTable(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
+    slow = TrajectoryCase(kind="triangle", amplitude_m=20e-6, frequency_Hz=1.0)
     setups = {variant: quiet(setup_of(name, variant, law))}
     found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
     assert found["lost"] == 0
@@ -130,7 +130,7 @@ def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: s
 
 @pytest.mark.slow
 def test_the_map_of_another_family_goes_over_its_loop_widths_alone() -> None:
-    rig = changed(rig_of("preisach-usual"), {"identify.law": "play-cells"})
+    rig = changed(rig_of("preisach-usual"), {"loops.law": "play-cells"})
     found = benefit(rig, bearings.controller(), (1.0, 2.0), heights=(50e-6,), seeds=2)
     assert [cell.iron.reversible_fraction for cell in found.cells] == [None, None]
     narrow, wide = (cell.iron.loop_width for cell in found.cells)

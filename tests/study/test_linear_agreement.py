@@ -67,7 +67,7 @@ def linear_loop(
     return LinearLoop(
         replace(find_operating_point(rig).point, eddy_time=eddy_time),
         amplifier,
-        Chain(controller.rate, 1.0, rig.settings.position_sensor.sensor().bandwidth),
+        Chain(controller.rate, 1.0, rig.settings.gap_sensor.sensor().bandwidth),
         controller,
         Compensation(drive["k_i_N_per_A"], drive["k_s_N_per_m"]),
     )
@@ -82,7 +82,7 @@ def test_the_sensitivity_of_both_is_one(tmp_path: Path, mode: str, eddy_time: fl
     loops = read_loops(EXAMPLE / "loops.csv")
     known = operating_point(rig, controller, loops)
     drive = make_compensator("linearised", Sources(known, loops), "f64")
-    gap = rig.settings.simulate.gap_m
+    gap = rig.settings.gap_m
     running = Running(Setup(rig, controller, drive))
     running.run(Script(rig, gap).lift_off(controller).build())
 

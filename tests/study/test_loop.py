@@ -58,7 +58,7 @@ def test_it_hovers_at_every_gap_and_lands_again(
         assert not landed["command_A"].any()
         assert not landed["command_2_A"].any()
         assert np.abs(landed["current_A"]).max() < 1e-4
-        assert landed["gap_m"].min() >= setup.rig.settings.mechanics.stop_high_m
+        assert landed["gap_m"].min() >= setup.rig.settings.body.stop_high_m
 
 
 def eventful(setup: Setup) -> Scenario:

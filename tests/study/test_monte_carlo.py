@@ -21,7 +21,7 @@ from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.bearing.scenario import Script
-from anhyst.rig.bearing.tables import DriftTable
+from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.drift import (
     CUT,
     Drift,
@@ -45,7 +45,7 @@ from tests.refusals import refused
 from tests.truths import path_of, truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
-NONE = dict.fromkeys(DriftTable.model_fields, 0.0)
+NONE = dict.fromkeys(SpreadTable.model_fields, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +80,8 @@ def whole(
 
 
 def with_drift(rig: BearingRig, **spreads: float) -> BearingRig:
-    table = DriftTable(**{**NONE, **spreads})
-    return replace(rig, settings=rig.settings.model_copy(update={"drift": table}))
+    table = SpreadTable(**{**NONE, **spreads})
+    return replace(rig, settings=rig.settings.model_copy(update={"spread": table}))
 
 
 def test_a_plant_depends_on_seed_and_number_alone(
@@ -256,7 +256,7 @@ def test_a_file_with_such_a_line_is_refused(
 
 
 def test_drawn_plants_have_the_spreads_of_the_file() -> None:
-    table = DriftTable(**{**NONE, "pinning_percent": 10.0, "gap_offset_m": 2e-6})
+    table = SpreadTable(**{**NONE, "pinning_percent": 10.0, "gap_zero_m": 2e-6})
     drawn = [draw_drift(table, np.random.default_rng([1, i])) for i in range(4000)]
     pinning = np.array([one.pinning for one in drawn])
     offset = np.array([one.gap_offset for one in drawn])
@@ -275,9 +275,9 @@ def test_without_drift_a_plant_is_the_nominal_one(
     found = monte_carlo(still, controller, tmp_path / "a", 1, ("full",), jobs=1)
     knowledge = make_ready(still, controller).knowledge()
     setup = make_setup(still, controller.settings, knowledge, "full", "f64")
-    tried = still.settings.simulate
+    tried = still.settings
     noise = DriftedPlant((setup,), found.seed, 0).noise
-    steps, _ = run_steps(StepRun(setup, tried.gap_m, tuple(tried.steps_m), rig.load, noise))
+    steps, _ = run_steps(StepRun(setup, tried.gap_m, tuple(tried.step.heights_m), rig.load, noise))
     for place, height in enumerate(found.heights):
         pair = [one.figures for one in steps if one.height == pytest.approx(height)]
         worst = max(one["overshoot_percent"] for one in pair)
@@ -307,7 +307,7 @@ def test_each_change_of_the_iron_does_what_it_says(rig: BearingRig) -> None:
     _, stronger = width_and_top(drifted_rig(rig, Drift(saturation=0.05)))
     assert stronger > 1.01 * top
     heavier = drifted_rig(rig, Drift(mass=0.1, resistance=-0.2)).settings
-    assert heavier.mechanics.mass_kg == pytest.approx(2.2)
+    assert heavier.body.mass_kg == pytest.approx(2.2)
     assert heavier.magnet.resistance_ohm == pytest.approx(0.96)
     assert drifted_rig(rig, Drift()).settings == rig.settings
 
@@ -383,7 +383,7 @@ def test_plants_that_are_lost_count_as_the_worst(
     rig: BearingRig, controller: ControllerFile, tmp_path: Path
 ) -> None:
     # An armature that rests beyond what the controller believes possible is not lifted.
-    far = with_drift(rig, gap_offset_m=30e-6)
+    far = with_drift(rig, gap_zero_m=30e-6)
     found = monte_carlo(far, controller, tmp_path / "a", 8, ("linearised",), jobs=1)
     lost = [run.lost is not None for run in found.runs["linearised"]]
     for one, drift in zip(lost, found.drifts, strict=True):

@@ -79,7 +79,7 @@ def test_the_band_is_of_the_sensor_and_of_what_never_settles() -> None:
     rig = bearings.example()
     still = np.zeros(300)
     assert excess_band(rig, still) == LEAST_BAND_M
-    coarse = changed(rig, {"position_sensor": bearings.sensor("encoder", step_m=1e-6, noise_m=0.0)})
+    coarse = changed(rig, {"gap_sensor": bearings.sensor("encoder", step_m=1e-6, noise_m=0.0)})
     assert excess_band(coarse, still) == pytest.approx(3e-6 / np.sqrt(12.0))
     still[-100:] = np.tile([1e-6, -1e-6], 50)
     assert excess_band(rig, still) == pytest.approx(4e-6)
@@ -94,13 +94,13 @@ def test_an_overload_takes_force_and_current_to_their_limits_and_the_armature_to
     end = script.ticks
     recording = bearings.run_plant(setup, script.set_load(150.0).hold(0.3))
     during, after = recording.part(begin, end), recording.part(end, len(recording))
-    assert during["gap_m"].max() >= rig.settings.mechanics.stop_high_m
+    assert during["gap_m"].max() >= rig.settings.body.stop_high_m
     assert during["command_A"].max() == pytest.approx(4.5, abs=1e-4)
     assert during["demand_N"].max() == pytest.approx(300.0, rel=1e-6)
     assert set(after["state"]) == {HOVER}
     assert np.abs(after["gap_m"] - GAP)[-4000:].max() < BACK_M
     assert lost_at(rig, recording, script.build().lifted) == pytest.approx(begin * rig.dt, abs=0.05)
-    assert after["gap_m"].min() > rig.settings.mechanics.stop_low_m, "threw it to the other stop"
+    assert after["gap_m"].min() > rig.settings.body.stop_low_m, "threw it to the other stop"
 
 
 def test_a_wrong_initial_state_is_one() -> None:
@@ -149,7 +149,7 @@ def test_too_many_dropped_samples_end_in_a_fault_on_the_ground(count: int) -> No
     assert recording["state"][-1] == FAULT
     assert recording["command_A"][-1] == 0.0
     assert abs(recording["current_A"][-1]) < 1e-4
-    assert recording["gap_m"][-1] >= rig.settings.mechanics.stop_high_m
+    assert recording["gap_m"][-1] >= rig.settings.body.stop_high_m
     lost = lost_at(rig, recording, begin)
     assert lost == pytest.approx((begin + PATIENCE) * rig.dt)
 

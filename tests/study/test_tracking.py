@@ -16,8 +16,8 @@ from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
-from anhyst.rig.stage.file import CalibrationTable
 from anhyst.rig.stage.loop import Feedforward, pid, track
+from anhyst.rig.tables import SpreadTable
 from anhyst.study.tracking.measures import Measures, cruises, measure, moving, settling
 from anhyst.support.pays import STAGE
 from tests.study import stages
@@ -124,10 +124,10 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
 
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
-    drawn = draw_errors(CalibrationTable(), "pinning", np.random.default_rng(1))
+    drawn = draw_errors(SpreadTable(), "pinning", np.random.default_rng(1))
     assert drawn.pinning != 0.0
     assert drawn == CalibrationErrors(pinning=drawn.pinning)
-    assert draw_errors(CalibrationTable(), "all", np.random.default_rng(1)).eddy > 0.0
+    assert draw_errors(SpreadTable(), "all", np.random.default_rng(1)).eddy > 0.0
 
 
 def test_measures_say_what_they_say() -> None:
@@ -148,10 +148,9 @@ def test_measures_say_what_they_say() -> None:
 def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path: Path) -> None:
     study = stages.study()
     assert memoryless(study) == "single-valued"
-    said = {one.baseline: one for one in verdicts(study)}
+    said = verdicts(study)
     assert set(said) == {"single-valued", "play"}
-    assert said["single-valued"].better
-    assert said["single-valued"].text.startswith("Worth it against 'single-valued': peak 0.")
+    assert said["single-valued"].sentence.startswith("Worth it: less: peak 0.")
     write_tracking_report(tmp_path / "report.html", study, "anhyst simulate rig.toml")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     for text in ("One scan", "Settling", "Learning control", "Worth it", "map with one play"):
@@ -161,29 +160,29 @@ def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path:
 def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
     study = stages.study()
     swapped = dict(study.tried) | {"full": study.tried["single-valued"]}
-    text = verdicts(replace(study, tried=swapped))[0].text
-    assert text.startswith("Not worth it against 'single-valued': peak 1, ")
+    found = verdicts(replace(study, tried=swapped))["single-valued"]
+    assert found.sentence.startswith("Not worth it here: alike within the noise: peak 1 of ")
     assert "nothing to gain" in limits(replace(study, tried=swapped))[0]
 
 
 def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> None:
-    """A compensator that is beaten in settling alone, by one baseline alone, is not worth it."""
+    """One that is beaten in settling alone, by one baseline alone, is worth it in part only."""
     study = stages.study()
-    worth, text = verdict(study)
-    assert worth
-    assert text.startswith("Worth it here, against the strongest baseline in each: peak 0.")
+    found = verdict(study)
+    assert found.level == "yes"
+    assert "against the strongest baseline without hysteresis model, less: peak 0." in found.text
     own, play = study.tried["full"], study.tried["play"]
     quick = tuple(replace(one, settling_50_s=0.0) for one in play.measures)
     slow = tuple(replace(one, settling_50_s=0.01) for one in own.measures)
     tried = dict(study.tried)
     tried["play"], tried["full"] = replace(play, measures=quick), replace(own, measures=slow)
     beaten = replace(study, tried=tried)
-    worth, text = verdict(beaten)
-    assert not worth
-    assert text.endswith(STAGE)
-    said = "strongest baseline: settling to 50 nm more than nothing of 'play'; below it: peak 0."
-    assert said in text
-    assert not {one.baseline: one for one in verdicts(beaten)}["play"].better
+    found = verdict(beaten)
+    assert found.level == "mixed"
+    assert found.text.endswith(STAGE)
+    assert "less: peak 0." in found.text
+    assert "more: settling to 50 nm more than 0 of 'play'" in found.text
+    assert verdicts(beaten)["play"].level == "mixed"
 
 
 def test_a_standstill_that_is_quiet_anyway_is_named_so() -> None:

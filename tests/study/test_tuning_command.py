@@ -17,7 +17,6 @@ from anhyst.cli.tune import tune as command
 from anhyst.control.controller_file import read_controller
 from anhyst.model.writer import write_model
 from anhyst.study.bearing.simulate import compared
-from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning import search
 from tests.cli.command import Result, quick, refused, shares_said, speaking
 from tests.refusals import says
@@ -138,7 +137,7 @@ def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
     assert set(names) == {
         *("ratio", "linearised", "single-valued", "play", "flux", "simplified", "full", "secant")
     }
-    blind = changed(rig, {"hall_probe": None})
+    blind = bearings.without_probe(rig)
     assert set(compared(blind, "full")) == {
         *("ratio", "secant", "linearised", "single-valued", "play", "simplified", "full")
     }

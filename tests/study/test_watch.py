@@ -33,7 +33,8 @@ def model() -> Model:
 
 def true_force(rig: Rig, current: FloatArray, gap: FloatArray, pinning: float = 1.0) -> FloatArray:
     """Return the force of the solenoid with other pinning, from demagnetised on."""
-    file = rig.solenoid
+    file = rig.solenoid_file
+    assert file is not None
     scale = file.iron.pinning_scale_A_per_m * pinning  # type: ignore[union-attr]
     iron = file.iron.model_copy(update={"pinning_scale_A_per_m": scale})
     actuator = file.model_copy(update={"iron": iron}).solenoid()

@@ -43,7 +43,7 @@ def family(iron: str) -> Loops:
     """Measure that magnet with an iron of another family, in coarser steps."""
     changes: dict[str, Any] = {"measurement.sample_s": 0.025}
     if iron != "cells":
-        changes["magnet.iron"] = generator().tables()[iron]
+        changes["iron"] = generator().tables()[iron]
     return measure_loops(changed(read_bearing(EXAMPLES / "bearing" / "rig.toml"), changes))
 
 
@@ -67,9 +67,9 @@ class ForceControlled(Truth):
 
     def identify(self) -> Model:
         rig = read_rig(EXAMPLES / "solenoid" / "rig.toml")
-        chosen = rig.settings.identify.model_copy(update=self.options)
+        chosen = rig.settings.loops.model_copy(update=self.options)
         rig = replace(rig, settings=rig.settings.model_copy(update={"identify": chosen}))
-        gap = self.gap or rig.settings.force_control.end_m
+        gap = self.gap or rig.settings.force.end_m
         return find_model(rig, loops_at(self.loops(), gap))
 
 

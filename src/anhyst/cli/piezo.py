@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anhyst.cli.console import show, table
+from anhyst.study.verdict import Comparison, Judgement, judge
 from anhyst.support.pays import PIEZO
 
 if TYPE_CHECKING:
@@ -15,11 +16,10 @@ WORTH_IT = 0.5
 """Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
 
 
-def verdict(ratio: float) -> str:
+def verdict(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
-    if ratio < WORTH_IT:
-        return "worth it behind this feedback"
-    return f"hardly worth it behind this feedback; {PIEZO}"
+    found = Comparison("rms", "without", ratio, 1.0, 1.0 - WORTH_IT)
+    return judge("compensation", [found], "measures", PIEZO)
 
 
 def show_piezo(found: PiezoTracking, out: Path) -> None:
@@ -32,6 +32,8 @@ def show_piezo(found: PiezoTracking, out: Path) -> None:
             TITLES[name], f"{1e9 * run.errors.worst_m:.0f}", f"{1e9 * run.errors.rms_m:.0f}"
         )
     lost = [f"lost: {one}" for one in found.lost_in]
-    ratio = f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio)}"
+    ratio = (
+        f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio).sentence}"
+    )
     written = f"{out} and {out.with_suffix('.svg')} written"
     show(*lost, rows, *([] if lost else [ratio]), written)

@@ -59,7 +59,7 @@ def simulate(
         typer.Option(
             metavar="N",
             min=1,
-            help="Instead, run N plants that have drifted as [drift] of the rig file says; FILE "
+            help="Instead, run N plants that have drifted as [spread] of the rig file says; FILE "
             "then ends in '.jsonl' and holds a line for each of them. The same command goes on "
             "with what is there.",
         ),
@@ -259,10 +259,10 @@ def _overshoot(cell: StepCell) -> str:
 
 def _show(found: Simulation, out: Path) -> None:
     from anhyst.reports.bearing.subject import grouped
-    from anhyst.reports.bearing.verdict import judge
+    from anhyst.reports.bearing.tables import judge_steps
 
     heights = list(dict.fromkeys(cell.height for cell in found.cells))
-    gap = found.rig.settings.simulate.gap_m
+    gap = found.rig.settings.gap_m
     rows = table(
         f"overshoot of steps at {1e3 * gap:g} mm, %",
         ["", *(f"{1e6 * height:g} um" for height in heights), "settling, ms", "standstill, nm"],
@@ -281,7 +281,7 @@ def _show(found: Simulation, out: Path) -> None:
     show(
         *(f"lost levitation: {one}" for one in found.lost_in),
         rows,
-        f"* of the controller file; mean of {found.rig.settings.simulate.noise_seeds} noise seeds "
+        f"* of the controller file; mean of {found.rig.settings.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
         *found.plant.lines,
@@ -289,7 +289,7 @@ def _show(found: Simulation, out: Path) -> None:
         *(
             []
             if found.lost_in
-            else [f"verdict: {judge(grouped(found.cells), found.own).sentence()}"]
+            else [f"verdict: {judge_steps(grouped(found.cells), found.own).sentence}"]
         ),
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",

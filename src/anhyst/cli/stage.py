@@ -18,9 +18,9 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     from anhyst.reports.bearing.look import interval_text
     from anhyst.reports.tracking.verdict import limits, verdict, verdicts
 
-    tracking = found.rig.settings.tracking
+    plant = found.rig.settings
     rows = table(
-        f"test set-point, crossover {tracking.crossover_Hz:g} Hz",
+        f"test set-point, crossover {plant.tracking.crossover_Hz:g} Hz",
         ["", "peak, nm", "average, nm", "deviation, nm", "50 nm, ms", "10 nm, ms", "force rms, N"],
     )
     columns = (
@@ -34,15 +34,15 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     for name, one in found.tried.items():
         rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
     judged = (
-        f"verdict: {verdict(found)[1]}",
-        *(one.text for one in verdicts(found)),
+        f"verdict: {verdict(found).sentence}",
+        *(f"against '{name}': {one.sentence}" for name, one in verdicts(found).items()),
         *limits(found),
     )
     show(
         *(f"lost: {one}" for one in found.lost_in),
         rows,
-        f"mean of {tracking.noise_seeds} noise seeds with its 95 % interval; gains found on the "
-        f"training set-point; average and deviation over {1e3 * tracking.slit_s:g} ms",
+        f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
+        f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
         *(() if found.lost_in else judged),
         *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",

@@ -120,7 +120,7 @@ def _show(found: Tuning, out: Path) -> None:
     show(
         drawn,
         f"worst of {len(found.conditions)} gaps and loads and of all steps, mean of "
-        f"{found.rig.settings.simulate.noise_seeds} noise seeds with its 95 % interval",
+        f"{found.rig.settings.noise_seeds} noise seeds with its 95 % interval",
         *limits,
         f"verdict: {worth(found)}",
         *found.plant.lines,

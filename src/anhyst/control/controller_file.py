@@ -27,6 +27,7 @@ from anhyst.control.position import (
 )
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import (
     FileFault,
     NotNegative,
@@ -311,7 +312,7 @@ class ControllerFile:
 def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
     place = Path(path)
-    settings = read_toml(place, ControllerTable, RENAMED)
+    settings = read_toml(place, ControllerTable, RENAMED, [FileKind.CONTROLLER])
     faults = _own_faults(settings)
     if faults:
         raise faults_error(place, faults)

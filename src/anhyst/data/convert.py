@@ -41,26 +41,10 @@ class Conversion:
     notes: tuple[str, ...]
 
 
-def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -> Conversion:
-    """Write a measurement in the format that a file's name says.
-
-    Values stay bit for bit. A format of one table gets channels of several clocks interpolated
-    onto the finest, and a note.
-
-    Parameters
-    ----------
-    source
-        A file of any format that is read.
-    out
-        To write; one that exists is replaced.
-    progress
-        Called with bytes read and file size, where the source is text.
-
-    Raises
-    ------
-    InputError
-        The source cannot be read, the format cannot be written, or holds nothing of the source.
-    """
+def convert_measurement(
+    source: PathLike, out: PathLike, progress: Progress | None = None
+) -> Conversion:
+    """Write a measurement in the format that a file's name says."""
     source, out = Path(source), Path(out)
     check_recording(out, reads=[source])
     opened = open_table(source, least=1)

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst.draft.instruments import identify_sections, magnet_section, noise_entry, range_entries
+from anhyst.draft.instruments import (
+    case_section,
+    loops_section,
+    magnet_section,
+    noise_entry,
+    range_entries,
+    sensor_section,
+)
 from anhyst.draft.machine import Machine, Value
 from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rounding import down, nearest, step_down, step_up, up
@@ -39,26 +46,31 @@ def draft_bearing(
         "'guess' is one, the rest follows from the loops or was given. Write your own numbers\n"
         "over it. SI, the unit in the key; docs/rig-file.md says more about every key.",
         [
-            Entry("format", "anhyst-bearing", "what this file is"),
-            Entry("version", 1, "of the format"),
+            Entry("format", "anhyst-rig", "what this file is"),
+            Entry("version", 2, "of the format"),
             Entry("name", f"bearing with the magnet of {name}", "free text"),
             Entry("seed", 1, "of all noise"),
-            Entry("loops", loops, "all that the controller knows of the magnet"),
+            Entry("noise_seeds", 20, "runs with other noise"),
         ],
         [
-            *identify_sections(reading),
             FileSection("timing", "when what happens", _timing(numbers)),
-            magnet_section(Entry("arrangement", "single", "one magnet against the load")),
-            FileSection("amplifier", "power stage of the coil", _amplifier(reach, numbers)),
-            FileSection("mechanics", "armature and guide", _mechanics(machine)),
+            loops_section(loops, reading),
+            magnet_section(_given("gap_m", machine.gap, "operating gap")),
+            FileSection(
+                "amplifier", "power stage of the coil", _amplifier(reach, numbers), "amplifier"
+            ),
+            FileSection("body", "armature and guide", _body(machine), "body"),
+            sensor_section("gap", "what the controller reads", _position(machine, numbers)),
+            sensor_section("current", "shunt of the amplifier", _current(reach, numbers)),
+            sensor_section("force", "with which loops are measured", _force(reach)),
             FileSection("load", "what pulls the gap open", _load(machine, numbers)),
             FileSection(
-                "position_sensor", "what the controller reads", _position(machine, numbers)
+                "control",
+                "what controls it stands in the controller file",
+                [Entry("kind", "levitation", "of a held armature")],
             ),
-            FileSection("current_sensor", "shunt of the amplifier", _current(reach, numbers)),
-            FileSection("force_sensor", "with which loops are measured", _force(reach)),
             FileSection("measurement", "how loops are measured", _measurement(reach)),
-            FileSection("simulate", "test cases", _tried(machine, reach, numbers)),
+            *_cases(machine, reach, numbers),
         ],
     )
     controller = Draft(
@@ -105,7 +117,7 @@ def _amplifier(reach: MeasuredMagnet, numbers: Numbers) -> list[Entry]:
     ]
 
 
-def _mechanics(machine: Machine) -> list[Entry]:
+def _body(machine: Machine) -> list[Entry]:
     low, high = machine.stops
     return [
         _given("mass_kg", machine.mass, "of what moves"),
@@ -187,20 +199,25 @@ def _records() -> list[dict[str, object]]:
     ]
 
 
-def _tried(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> list[Entry]:
+def _cases(machine: Machine, reach: MeasuredMagnet, numbers: Numbers) -> list[FileSection]:
     gap, room = machine.gap.number, machine.clearance
     load, lifted = machine.load.number, float(reach.forces[-1])
     beside = [nearest(gap + share * room, 3) for share in (-0.3, 0.3)]
-    step = step_down(min(0.15 * load, 0.5 * (lifted - load)))
-    triangle = {"kind": "triangle", "amplitude_m": step_down(0.2 * room), "frequency_Hz": 1.0}
-    return [
-        _given("gap_m", machine.gap, "operating gap"),
+    added = step_down(min(0.15 * load, 0.5 * (lifted - load)))
+    away = step_down(0.2 * room)
+    steps = [
+        Entry("heights_m", list(numbers.heights), "of the steps", "room and force that are left"),
         Entry("also_gaps_m", beside, "where steps are tried too", "a third of the way to stops"),
-        Entry("steps_m", list(numbers.heights), "heights of steps", "room and force that are left"),
         Entry("hold_s", up(7.0 / numbers.bandwidth), "between steps", "7 over the bandwidth"),
-        Entry("load_steps_N", [step], "added to the load", "a tenth of it"),
-        Entry("trajectories", [triangle], "references that move all the time", EXAMPLE),
-        Entry("noise_seeds", 20, "runs with other noise"),
+    ]
+    moving = [
+        Entry("amplitude_m", away, "to either side of the gap", "a fifth of the room"),
+        Entry("frequency_Hz", 1.0, "of the triangle", EXAMPLE),
+    ]
+    return [
+        case_section("step", "steps of the reference", steps),
+        case_section("load", "steps of the load", [Entry("forces_N", [added], "added", "a tenth")]),
+        case_section("triangle", "a reference that moves all the time", moving),
     ]
 
 

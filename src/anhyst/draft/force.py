@@ -6,7 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from anhyst.draft.instruments import identify_sections, magnet_section, noise_entry, range_entries
+from anhyst.draft.instruments import (
+    case_section,
+    loops_section,
+    magnet_section,
+    noise_entry,
+    range_entries,
+    sensor_section,
+)
 from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rounding import down, nearest, up
 from anhyst.draft.text import Draft, Entry, FileSection
@@ -42,17 +49,21 @@ def draft_force_control(
         "SI, the unit in the key; docs/force-control.md says more about every key.",
         [
             Entry("format", "anhyst-rig", "what this file is"),
-            Entry("version", 1, "of the format"),
+            Entry("version", 2, "of the format"),
             Entry("name", f"force control of the magnet of {name}", "free text"),
-            Entry("rate_Hz", RATE, "ticks a second of the controller", EXAMPLE),
             Entry("seed", 1, "of all noise"),
         ],
         [
-            *identify_sections(reading),
+            FileSection(
+                "timing",
+                "when what happens",
+                [Entry("rate_Hz", RATE, "ticks a second of the controller", EXAMPLE)],
+            ),
+            loops_section(loops, reading),
             magnet_section(),
             *_instruments(reach),
-            FileSection("force_control", "test cases", _tried(loops, reach)),
-            FileSection("force_control.moving", "the armature goes to and fro", _moving(reach)),
+            FileSection("control", "what is controlled", _control(reach)),
+            *_cases(reach),
         ],
     )
 
@@ -60,7 +71,7 @@ def draft_force_control(
 def _instruments(reach: MeasuredMagnet) -> list[FileSection]:
     current, force, gap = reach.current_high, float(reach.forces.max()), float(reach.gaps[-1])
     amplifier = [
-        Entry("current_max_A", current, "measured at every gap"),
+        Entry("current_high_A", current, "measured at every gap"),
         Entry("dac_bits", 12, "converter, from 0 to the maximum", EXAMPLE),
         Entry("bandwidth_Hz", RATE / 5.0, "of the current control, of -3 dB", EXAMPLE),
         Entry("slew_A_per_s", nearest(current / FULL_SWING_S), "of the current", "range in 15 ms"),
@@ -71,6 +82,7 @@ def _instruments(reach: MeasuredMagnet) -> list[FileSection]:
         noise_entry("noise_A", reach.noise[0], 4e-4 * current),
     ]
     position = [
+        Entry("kind", "lvdt", "or encoder, capacitive, laser", "an LVDT"),
         Entry("low_m", 0.0, "range: smallest gap"),
         Entry("high_m", up(1.4 * gap), "range: largest gap", "1.4 times the largest gap"),
         Entry("adc_bits", 12, "converter", EXAMPLE),
@@ -84,36 +96,47 @@ def _instruments(reach: MeasuredMagnet) -> list[FileSection]:
         Entry("bandwidth_Hz", RATE / 2.0, "of -3 dB", EXAMPLE),
     ]
     return [
-        FileSection("amplifier", "of current, one way only", amplifier),
-        FileSection("current_sensor", "shunt of the amplifier", shunt),
-        FileSection("lvdt", "sensor of the armature's position", position),
-        FileSection("force_sensor", "what the force is read with", pull),
+        FileSection("amplifier", "of current, one way only", amplifier, "amplifier"),
+        sensor_section("gap", "place of the armature", position),
+        sensor_section("current", "shunt of the amplifier", shunt),
+        sensor_section("force", "what the force is read with", pull),
     ]
 
 
-def _tried(loops: str | list[str], reach: MeasuredMagnet) -> list[Entry]:
-    low, high = float(reach.gaps[0]), float(reach.gaps[-1])
-    count = POSITIONS if high > low else 1
-    positions = [nearest(gap, 3) for gap in np.linspace(low, high, count).tolist()]
-    positions[0], positions[-1] = low, high
-    triangles = [
-        {"name": "wide", "low": 0.05, "high": 0.95, "period_s": 2.0, "cycles": 2},
-        {"name": "inner", "low": 0.3, "high": 0.7, "period_s": 2.0, "cycles": 2},
-    ]
+def _control(reach: MeasuredMagnet) -> list[Entry]:
     reached = f"{100.0 * REACHED:.0f} % of what the loops reach at every gap"
+    low = float(reach.gaps[0])
     return [
-        Entry("loops", loops, "all that the controller knows of the magnet"),
+        Entry("kind", "force", "open loop, the armature held"),
         Entry("force_max_N", down(REACHED * float(reach.forces.min())), reached),
-        Entry("end_m", low, "stroke's end; loops were measured there", "the smallest gap"),
-        Entry("positions_m", positions, "where the armature is held", "over the measured gaps"),
-        Entry("demand", triangles, "triangles between shares of force_max_N", EXAMPLE),
+        Entry("end_m", low, "gap at the end of the stroke; loops were measured there", "smallest"),
     ]
 
 
-def _moving(reach: MeasuredMagnet) -> list[Entry]:
+def _cases(reach: MeasuredMagnet) -> list[FileSection]:
     low, high = float(reach.gaps[0]), float(reach.gaps[-1])
-    return [
+    gaps = [nearest(gap, 3) for gap in np.linspace(low, high, POSITIONS if high > low else 1)]
+    gaps[0], gaps[-1] = low, high
+    held = Entry("gaps_m", gaps, "where the armature is held", "over the measured gaps")
+    moving = [
         Entry("low_m", low, "from here", "the smallest gap"),
         Entry("high_m", high, "to here", "the largest gap"),
         Entry("period_s", 1.3, "and back", EXAMPLE),
     ]
+    return [
+        _triangle("wide", 0.05, 0.95),
+        _triangle("inner", 0.3, 0.7),
+        case_section("held", "gaps at which all of them are run", [held]),
+        case_section("moving", "the armature goes to and fro", moving),
+    ]
+
+
+def _triangle(name: str, low: float, high: float) -> FileSection:
+    entries = [
+        Entry("name", name, "of its recording"),
+        Entry("low", low, "turning point, as a share of force_max_N", EXAMPLE),
+        Entry("high", high, "the other one", EXAMPLE),
+        Entry("period_s", 2.0, "of the triangle", EXAMPLE),
+        Entry("cycles", 2, "of it", EXAMPLE),
+    ]
+    return case_section("force", "a triangle of force", entries)

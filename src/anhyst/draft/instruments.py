@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from anhyst.draft.rounding import nearest, up
 from anhyst.draft.text import Entry, FileSection
 
 
-def identify_sections(reading: Mapping[str, object]) -> list[FileSection]:
-    """Return the table that says how loops are read, where there is something to say."""
+def loops_section(files: str | list[str], reading: Mapping[str, object]) -> FileSection:
+    """Return the table of the loops, and how they are read, where there is something to say."""
     entries = [Entry(key, value, "as given") for key, value in reading.items()]
-    says = "how the loops are read, as by anhyst identify"
-    return [FileSection("identify", says, entries)] if entries else []
+    return FileSection(
+        "loops",
+        "all that the controller knows of the magnet",
+        [Entry("files", files, "copies of what was given"), *entries],
+    )
 
 
 def magnet_section(*entries: Entry) -> FileSection:
     """Return the table of the plant's magnet: what the loops do not say, the fit guesses."""
     iron = Entry("iron", "from loops", "fitted to the loops; what you know (turns, ...), it holds")
-    return FileSection("magnet", "the plant: never the compensator's own law", [*entries, iron])
+    says = "the plant: never the compensator's own law"
+    name = Entry("name", "magnet", "free text")
+    return FileSection("magnet", says, [name, *entries, iron], "magnet")
+
+
+def sensor_section(of: str, says: str, entries: Sequence[Entry]) -> FileSection:
+    """Return the table of a sensor."""
+    return FileSection("sensor", says, [Entry("of", of, "what it reads"), *entries], f"{of}_sensor")
+
+
+def case_section(kind: str, says: str, entries: Sequence[Entry]) -> FileSection:
+    """Return the table of what is tried."""
+    return FileSection("case", says, [Entry("kind", kind, "of the case"), *entries], kind)
 
 
 def range_entries(unit: str, high: float, room: float) -> list[Entry]:

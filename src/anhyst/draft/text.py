@@ -42,6 +42,7 @@ class FileSection:
     name: str  # with those above it, separated by points
     says: str  # what it is
     entries: Sequence[Entry] = field(default_factory=tuple)
+    one_of: str = ""  # what tells it apart from the others of a list of tables, if it is in one
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +58,17 @@ class Draft:
         lines = [f"# {line}".rstrip() for line in self.head.splitlines()]
         lines += _lines(self.entries)
         for section in self.sections:
-            title = f"[{section.name}]".ljust(COLUMN - 1) + f" # {section.says}"
+            name = f"[[{section.name}]]" if section.one_of else f"[{section.name}]"
+            title = name.ljust(COLUMN - 1) + f" # {section.says}"
             lines += ["", title, *_lines(section.entries)]
         return "\n".join(lines) + "\n"
 
     def guesses(self) -> dict[str, str]:
         """Return what was guessed: key with its table, and from what."""
-        named = [("", self.entries), *((f"{one.name}.", one.entries) for one in self.sections)]
+        named = [
+            ("", self.entries),
+            *((f"{one.one_of or one.name}.", one.entries) for one in self.sections),
+        ]
         return {
             f"{table}{entry.key} = {written(entry.value)}": entry.guess
             for table, entries in named

@@ -83,13 +83,12 @@ def _refuse(rig: BearingRig, controller: ControllerFile) -> None:
             code="not-compiled-controller",
             key="compensation",
         )
-    magnet = rig.settings.magnet
-    if magnet.force != "cells" or not isinstance(magnet.steel.steel(), CellSteel):
+    if rig.settings.magnet.kind == "law" or not isinstance(rig.settings.steel.steel(), CellSteel):
         raise InputError(
             f'{rig.path}: an FMU of a bearing knows an iron of cells; give force = "cells" with '
-            "[magnet.iron]",
+            "[[iron]]",
             code="not-iron-of-cells",
-            key="magnet.force",
+            key="iron",
         )
 
 
@@ -113,7 +112,7 @@ def _fields(numbers: object) -> str:
 
 
 def _iron(rig: BearingRig) -> str:
-    steel = rig.settings.magnet.steel.steel()
+    steel = rig.settings.steel.steel()
     assert isinstance(steel, CellSteel)
     curve = _fields(steel.curve())
     thresholds, weights = row(steel.thresholds), row(steel.weights)
@@ -148,7 +147,7 @@ def _numbers(rig: BearingRig) -> str:
     """Return the plant as structures."""
     settings, numbers = rig.settings, plant_numbers(rig)
     circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
-                              settings.simulate.gap_m)  # fmt: skip
+                              settings.gap_m)  # fmt: skip
     winding = {key: circuit.pop(key) for key in ("turns", "resistance")}
     magnet = _fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
     actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
@@ -183,7 +182,7 @@ def _variables(
 ) -> list[Variable]:
     limits, load = controller.settings.limits, rig.settings.load
     codes = ", ".join(f"{one.value} {one.name.lower()}" for one in Command)
-    middle, ends = rig.settings.simulate.gap_m, (limits.gap_low_m, limits.gap_high_m)
+    middle, ends = rig.settings.gap_m, (limits.gap_low_m, limits.gap_high_m)
     found = [
         Variable("target_gap", "input", "m", "wanted gap", middle, *ends),
         Variable("load", "input", "N", "of the load drive; opens the gap", load.force_N),

@@ -237,7 +237,7 @@ class _Task:
         found = track(rig)
         if self.written:
             write_tracking(found, self.out)
-            write_picture(found, 1.0 / rig.settings.reference.frequency_Hz, picture)
+            write_picture(found, 1.0 / rig.settings.moved.frequency_Hz, picture)
         return found
 
     def _must_end(self, suffix: str, what: str) -> None:

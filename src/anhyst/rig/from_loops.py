@@ -20,7 +20,9 @@ from scipy.optimize import least_squares
 from anhyst._core import Magnet
 from anhyst.data import Loops
 from anhyst.rig.distance import along, follower, thinned
-from anhyst.rig.magnet_table import ElectromagnetTable, steel_table
+from anhyst.rig.file import RigFile
+from anhyst.rig.iron_table import steel_table
+from anhyst.rig.magnet_table import FROM_LOOPS, MagnetTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.arrays import FloatArray
@@ -71,7 +73,7 @@ class FittedPlant:
 
     @property
     def keys(self) -> Mapping[str, Any]:
-        """What ``[magnet]`` of a rig file would say."""
+        """What ``[[magnet]]`` of a rig file would say beside its iron."""
         poles = self.poles
         return {
             "turns": poles.turns,
@@ -81,11 +83,10 @@ class FittedPlant:
             "leakage_H": poles.leakage,
             "iron_length_m": poles.iron_length,
             "joints_m": poles.joints,
-            "iron": steel_table(self.steel),
         }
 
 
-def fit_magnet(loops: Loops, table: ElectromagnetTable) -> FittedPlant:
+def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet."""
     coarse = thinned(loops, COARSE)
     fit = _Fit(coarse, table)
@@ -105,8 +106,8 @@ class RigWithMagnet(Protocol):
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @property
-    def settings(self) -> Any:
-        """What it says; its magnet, if it has one, under ``magnet``."""
+    def settings(self) -> RigFile:
+        """What it says."""
 
 
 AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
@@ -114,18 +115,19 @@ AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 
 def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted."""
-    magnet = rig.settings.magnet
-    if magnet is None or not magnet.from_loops:
+    file = rig.settings
+    if file.solenoid is not None or not file.magnet.from_loops:
         return rig
-    found = fit_magnet(loops, magnet)
-    settings = rig.settings.model_copy(update={"magnet": magnet.model_copy(update=found.keys)})
-    return replace(rig, settings=settings, fitted=found)
+    found = fit_magnet(loops, file.magnet)
+    whole = file.replaced(file.magnet, file.magnet.model_copy(update=found.keys))
+    irons = [*file.irons, steel_table(FROM_LOOPS, found.steel)]
+    return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=found)
 
 
 class _Fit:
     """Least squares of the force, with expectations of what the loops leave open."""
 
-    def __init__(self, loops: Loops, table: ElectromagnetTable) -> None:
+    def __init__(self, loops: Loops, table: MagnetTable) -> None:
         self.loops = loops
         self._table = table
         self._top = max(float(np.max(loop.output)) for loop in loops.loops)
@@ -152,7 +154,7 @@ class _Fit:
         """Return the turns there, not rounded yet."""
         return self._poles(self._values(at))[0].turns
 
-    def fitted(self, at: FloatArray, given: ElectromagnetTable) -> FittedPlant:
+    def fitted(self, at: FloatArray, given: MagnetTable) -> FittedPlant:
         """Return the magnet there."""
         values = self._values(at)
         poles, steel = self._poles(values)
@@ -216,9 +218,7 @@ class _Fit:
         return np.concatenate([self._weight * np.concatenate(misses), at])
 
 
-def _expected(
-    loops: Loops, table: ElectromagnetTable, top: float
-) -> dict[str, tuple[float, float]]:
+def _expected(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[float, float]]:
     """Return middle and spread of everything that is sought; logarithms, and odds of shares."""
     area, turns = MU_0 * top / FLUX_DENSITY**2, 0.0
     width, depth = table.pole_width_m, table.pole_depth_m

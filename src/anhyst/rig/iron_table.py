@@ -7,15 +7,23 @@ A table without ``family`` is one of cells. Each knows how it drifts and how a d
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from anhyst.rig.parts.duhem import DuhemSteel
 from anhyst.rig.parts.iron import MOST_CELLS, CellSteel
 from anhyst.rig.parts.preisach import PreisachSteel
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Share, Table
+from anhyst.support.toml_file import (
+    BRANCH,
+    Name,
+    NotNegative,
+    Positive,
+    Share,
+    Table,
+    tag_by,
+)
 
 
 class CurveTable(Table):
@@ -165,18 +173,49 @@ class DuhemTable(CurveTable):
         return ["Duhem iron", f"coercivity {self.coercivity_A_per_m:.3g} A/m"]
 
 
-def _family_of(value: Any) -> str:
-    """Return the tag of the family of a table, of what stands in a file as one, or of a word."""
-    if isinstance(value, str):
-        return f"{BRANCH}word"
-    named = value.get("family") if isinstance(value, dict) else getattr(value, "family", None)
-    family = "cells" if named is None else named
-    return f"{BRANCH}{family}"
+class NamedCells(MagnetSteelTable):
+    """``[[iron]]`` of cells."""
+
+    name: Name
 
 
+class NamedPreisach(PreisachTable):
+    """``[[iron]]`` after Preisach."""
+
+    name: Name
+
+
+class NamedDuhem(DuhemTable):
+    """``[[iron]]`` after Duhem."""
+
+    name: Name
+
+
+NamedIron = NamedCells | NamedPreisach | NamedDuhem
 BY_FAMILY = Discriminator(
-    _family_of,
+    tag_by("family", default="cells"),
     custom_error_type="unknown_choice",
     custom_error_message='family must be "cells", "preisach" or "duhem"; correct it',
 )
-"""By it a file's iron is read: as the table of its family, or as a word that stands for one."""
+"""By it an iron of a file is read as the table of its family."""
+IronEntry = Annotated[
+    Annotated[NamedCells, Tag(f"{BRANCH}cells")]
+    | Annotated[NamedPreisach, Tag(f"{BRANCH}preisach")]
+    | Annotated[NamedDuhem, Tag(f"{BRANCH}duhem")],
+    BY_FAMILY,
+]
+
+
+def steel_table(name: str, steel: CellSteel) -> NamedCells:
+    """Return what a file says about a steel."""
+    return NamedCells(
+        name=name,
+        cells=steel.cells,
+        reversible_fraction=steel.reversible_fraction,
+        pinning_scale_A_per_m=steel.pinning_scale,
+        pinning_shape=steel.pinning_shape,
+        saturation_sharp_T=steel.saturation_sharp,
+        knee_sharp_A_per_m=steel.knee_sharp,
+        saturation_slow_T=steel.saturation_slow,
+        knee_slow_A_per_m=steel.knee_slow,
+    )

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import BeforeValidator, Field
 
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
@@ -15,22 +12,13 @@ from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
+from anhyst.rig.measurement_table import LoopsTable
+from anhyst.rig.old_files import rig_error
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
-from anhyst.support.toml_file import FileFault, faults_error
-from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_file import FileFault
 
-
-def _listed(value: Any) -> Any:
-    if isinstance(value, str):
-        return [value]
-    if isinstance(value, list) and value and all(isinstance(one, str) for one in value):
-        return value
-    raise InputError("must be a file, a folder, or a list of them", code="wrong-kind")
-
-
-FileList = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
-"""A file or folder, or several of them, as the command line takes them."""
+_FILES = ("loops", "files")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,19 +26,17 @@ class Measured:
     """Measured loops as a rig file names them."""
 
     rig: Path  # the rig file
-    key: KeyPath  # where they stand in it
-    names: tuple[str, ...]  # files and folders, relative to the rig file
-    options: IdentifyTable  # how they are read and identified
+    options: LoopsTable  # what it says of them
 
     @property
     def places(self) -> tuple[Path, ...]:
         """Files and folders."""
-        return tuple(self.rig.parent / name for name in self.names)
+        return tuple(self.rig.parent / name for name in self.options.files)
 
     @property
     def text(self) -> str:
         """For messages: the first one, and how many more there are."""
-        more = f" and {len(self.names) - 1} more" if len(self.names) > 1 else ""
+        more = f" and {len(self.places) - 1} more" if len(self.places) > 1 else ""
         return f"{self.places[0]}{more}"
 
     @property
@@ -58,15 +44,13 @@ class Measured:
         """All that is read for them: tables in folders, and what describes them."""
         for number, place in enumerate(self.places):
             if not place.exists():
-                key = (*self.key, number) if len(self.names) > 1 else self.key
+                key = (*_FILES, number) if len(self.places) > 1 else _FILES
                 text = f"{place}: no such file or folder; check the path"
-                raise faults_error(self.rig, [FileFault(key, text, code="no-such-file")])
+                raise rig_error(self.rig, [FileFault(key, text, code="no-such-file")])
         try:
             return files_read(self.places, self.options.reading(self.rig.parent).sidecar)
         except InputError as error:
-            raise faults_error(
-                self.rig, [FileFault(self.key, str(error), code=error.code)]
-            ) from error
+            raise rig_error(self.rig, [FileFault(_FILES, str(error), code=error.code)]) from error
 
     def read(self) -> Loops:
         """Read and clean them."""
@@ -84,11 +68,11 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fi
     """Find what a rig file wants of its identification and cannot have."""
     if options.gap_map == "free":
         text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
-        return [FileFault(("identify", "gap_map"), text, code="choice-not-for-this")]
+        return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
     try:
         check_wanted(options.law, options.gap_map or gap_map, options.search)
     except InputError as error:
-        return [FileFault(("identify",), str(error), code=error.code)]
+        return [FileFault(("loops",), str(error), code=error.code)]
     return []
 
 

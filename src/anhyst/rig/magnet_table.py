@@ -1,52 +1,34 @@
-"""The electromagnet of a rig file: typed by hand, or fitted to the loops that were measured."""
+"""``[[magnet]]`` of a rig file: typed by hand, fitted to measured loops, or in a file of its own."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, MagnetSteelTable, PreisachTable
-from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table
+from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive, Table
 
 FROM_LOOPS = "from loops"
 
 
-def steel_table(steel: CellSteel) -> MagnetSteelTable:
-    """Return what a file says about a steel."""
-    return MagnetSteelTable(
-        cells=steel.cells,
-        reversible_fraction=steel.reversible_fraction,
-        pinning_scale_A_per_m=steel.pinning_scale,
-        pinning_shape=steel.pinning_shape,
-        saturation_sharp_T=steel.saturation_sharp,
-        knee_sharp_A_per_m=steel.knee_sharp,
-        saturation_slow_T=steel.saturation_slow,
-        knee_slow_A_per_m=steel.knee_slow,
-    )
+Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
+"""Unit vector along x, y, z."""
+CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
+"""Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
 
 
-HandTyped = MagnetSteelTable | PreisachTable | DuhemTable
-"""An iron typed by hand, or found by a fit."""
+class MagnetTable(Table):
+    """Winding, poles and iron of one magnet. What a fit finds or guesses may be left out."""
 
-IronEntry = Annotated[
-    Annotated[MagnetSteelTable, Tag(f"{BRANCH}cells")]
-    | Annotated[PreisachTable, Tag(f"{BRANCH}preisach")]
-    | Annotated[DuhemTable, Tag(f"{BRANCH}duhem")]
-    | Annotated[Literal["from loops"], Tag(f"{BRANCH}word")],
-    BY_FAMILY,
-]
-"""A steel typed by hand, or the word that has it fitted."""
-
-
-class ElectromagnetTable(Table):
-    """``[magnet]``: winding, poles and iron. What a fit finds or guesses may be left out."""
-
+    name: Name
+    kind: Literal["electromagnet", "law"] = "electromagnet"
+    iron: str | None = None  # name of an iron, or "from loops"
+    direction: Direction = CLOSES
+    gap_m: Positive | None = None  # where the body works
     turns: Annotated[int, Field(ge=1)] | None = None
     resistance_ohm: Positive | None = None
     pole_width_m: Positive | None = None
@@ -54,10 +36,23 @@ class ElectromagnetTable(Table):
     leakage_H: NotNegative | None = None
     iron_length_m: Positive | None = None
     joints_m: NotNegative | None = None
-    iron: IronEntry | None = None
+    eddy_time_s: NotNegative = 0.0
+    model: str | None = None
+    flux_table: str | None = None
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
+        if self.kind == "law" and self.model is None:
+            raise InputError('a magnet of kind "law" needs model; add it', code="missing")
+        if self.kind != "law" and (self.model or self.flux_table):
+            raise InputError(
+                'model and flux_table belong to kind "law"; write that, or remove them',
+                code="not-for-this-kind",
+            )
+        if self.iron is None and (self.kind != "law" or self.flux_table is None):
+            raise InputError(
+                f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
+            )
         if self.from_loops:
             return self
         for key in ("turns", "resistance_ohm", *_GEOMETRY):
@@ -71,12 +66,6 @@ class ElectromagnetTable(Table):
     def from_loops(self) -> bool:
         """Whether the loops still have to say what is left out."""
         return self.iron == FROM_LOOPS
-
-    @property
-    def steel(self) -> HandTyped:
-        """The iron, once it is known."""
-        assert isinstance(self.iron, HandTyped)
-        return self.iron
 
     @property
     def poles(self) -> Poles:
@@ -99,3 +88,42 @@ class ElectromagnetTable(Table):
 
 
 _GEOMETRY = ("pole_width_m", "pole_depth_m", "leakage_H", "iron_length_m")
+
+
+class LikeTable(Table):
+    """A magnet that is built as another one, in another place."""
+
+    name: Name
+    like: Name
+    direction: Direction
+    gap_m: Positive
+
+
+class SolenoidTable(Table):
+    """A solenoid, which a file of its own describes."""
+
+    name: Name
+    kind: Literal["solenoid"]
+    file: str
+
+
+def _tag(value: Any) -> str:
+    """Return which of the tables a magnet is."""
+    if isinstance(value, Table):
+        return f"{BRANCH}{_TAGS[type(value)]}"
+    if not isinstance(value, dict) or value.get("kind") != "solenoid":
+        return f"{BRANCH}{'like' if isinstance(value, dict) and 'like' in value else 'magnet'}"
+    return f"{BRANCH}solenoid"
+
+
+_TAGS: dict[type[Table], str] = {
+    MagnetTable: "magnet",
+    LikeTable: "like",
+    SolenoidTable: "solenoid",
+}
+MagnetEntry = Annotated[
+    Annotated[MagnetTable, Tag(f"{BRANCH}magnet")]
+    | Annotated[LikeTable, Tag(f"{BRANCH}like")]
+    | Annotated[SolenoidTable, Tag(f"{BRANCH}solenoid")],
+    Discriminator(_tag),
+]

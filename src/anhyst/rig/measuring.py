@@ -12,8 +12,8 @@ import numpy as np
 
 from anhyst.data.history import History
 from anhyst.data.loops import Loop
+from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.parts.sensors import Sensor
-from anhyst.rig.tables import MeasurementTable
 from anhyst.support.arrays import FloatArray
 
 _WHOLE = 1e-6

@@ -1,7 +1,4 @@
-"""The tables that every rig file holds, of a bearing and of force control alike.
-
-Everything is SI and the unit stands in the key.
-"""
+"""Times, amplifiers, bodies, load and stack of a rig file, and what varies between plants."""
 
 # ruff: noqa: N815 - keys of the file carry units
 
@@ -9,94 +6,201 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from anhyst.identification.options import IdentifyTable
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import Bits, NotNegative, Number, Positive, Share, Table
+from anhyst.support.toml_file import (
+    BRANCH,
+    Bits,
+    NotNegative,
+    Number,
+    Positive,
+    Table,
+    ordered,
+    tag_by,
+)
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+Spread = Annotated[float, Field(ge=0.0, le=30.0)]
 
 
-def ordered(low_key: str, low: float, high_key: str, high: float) -> None:
-    """Refuse a range that does not rise, with ValueError."""
-    if not low < high:
-        raise InputError(f"{low_key} must be below {high_key}; correct them", code="range-reversed")
+class TimingTable(Table):
+    """``[timing]``: when what happens."""
 
-
-class ExciteTable(Table):
-    """``[excite]``: what a drive that measures loops must keep to, and where it measures."""
-
-    gaps_m: Annotated[list[Positive], Field(min_length=1)] | None = None
-    operating_N: Positive | None = None
-    current_max_A: Positive | None = None
-    rate_max_A_per_s: Positive | None = None
-    force_max_N: Positive | None = None
-    continuous_A: Positive | None = None
-    thermal_s: Positive | None = None
+    rate_Hz: Annotated[float, Field(ge=100.0, le=200e3)]
+    substeps: Annotated[int, Field(ge=1, le=64)] = 4
+    delay_ticks: Annotated[float, Field(ge=0.0, le=8.0)] = 1.0
 
     @model_validator(mode="after")
-    def _both(self) -> Self:
-        if (self.continuous_A is None) != (self.thermal_s is None):
+    def _whole(self) -> Self:
+        steps = self.delay_ticks * self.substeps
+        if abs(steps - round(steps)) > 1e-9:
             raise InputError(
-                "continuous_A and thermal_s belong together; give both or none",
-                code="belong-together",
+                f"delay_ticks of {self.delay_ticks} is no whole number of sub-steps of "
+                f"1/{self.substeps} tick; correct one of them",
+                code="delay-not-whole",
             )
         return self
 
 
-class RigTable(Table):
-    """The head of a rig file, how its loops are identified, and what measuring them must keep to."""
+class AmplifierTable(Table):
+    """``[[amplifier]]``: the power stage of a coil, one for each."""
 
-    version: Literal[1]
-    name: str
-    identify: IdentifyTable = Field(default_factory=IdentifyTable)
-    excite: ExciteTable = Field(default_factory=ExciteTable)
-
-
-class ShuntTable(Table):
-    """``[current_sensor]``: a shunt, as the controller reads it."""
-
-    low_A: Number
-    high_A: Number
-    adc_bits: Bits
-    noise_A: NotNegative
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        ordered("low_A", self.low_A, "high_A", self.high_A)
-        return self
-
-
-class ForceSensorTable(Table):
-    """``[force_sensor]``: measures the loops; the position controller does not see it."""
-
-    low_N: Number
-    high_N: Number
-    adc_bits: Bits
-    noise_N: NotNegative
+    mode: Literal["current", "voltage"] = "current"
+    supply_V: Positive | None = None
     bandwidth_Hz: Positive
+    current_low_A: Number = 0.0
+    current_high_A: Positive
+    slew_A_per_s: Positive | None = None
+    dac_bits: Bits
+    delay_s: NotNegative = 0.0
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        ordered("low_N", self.low_N, "high_N", self.high_N)
+        ordered("current_low_A", self.current_low_A, "current_high_A", self.current_high_A)
+        return self
+
+    @property
+    def supply(self) -> float:
+        """Largest voltage, V; a body's rig has one."""
+        assert self.supply_V is not None
+        return self.supply_V
+
+    @property
+    def slew(self) -> float:
+        """Fastest change of the current, A/s; a force rig has one."""
+        assert self.slew_A_per_s is not None
+        return self.slew_A_per_s
+
+
+class StackAmplifierTable(Table):
+    """``[[amplifier]]`` of a stack: a voltage that follows its command."""
+
+    mode: Literal["stack"]
+    low_V: Number
+    high_V: Number
+    time_constant_s: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        ordered("low_V", self.low_V, "high_V", self.high_V)
         return self
 
 
-class RecordTable(Table):
-    """One of ``measurement.records``: straight from turning point to turning point."""
+AmplifierEntry = Annotated[
+    Annotated[AmplifierTable, Tag(f"{BRANCH}current")]
+    | Annotated[StackAmplifierTable, Tag(f"{BRANCH}stack")],
+    Discriminator(
+        tag_by("mode", default="current", voltage="current"),
+        custom_error_type="unknown_choice",
+        custom_error_message='mode must be "current", "voltage" or "stack"; correct it',
+    ),
+]
 
-    name: Name
-    turns: Annotated[list[Share], Field(min_length=2)]
+
+class BodyTable(Table):
+    """``[[body]]``: what moves, its guide and its end stops."""
+
+    mass_kg: Positive
+    stop_low_m: Positive
+    stop_high_m: Positive
+    damping_N_s_per_m: NotNegative = 0.0
+    gravity_m_per_s2: Number = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
+        return self
 
 
-class MeasurementTable(Table):
-    """``[measurement]``: how the loops are measured, with armature held."""
+class FlexureTable(Table):
+    """``[[body]]`` on flexures: mass and stiffness, by what they make."""
 
-    gaps_m: Annotated[list[Positive], Field(min_length=1)]
-    current_max_A: Positive
-    sweep_A_per_s: Positive
-    sample_s: Positive
-    conditioning_cycles: Annotated[int, Field(ge=1, le=20)]
-    pause_s: NotNegative = 0.0
-    records: Annotated[list[RecordTable], Field(min_length=1)]
+    resonance_Hz: Positive
+    damping_ratio: Positive
+
+
+BodyEntry = Annotated[
+    Annotated[BodyTable, Tag(f"{BRANCH}body")] | Annotated[FlexureTable, Tag(f"{BRANCH}flexure")],
+    Discriminator(
+        lambda value: (
+            f"{BRANCH}flexure"
+            if isinstance(value, FlexureTable)
+            or (isinstance(value, dict) and "resonance_Hz" in value)
+            else f"{BRANCH}body"
+        )
+    ),
+]
+
+
+class StackTable(Table):
+    """``[[stack]]``: what a free piezo stack does."""
+
+    stroke_m_per_V: Positive
+    bend_m_per_V2: NotNegative
+    slope_m_per_V: Positive
+    beta_per_V: Positive
+    gamma_per_V: NotNegative
+    creep_times_s: list[Positive]
+    creep_shares: list[NotNegative]
+
+    @model_validator(mode="after")
+    def _alike(self) -> Self:
+        if len(self.creep_times_s) != len(self.creep_shares):
+            raise InputError(
+                "creep_shares must hold one share for each of creep_times_s", code="length-differs"
+            )
+        return self
+
+
+class DisturbanceTable(Table):
+    """``[[load.disturbance]]``: a force beside the commanded one."""
+
+    kind: Literal["step", "sine", "noise"]
+    force_N: Number
+    frequency_Hz: Positive | None = None
+    start_s: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.kind == "step" and self.frequency_Hz is not None:
+            raise InputError("a step has no frequency_Hz; remove it", code="not-for-a-step")
+        if self.kind != "step" and self.frequency_Hz is None:
+            raise InputError(f"a {self.kind} needs frequency_Hz; add it", code="missing")
+        return self
+
+
+class LoadTable(Table):
+    """``[load]``: the load drive, which pulls the gap open."""
+
+    force_N: Number
+    bandwidth_Hz: Positive
+    damping_N_s_per_m: NotNegative = 0.0
+    stiffness_N_per_m: Number = 0.0
+    encoder_step_m: NotNegative
+    velocity_bandwidth_Hz: Positive
+    disturbance: list[DisturbanceTable] = Field(default_factory=list)
+
+
+NO_LOAD = LoadTable(force_N=0.0, bandwidth_Hz=1.0, encoder_step_m=0.0, velocity_bandwidth_Hz=1.0)
+"""Of a body that nothing pulls at."""
+
+
+class FrameTable(Table):
+    """``[frame]``: what the magnets ride on, and by how much it misses its path."""
+
+    stray_m: NotNegative = 0.0
+
+
+class SpreadTable(Table):
+    """``[spread]``: standard deviations of what differs from what the controller was made for."""
+
+    pinning_percent: Spread = 10.0
+    reversible_percent: Spread = 20.0
+    saturation_percent: Spread = 2.0
+    mass_percent: Spread = 2.0
+    resistance_percent: Spread = 10.0
+    sensor_gain_percent: Spread = 0.5
+    current_percent: Spread = 0.5
+    hall_percent: Spread = 0.5
+    gap_zero_m: NotNegative = 1e-6
+    eddy_s: NotNegative = 25e-6

@@ -163,7 +163,9 @@ def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> Prepar
     loops = loops_of_rig(rig)
     rig = complete_rig(rig, loops)
     _report(progress, 1.0)
-    program = prepare("full", find_model(rig, loops), rig.settings.rate_Hz, "host", place / "full")
+    program = prepare(
+        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "host", place / "full"
+    )
     _report(progress, 2.0)
     return PreparedForce(rig, loops, program)
 

@@ -107,7 +107,7 @@ def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
     if is_force_rig(rig_path):
         force = read_rig(rig_path)
         named = force.settings.solenoid
-        own = [force.path, None if named is None else force.path.parent / named]
+        own = [force.path, None if named is None else force.path.parent / named.file]
         files = force.measured.files
     else:
         rig, controller = read_files(rig_path, controller_path)

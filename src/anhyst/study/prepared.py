@@ -67,7 +67,7 @@ class PreparedBearing:
 
     def identify(self, loops: Loops, progress: Progress | None = None) -> Model:
         """Identify a model from loops, as the rig file wants it."""
-        return identify_loops(loops, self.setup.rig.settings.identify, "circuit", progress)
+        return identify_loops(loops, self.setup.rig.settings.loops, "circuit", progress)
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
@@ -132,7 +132,7 @@ class PreparedForce:
     def open(self) -> ForceBench:
         """Switch on; at rest, before its first tick. To be closed."""
         bench = ForceBench(self.whole, self.program)
-        settings = self.whole.settings.force_control
+        settings = self.whole.settings.force
         ratio = fit_ratio(loops_at(self.loops, settings.end_m), settings.force_max_N)
         bench.apply({"ratio": 1.0 / float(ratio.ratio[0])})
         return bench
@@ -147,7 +147,7 @@ class PreparedForce:
 
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
-        request = CompileRequest(self.program.kind, "q31", self.whole.settings.rate_Hz)
+        request = CompileRequest(self.program.kind, "q31", self.whole.settings.timing.rate_Hz)
         return _plan(model, request, self.program.scales, self.program.block.limits)
 
 

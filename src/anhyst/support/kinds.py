@@ -12,12 +12,12 @@ from anhyst.support.errors import InputError
 
 
 class FileKind(StrEnum):
-    """What a verb can be given; of a TOML file, what its key ``format`` says."""
+    """What a verb can be given; of a rig, its ``control.kind``, of another file its ``format``."""
 
-    BEARING = "anhyst-bearing"
-    STAGE = "anhyst-stage"
-    PIEZO = "anhyst-piezo-stage"
-    FORCE = "anhyst-rig"
+    BEARING = "levitation"
+    STAGE = "tracking"
+    PIEZO = "displacement"
+    FORCE = "force"
     MODEL = "anhyst-model"
     CONTROLLER = "anhyst-controller"
     COMPILED = "compiled folder"
@@ -39,10 +39,12 @@ NAMES: Mapping[FileKind, tuple[str, str]] = {
 }
 """One of a kind, and several, as messages call them."""
 
+RIGS = (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO, FileKind.FORCE)
+"""All that a rig file can be."""
 _MEASURED, _MODEL = (FileKind.MEASUREMENT,), (FileKind.MODEL,)
 TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "inspect": _MEASURED,
-    "convert": _MEASURED,
+    "convert": (*_MEASURED, *RIGS),
     "identify": _MEASURED,
     "fleet": _MEASURED,
     "init": _MEASURED,
@@ -57,7 +59,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "simulate": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
     "tune": (FileKind.BEARING,),
     "force-control": (FileKind.FORCE,),
-    "excite": (FileKind.BEARING, FileKind.FORCE),
+    "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
     "live": (FileKind.BEARING, FileKind.FORCE, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),
 }
@@ -69,11 +71,32 @@ MEASUREMENTS = frozenset(
 """Endings of files that hold nothing else; ``.txt`` and ``.dat`` may be anything."""
 
 
-def kind_named(text: object) -> FileKind:
-    """Return the kind that a key ``format`` names."""
-    if isinstance(text, str) and text.startswith("anhyst-") and text in list(FileKind):
+RIG_FORMAT = "anhyst-rig"
+_OLDER = {
+    "anhyst-bearing": FileKind.BEARING,
+    "anhyst-stage": FileKind.STAGE,
+    "anhyst-piezo-stage": FileKind.PIEZO,
+}
+
+
+def format_of(kind: FileKind) -> str:
+    """Return what the key ``format`` of a kind of file says."""
+    return RIG_FORMAT if kind in RIGS else kind
+
+
+def kind_in(content: Mapping[str, object]) -> FileKind:
+    """Return the kind of a TOML file by what it holds."""
+    text, control = content.get("format"), content.get("control")
+    if text == RIG_FORMAT:
+        if content.get("version") == 1:
+            return FileKind.FORCE
+        word = control.get("kind") if isinstance(control, dict) else None
+        return FileKind(word) if word in RIGS else FileKind.UNKNOWN
+    if not isinstance(text, str):
+        return FileKind.UNKNOWN
+    if text in (FileKind.MODEL, FileKind.CONTROLLER):
         return FileKind(text)
-    return FileKind.UNKNOWN
+    return _OLDER.get(text, FileKind.UNKNOWN)
 
 
 def kind_of(path: PathLike) -> FileKind:
@@ -89,7 +112,7 @@ def kind_of(path: PathLike) -> FileKind:
     if place.suffix.lower() in MEASUREMENTS:
         return FileKind.MEASUREMENT
     try:
-        return kind_named(tomllib.loads(place.read_text(encoding="utf-8")).get("format"))
+        return kind_in(tomllib.loads(place.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError):
         return FileKind.UNKNOWN
 

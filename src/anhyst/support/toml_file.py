@@ -12,10 +12,18 @@ from types import UnionType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning
-from anhyst.support.kinds import NAMES, FileKind, kind_named, refuse_other
+from anhyst.support.kinds import (
+    NAMES,
+    RIG_FORMAT,
+    FileKind,
+    format_of,
+    kind_in,
+    refuse_other,
+)
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -24,6 +32,7 @@ NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Bits = Annotated[int, Field(ge=4, le=24)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 BRANCH = "|"
 """Tags of what a key may hold instead begin with it: they are no part of the key's path."""
 
@@ -141,11 +150,19 @@ class TomlFile:
         return TomlFileError(self.path, self.problems)
 
 
-def read_toml(path: PathLike, schema: type[T], renamed: Sequence[Renamed] = ()) -> T:
-    """Read a TOML file."""
+def read_toml(
+    path: PathLike,
+    schema: type[T],
+    renamed: Sequence[Renamed] = (),
+    kinds: Collection[FileKind] = (),
+    prepare: Callable[[TomlFile], None] | None = None,
+) -> T:
+    """Read a TOML file of one of some kinds, once it is prepared."""
     file = TomlFile(path)
-    if (field := schema.model_fields.get("format")) is not None:
-        check_kind(file, [kind_named(word) for word in get_args(field.annotation)])
+    if kinds:
+        check_kind(file, kinds)
+    if prepare is not None:
+        prepare(file)
     _rename(file, renamed)
     try:
         return schema.model_validate(file.content)
@@ -162,11 +179,15 @@ def take_kind(path: PathLike, wanted: Collection[FileKind]) -> FileKind:
 
 def check_kind(file: TomlFile, wanted: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a file says that it is; refuse what says none of them."""
-    kind = refuse_other(file.path, wanted, found=kind_named(file.content.get("format")))
+    kind = refuse_other(file.path, wanted, found=kind_in(file.content))
     if kind is FileKind.UNKNOWN:
-        formats = " or ".join(f'"{one}"' for one in wanted)
         names = " or ".join(NAMES[one][0] for one in wanted)
-        file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
+        if file.content.get("format") == RIG_FORMAT:
+            controls = " or ".join(f'"{one}"' for one in wanted)
+            file.add(("control", "kind"), f"must be {controls}; is this {names}?", "wrong-format")
+        else:
+            formats = " or ".join(sorted({f'"{format_of(one)}"' for one in wanted}))
+            file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
         raise file.error()
     return kind
 
@@ -193,6 +214,23 @@ def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
         else:
             continue
         warnings.warn(f"{file.path}:{line}: {dotted(old)}: {text}", RenamedWarning, stacklevel=4)
+
+
+def ordered(low_key: str, low: float, high_key: str, high: float) -> None:
+    """Refuse a range that does not rise."""
+    if not low < high:
+        raise InputError(f"{low_key} must be below {high_key}; correct them", code="range-reversed")
+
+
+def tag_by(key: str, default: str = "", **same: str) -> Callable[[Any], str]:
+    """Return what tells tables of a list apart by a key: its value, or that of a like one."""
+
+    def tag(value: Any) -> str:
+        named = value.get(key) if isinstance(value, dict) else getattr(value, key, None)
+        word = default if named is None else str(named)
+        return f"{BRANCH}{same.get(word, word)}"
+
+    return tag
 
 
 def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
@@ -244,10 +282,15 @@ def _known(schema: type[Table], path: KeyPath) -> list[str]:
         if isinstance(part, str) and part.startswith(BRANCH):
             here = [table for table in here if _answers_to(table, part)] or here
         elif isinstance(part, str):
-            here = _tables(here[0].model_fields[part].annotation)
+            here = _tables(_fields(here[0])[part].annotation)
             if not here:
                 return []
-    return list(here[0].model_fields)
+    return list(_fields(here[0]))
+
+
+def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of a table by their keys in a file."""
+    return {field.alias or name: field for name, field in table.model_fields.items()}
 
 
 def _answers_to(table: type[BaseModel], tag: str) -> bool:

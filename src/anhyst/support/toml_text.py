@@ -52,6 +52,21 @@ def _string(text: str) -> str:
     return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+def parts_of(line: str) -> tuple[str, str]:
+    """Return the value of a line of TOML that is whole by itself, as written, and its comment.
+
+    >>> parts_of('a = "#1"  # first')
+    ('"#1"', 'first')
+    """
+    for place in (*(at for at, letter in enumerate(line) if letter == "#"), len(line)):
+        try:
+            tomllib.loads(line[:place])
+        except tomllib.TOMLDecodeError:
+            continue
+        return line[:place].partition("=")[2].strip(), line[place + 1 :].strip()
+    return "", line.rpartition("#")[2].strip() if "#" in line else ""
+
+
 def key_lines(text: str) -> dict[Path, int]:
     r"""Find the line of every table and key in a TOML text that parses.
 

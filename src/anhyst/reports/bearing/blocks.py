@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from anhyst.compensate.methods import METHODS
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.tables import BearingTable
+from anhyst.rig.file import RigFile
 from anhyst.support.page.numbers import number
 
 FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
@@ -92,12 +92,12 @@ def _output(rig: BearingRig) -> DiagramBlock:
     )
 
 
-def _amplifier(plant: BearingTable) -> DiagramBlock:
+def _amplifier(plant: RigFile) -> DiagramBlock:
     amplifier = plant.amplifier
     loop = "own current loop" if amplifier.mode == "current" else "voltage mode"
     lines = [
         f"{loop}, {_hertz(amplifier.bandwidth_Hz)}",
-        f"supply ±{amplifier.supply_V:g} V",
+        f"supply ±{amplifier.supply:g} V",
         f"{amplifier.current_low_A:g} to {amplifier.current_high_A:g} A",
     ]
     if amplifier.delay_s:
@@ -105,13 +105,12 @@ def _amplifier(plant: BearingTable) -> DiagramBlock:
     return DiagramBlock(f"amplifier{_times(plant)}", tuple(lines))
 
 
-def _electrical(plant: BearingTable) -> DiagramBlock:
+def _electrical(plant: RigFile) -> DiagramBlock:
     magnet = plant.magnet
-    table = magnet.model is not None and magnet.force == "model"
     lines = [
         f"{magnet.turns} turns, {magnet.poles.resistance:.3g} Ω",
         "flux linkage ψ(i, gap) "
-        + ("from a table" if table and magnet.model and magnet.model.flux_table else "of the iron"),
+        + ("of the iron" if magnet.flux_table is None else "from a table"),
         "u = R·i + dψ/dt, by",
         "current and by motion",
     ]
@@ -120,35 +119,34 @@ def _electrical(plant: BearingTable) -> DiagramBlock:
     return DiagramBlock(f"electrical subsystem{_times(plant)}", tuple(lines))
 
 
-def _hysteresis(plant: BearingTable) -> DiagramBlock:
+def _hysteresis(plant: RigFile) -> DiagramBlock:
     magnet, poles = plant.magnet, plant.magnet.poles
     pole = f"pole {1e3 * poles.width:.3g} × {1e3 * poles.depth:.3g} mm"
-    if magnet.force == "model" and magnet.model is not None:
-        lines = ["identified Jiles-Atherton law", magnet.model.file, pole]
+    if magnet.model is not None:
+        lines = ["identified Jiles-Atherton law", magnet.model, pole]
     else:
-        lines = [*magnet.steel.lines(), pole]
-    if magnet.arrangement == "pair":
-        assert magnet.gap_total_m is not None
-        lines.append(f"bias {magnet.bias_force_N:g} N, gaps {1e3 * magnet.gap_total_m:g} mm")
+        lines = [*plant.steel.lines(), pole]
+    if plant.gap_total_m is not None:
+        lines.append(f"bias {plant.bias_N:g} N, gaps {1e3 * plant.gap_total_m:g} mm")
     return DiagramBlock(f"force-current hysteresis{_times(plant)}", tuple(lines))
 
 
-def _mechanics(plant: BearingTable) -> DiagramBlock:
-    mechanics = plant.mechanics
+def _mechanics(plant: RigFile) -> DiagramBlock:
+    mechanics = plant.body
     low, high = 1e3 * mechanics.stop_low_m, 1e3 * mechanics.stop_high_m
     lines = [f"mass {mechanics.mass_kg:g} kg", f"stops at {low:g} and {high:g} mm"]
     if mechanics.damping_N_s_per_m:
         lines.append(f"guide {mechanics.damping_N_s_per_m:g} N s/m")
     if mechanics.gravity_m_per_s2:
         lines.append(f"gravity {mechanics.gravity_m_per_s2:g} m/s²")
-    lines.append(f"works at {1e3 * plant.simulate.gap_m:g} mm")
+    lines.append(f"works at {1e3 * plant.gap_m:g} mm")
     return DiagramBlock("mechanics", tuple(lines))
 
 
-def _sensors(plant: BearingTable, controller: ControllerTable) -> DiagramBlock:
-    position, shunt = plant.position_sensor.sensor(), plant.current_sensor
+def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
+    position, shunt = plant.gap_sensor.sensor(), plant.current_sensor
     lines = [
-        f"{plant.position_sensor.kind}: step {_metres(position.step)}",
+        f"{plant.gap_sensor.kind}: step {_metres(position.step)}",
         f"noise {_metres(position.noise)} rms, {_hertz(position.bandwidth)}",
     ]
     if position.delay:
@@ -160,7 +158,7 @@ def _sensors(plant: BearingTable, controller: ControllerTable) -> DiagramBlock:
     return DiagramBlock("sensors", tuple(lines))
 
 
-def _load(plant: BearingTable) -> DiagramBlock:
+def _load(plant: RigFile) -> DiagramBlock:
     load = plant.load
     lines = [f"{load.force_N:g} N, {_hertz(load.bandwidth_Hz)}"]
     if load.stiffness_N_per_m or load.damping_N_s_per_m:
@@ -172,8 +170,8 @@ def _load(plant: BearingTable) -> DiagramBlock:
     return DiagramBlock("load drive", tuple(lines))
 
 
-def _times(plant: BearingTable) -> str:
-    return " × 2" if plant.magnet.arrangement == "pair" else ""
+def _times(plant: RigFile) -> str:
+    return " × 2" if plant.opposite is not None else ""
 
 
 def _short(value: float) -> str:

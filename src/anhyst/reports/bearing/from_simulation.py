@@ -25,8 +25,8 @@ from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import SimulateTable
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.file import RigFile
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.operating import has_constants
@@ -41,7 +41,7 @@ _FREQUENCIES = 400
 
 def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
     """Gather what the report of a simulation shows; trajectories and loads are run once more."""
-    rig, tried = simulation.rig, simulation.rig.settings.simulate
+    rig, tried = simulation.rig, simulation.rig.settings
     steps = grouped(simulation.cells)
     up = [step for step in simulation.scenario.steps if step.after < step.before]
     here = {step.height: step for step in steps if step.gap == tried.gap_m}
@@ -146,7 +146,7 @@ def _seen(
     return found
 
 
-def _tracked(setups: Mapping[MethodName, Setup], tried: SimulateTable) -> Iterator[Tracking]:
+def _tracked(setups: Mapping[MethodName, Setup], tried: RigFile) -> Iterator[Tracking]:
     """Run trajectories and load steps for the eye."""
     one = next(iter(setups.values()))
     for shape in tried.trajectories:

@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 
 from anhyst.compensate.interface import MethodName
 from anhyst.study.bearing.metrics import Interval
+from anhyst.study.verdict import TITLES, Judgement, Level
 from anhyst.support.arrays import FloatArray
+from anhyst.support.page.blocks import Note, Tone
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 from anhyst.support.page.style import FALLING, RISING
 
@@ -116,3 +118,12 @@ def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             found.setdefault(str(label), handle)
     figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns)
+
+
+_TONES: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "warn", "unknown": "info"}
+
+
+def verdict_note(found: Judgement) -> Note:
+    """Return it as a box."""
+    text = f"{found.text[:1].upper()}{found.text[1:]}."
+    return Note(_TONES[found.level], TITLES[found.level], text)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from anhyst.compensate.interface import MethodName
 from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.force_current import figure_force_current
-from anhyst.reports.bearing.look import ordered
+from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
 from anhyst.reports.bearing.over_runs import (
     BenefitCell,
@@ -29,16 +29,17 @@ from anhyst.reports.bearing.tables import (
     OVERSHOOT,
     benefit_table,
     comparison_table,
+    judge_steps,
     legend_table,
     margin_table,
     overshoot_text,
     settling_sentence,
     step_tables,
 )
-from anhyst.reports.bearing.verdict import judge, strongest
-from anhyst.rig.bearing.tables import DriftTable
+from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
 from anhyst.study.bearing.zones import zone
+from anhyst.study.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table
 from anhyst.support.page.numbers import NBSP, number
@@ -92,10 +93,10 @@ def _more(subject: SimulationSubject, key: str) -> list[Block]:
 
 def _headline(subject: SimulationSubject) -> Headline:
     plant = subject.rig.settings
-    arrangement = "A pair of magnets" if plant.magnet.arrangement == "pair" else "One magnet"
+    arrangement = "A pair of magnets" if plant.opposite is not None else "One magnet"
     what = (
-        f"{arrangement}, {plant.mechanics.mass_kg:g}{NBSP}kg, {subject.rig.load:g}{NBSP}N load, "
-        f"{1e3 * plant.simulate.gap_m:g}{NBSP}mm gap, {plant.timing.rate_Hz:g} ticks a second; "
+        f"{arrangement}, {plant.body.mass_kg:g}{NBSP}kg, {subject.rig.load:g}{NBSP}N load, "
+        f"{1e3 * plant.gap_m:g}{NBSP}mm gap, {plant.timing.rate_Hz:g} ticks a second; "
         f"controller “{subject.controller.name}”, variant {subject.variant}."
     )
     basis = (
@@ -104,7 +105,7 @@ def _headline(subject: SimulationSubject) -> Headline:
     )
     if subject.steps:
         basis += f"; intervals are those of 95 % confidence over {subject.seeds} noise seeds"
-    judged = [judge(subject.steps, subject.variant).note()] if subject.steps else []
+    judged = [verdict_note(judge_steps(subject.steps, subject.variant))] if subject.steps else []
     notes = (*judged, *subject.notes, *_lost(subject))
     return Headline(
         title=plant.name,
@@ -121,7 +122,7 @@ def _headline(subject: SimulationSubject) -> Headline:
 def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
     """Overshoot at every height at the operating gap, beside the strongest of the others."""
     tiles = []
-    gap = subject.rig.settings.simulate.gap_m
+    gap = subject.rig.settings.gap_m
     for step in subject.steps:
         mine = step.of(OVERSHOOT).get(subject.variant)
         if mine is None or math.isnan(mine.mean):
@@ -140,7 +141,7 @@ def _tiles(subject: SimulationSubject) -> tuple[Tile, ...]:
 def _beside(step: Steps, variant: MethodName) -> Iterable[str]:
     """Write the overshoot of a variant, of the strongest baseline and of measured flux."""
     yield f"{variant}: {overshoot_text(step, variant)}"
-    other = strongest(step)
+    other = strongest(step.of(OVERSHOOT))
     if other not in (None, variant):
         yield f"strongest without hysteresis model ({other}): {overshoot_text(step, other)}"
     if "flux" in step.cells and variant != "flux":
@@ -263,7 +264,7 @@ def _tracking(subject: SimulationSubject) -> Section:
 def _standstill(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
     if subject.standstill:
-        sensor = subject.rig.settings.position_sensor
+        sensor = subject.rig.settings.gap_sensor
         noise, step = sensor.sensor().noise, sensor.sensor().step
         blocks.append(
             _picture(
@@ -343,7 +344,7 @@ def _drift(subject: SimulationSubject) -> Section:
         blocks = [
             Text(
                 f"{subject.plants} plants, each with a noise of its own, whose properties are off "
-                f"by chance: {_spreads(subject.rig.settings.drift)} (standard deviations). The "
+                f"by chance: {_spreads(subject.rig.settings.spread)} (standard deviations). The "
                 "controller, fitted to the nominal plant, knows nothing of it."
             ),
             _picture(
@@ -365,7 +366,7 @@ def _drift(subject: SimulationSubject) -> Section:
     return Section("drift", "Drifted plants", (*blocks, *_more(subject, "drift")))
 
 
-def _spreads(drift: DriftTable) -> str:
+def _spreads(drift: SpreadTable) -> str:
     """Say by how much plants drift."""
     shares = (
         ("pinning", drift.pinning_percent),
@@ -376,7 +377,7 @@ def _spreads(drift: DriftTable) -> str:
         ("gain of every sensor", drift.sensor_gain_percent),
     )
     shown = [f"{name} {value:g}{NBSP}%" for name, value in shares]
-    return f"{', '.join(shown)}, gap {1e6 * drift.gap_offset_m:g}{NBSP}µm"
+    return f"{', '.join(shown)}, gap {1e6 * drift.gap_zero_m:g}{NBSP}µm"
 
 
 def _benefit(subject: SimulationSubject) -> Section:

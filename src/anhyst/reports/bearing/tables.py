@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 from anhyst.compensate.interface import MethodName
-from anhyst.compensate.methods import METHODS
+from anhyst.compensate.methods import METHODS, MODELS
 from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import SETTLED, Interval
+from anhyst.study.verdict import Comparison, Judgement, compare, judge, strongest
 from anhyst.support.page.blocks import Cell, PageTable, table
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
+from anhyst.support.pays import FEEDBACK
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
 STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
@@ -65,62 +67,51 @@ STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
 """Figure, title, unit as shown, factor to it, caption."""
 
 
-@dataclass(frozen=True, slots=True)
-class OvershootDifference:
-    """How one overshoot differs from that of a baseline."""
-
-    mine: float  # means, %
-    baseline: float
-    # whether the difference is larger than what noise leaves open, and than what either of them
-    # moves about at a standstill
-    certain: bool
-
-    @property
-    def less(self) -> bool:
-        """Whether it is certain that there is a gain."""
-        return self.certain and self.mine < self.baseline
-
-    @property
-    def more(self) -> bool:
-        """Whether it is certain that there is a loss."""
-        return self.certain and self.mine > self.baseline
-
-    @property
-    def share(self) -> float:
-        """Part of the baseline's overshoot that is gone."""
-        return 1.0 - self.mine / self.baseline
-
-    @property
-    def points(self) -> float:
-        """Percentage points of the height by which there is more."""
-        return self.mine - self.baseline
-
-    @property
-    def text(self) -> str:
-        """Such as "54 % less"."""
-        if self.less:
-            return f"{number(100.0 * self.share, 2)}{NBSP}% less"
-        if self.more:
-            return f"+{number(self.points, 2)} points"
-        return "alike" if math.isfinite(self.mine + self.baseline) else NOT_KNOWN
-
-
-def difference(mine: Interval, baseline: Interval, floor: float) -> OvershootDifference:
-    """Compare two overshoots.
-
-    The half widths are added as if the noise of both were independent; seeds are shared, so that
-    this asks for more than is needed.
-    """
-    unsure = max(floor, math.hypot(mine.half_width, baseline.half_width))
-    certain = abs(baseline.mean - mine.mean) > unsure
-    return OvershootDifference(mine.mean, baseline.mean, certain)
-
-
-def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> OvershootDifference:
+def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> Comparison:
     """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
     overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
     floor = max(noise[mine].mean, noise[baseline].mean)
-    return difference(overshoot[mine], overshoot[baseline], floor)
+    return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
+
+
+def difference_text(found: Comparison) -> str:
+    """Write such as "54 % less"."""
+    if found.less:
+        return f"{number(100.0 * (1.0 - found.ratio), 2)}{NBSP}% less"
+    if found.more:
+        return f"+{number(found.mine - found.its, 2)} points"
+    return "alike" if math.isfinite(found.mine + found.its) else NOT_KNOWN
+
+
+def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
+    """Judge a variant, or the fullest model beside it where it has none."""
+    names = {name for step in steps for name in step.cells}
+    models = [name for name in ordered(names) if name in MODELS]
+    mine = variant if variant in MODELS or not models else models[-1]
+    if mine not in MODELS:
+        return Judgement("unknown", "no variant with a hysteresis model was run")
+    found = []
+    for step in steps:
+        other = strongest(step.of(OVERSHOOT))
+        if other is not None and mine in step.cells:
+            one = step_difference(step, mine, other)
+            found += [one] if math.isfinite(one.mine + one.its) else []
+    if not found:
+        return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
+    judged = judge(mine, found, "steps", FEEDBACK)
+    return replace(judged, text=f"{judged.text}{_beside_flux(steps, mine)}")
+
+
+def _beside_flux(steps: Sequence[Steps], mine: MethodName) -> str:
+    """Say how it stands against measured flux, if that was run."""
+    found = [
+        step_difference(step, mine, "flux") for step in steps if {mine, "flux"} <= set(step.cells)
+    ]
+    known = [one for one in found if math.isfinite(one.mine + one.its)]
+    if not known:
+        return ""
+    less, more = sum(one.less for one in known), sum(one.more for one in known)
+    return f"; than measured flux less at {less} and more at {more}"
 
 
 def overshoot_text(step: Steps, name: MethodName) -> str:
@@ -140,7 +131,7 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
         for name in baselines:
             known = name in step.cells
             found = step_difference(step, subject.variant, name) if known else None
-            text = NOT_KNOWN if found is None else found.text
+            text = NOT_KNOWN if found is None else difference_text(found)
             row.append(Cell(text, strong=found is not None and found.less))
         rows.append(row)
     head = ["step", "overshoot", *baselines]

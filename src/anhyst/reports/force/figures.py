@@ -166,7 +166,7 @@ def _deviations(
 def _worst(rig: Rig, outcome: ForceOutcome, name: str) -> float:
     deviation = outcome.recordings[name].force - outcome.trial.demand.force
     largest = np.abs(deviation[outcome.trial.demand.lead_in :]).max()
-    return float(100.0 * largest / rig.settings.force_control.force_max_N)
+    return float(100.0 * largest / rig.settings.force.force_max_N)
 
 
 def _curve(rig: Rig, outcome: ForceOutcome, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -22,7 +22,8 @@ _Place = tuple[float, float]
 def figure_hardware(rig: Rig, board: str) -> Figure:
     """Draw what is connected to what."""
     settings = rig.settings
-    amplifier, lvdt, force = settings.amplifier, settings.lvdt, settings.force_sensor
+    amplifier, force = settings.amplifier, settings.force_sensor
+    gap = settings.gap_sensor.sensor()
     figure = new_figure(3.9)
     ax = figure.add_subplot()
     ax.set_axis_off()
@@ -33,24 +34,24 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
         "controller": (
             (4.0, 2.0),
             "embedded controller",
-            f"board {board}, {settings.rate_Hz:g} ticks/s\nfixed point, one tick of delay",
+            f"board {board}, {settings.timing.rate_Hz:g} ticks/s\nfixed point, one tick of delay",
         ),
         "amplifier": (
             (8.0, 2.0),
             "current amplifier",
-            f"0 to {amplifier.current_max_A:g} A, {amplifier.dac_bits} bits\n"
+            f"0 to {amplifier.current_high_A:g} A, {amplifier.dac_bits} bits\n"
             f"{amplifier.bandwidth_Hz:g} Hz, {amplifier.slew_A_per_s:g} A/s",
         ),
         "solenoid": (
             (8.0, 0.0),
             actuator,
-            f"{turns} turns, {settings.force_control.force_max_N:g} N\ngap {_stroke(rig)} mm",
+            f"{turns} turns, {settings.force.force_max_N:g} N\ngap {_stroke(rig)} mm",
         ),
         "lvdt": (
             (4.0, 0.0),
-            "LVDT",
-            f"{lvdt.adc_bits} bits over {1e3 * (lvdt.high_m - lvdt.low_m):g} mm\n"
-            f"{1e6 * lvdt.noise_m:g} um rms, {lvdt.bandwidth_Hz:g} Hz",
+            settings.gap_sensor.kind,
+            f"{1e6 * gap.step:.3g} um steps over {1e3 * (gap.high - gap.low):g} mm\n"
+            f"{1e6 * gap.noise:g} um rms, {gap.bandwidth:g} Hz",
         ),
         "force": (
             (0.0, 0.0),
@@ -75,7 +76,7 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
 
 
 def _stroke(rig: Rig) -> str:
-    positions = rig.settings.force_control.positions_m
+    positions = rig.settings.held.gaps_m
     return f"{1e3 * min(positions):g} to {1e3 * max(positions):g}"
 
 

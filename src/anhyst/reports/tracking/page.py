@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 from anhyst.compensate.methods import METHODS
-from anhyst.reports.bearing.look import interval_text
+from anhyst.reports.bearing.look import interval_text, verdict_note
 from anhyst.reports.tracking.figures import figure_learning, figure_scan, figure_settling
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.study.tracking.simulate import OWN, TrackingStudy
@@ -18,7 +19,6 @@ from anhyst.support.page.blocks import (
     Picture,
     Section,
     Text,
-    Tone,
     table,
 )
 from anhyst.support.page.numbers import NBSP, number
@@ -59,27 +59,19 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
 
 def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
-    worth, sentence = verdict(study)
-    tone: Tone = "bad" if study.lost_in else "good" if worth else "warn"
-    notes = [Note(tone, "Verdict", f"{sentence}.")]
-    notes += [
-        Note(
-            "good" if one.better else "warn",
-            "Worth it" if one.better else "Not worth it",
-            f"{one.text}.",
-        )
-        for one in verdicts(study)
-    ]
+    found = verdict_note(verdict(study))
+    notes = [replace(found, tone="bad") if study.lost_in else found]
+    notes += [verdict_note(one) for one in verdicts(study).values()]
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
     return Headline(
         title=plant.name,
-        what=f"A mass of {plant.mechanics.mass_kg:g}{NBSP}kg between two magnets at "
+        what=f"A mass of {plant.body.mass_kg:g}{NBSP}kg between two magnets at "
         f"{1e3 * study.rig.gap:g}{NBSP}mm, which ride on a long stroke that is off by "
-        f"{1e6 * tracking.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
+        f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
         basis="Simulated. The gains of the feedforward were found for every variant by the same "
         "search on a training set-point; all figures are of another one that was never tuned on. "
-        f"Intervals are those of 95 % confidence over {tracking.noise_seeds} noise seeds.",
+        f"Intervals are those of 95 % confidence over {plant.noise_seeds} noise seeds.",
         notes=tuple(notes),
         tiles=_tiles(study),
         comparison=_comparison(study),
@@ -110,7 +102,7 @@ def _comparison(study: TrackingStudy) -> PageTable:
         ["variant", "", *(head for head, _, _ in _COLUMNS)],
         rows,
         "The first scan is left out. Moving average and deviation over a slit of "
-        f"{1e3 * study.rig.settings.tracking.slit_s:g} ms, from 5 ms after the acceleration on; "
+        f"{1e3 * study.rig.settings.scan.slit_s:g} ms, from 5 ms after the acceleration on; "
         "largest of all scans. A scan that does not settle counts with its whole cruise.",
         texts=2,
     )
@@ -118,7 +110,7 @@ def _comparison(study: TrackingStudy) -> PageTable:
 
 def _scan(study: TrackingStudy) -> Section:
     names = ", ".join(study.tried)
-    figure = figure_scan(study.tried, study.rig.settings.tracking.slit_s)
+    figure = figure_scan(study.tried, study.rig.settings.scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
         "over the slit, and true force less what was demanded a delay earlier. Error and mean are "
@@ -129,7 +121,7 @@ def _scan(study: TrackingStudy) -> Section:
 
 
 def _settling(study: TrackingStudy) -> Section:
-    figure = figure_settling(study.tried, study.rig.settings.tracking.cruise_s)
+    figure = figure_settling(study.tried, study.rig.settings.scan.cruise_s)
     caption = "Every scan of every noise seed; at the right end those that never settled."
     alt = "Histograms of the settling time into 50 and 10 nm, a row a variant."
     return Section("settling", "Settling", (Picture(svg_text(figure, "settling"), alt, caption),))

@@ -51,7 +51,7 @@ class BearingPlant:
         self.bearing = bearing or make_bearing(rig, seed)
         self.rest_load = rig.settings.load.force_N
         self.force_high = setup.controller.limits.force_high_N
-        self.supply = rig.settings.amplifier.supply_V
+        self.supply = rig.settings.amplifier.supply
         self.load = self.rest_load
         self.inject = 0.0
         self.dropped = False

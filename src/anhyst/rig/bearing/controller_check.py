@@ -13,10 +13,10 @@ LONGEST_RAMP_S = 60.0
 
 def pair_of(rig: BearingRig) -> PairTable | None:
     """Return what a controller has to know of a second magnet, or None where there is none."""
-    magnet = rig.settings.magnet
-    if magnet.bias_force_N is None or magnet.gap_total_m is None:
+    bias, total = rig.settings.bias_N, rig.settings.gap_total_m
+    if bias is None or total is None:
         return None
-    return PairTable(bias_force_N=magnet.bias_force_N, gap_total_m=magnet.gap_total_m)
+    return PairTable(bias_force_N=bias, gap_total_m=total)
 
 
 def check_controller(controller: ControllerFile, rig: BearingRig) -> None:
@@ -55,7 +55,7 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
         faults.append(FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered"))
-    step = plant.position_sensor.sensor().step
+    step = plant.gap_sensor.sensor().step
     if limits.step_m < step:
         text = f"the position sensor of {rig.path} has steps of {step:.4g} m; raise it"
         faults.append(FileFault(("limits", "step_m"), text, code="step-too-fine"))
@@ -67,7 +67,7 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:
 
 def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> list[FileFault]:
     """Find ramps so slow that nobody waits for them."""
-    way = rig.settings.mechanics.stop_high_m - lowest
+    way = rig.settings.body.stop_high_m - lowest
     faults: list[FileFault] = []
     for table, what, ramp, seconds in (
         ("lift_off", "lifting off", settings.lift_off, lift_time(rig, settings, lowest)),
@@ -84,12 +84,12 @@ def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> l
 
 def _visited(rig: BearingRig) -> tuple[float, float]:
     """Return the smallest gap that is referred to, and that of the armature at rest, m."""
-    cases = rig.settings.simulate
-    gaps = [cases.gap_m, *cases.also_gaps_m]
-    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in cases.steps_m)
+    cases = rig.settings
+    gaps = [cases.gap_m, *cases.step.also_gaps_m]
+    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in cases.step.heights_m)
     for trajectory in cases.trajectories:
         lowest = min(lowest, cases.gap_m - trajectory.amplitude_m)
-    return lowest, rig.settings.mechanics.stop_high_m
+    return lowest, rig.settings.body.stop_high_m
 
 
 def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:

@@ -1,7 +1,4 @@
-"""The rig file of a magnetic bearing: plant, instruments, and its test cases.
-
-Everything is SI and the unit stands in the key. Every key is described in docs/rig-file.md.
-"""
+"""A body between magnets, from its rig file: bearings, and stages seen from what they ride on."""
 
 from __future__ import annotations
 
@@ -9,11 +6,14 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.rig.bearing.tables import BearingTable, MagnetTable
+from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
-from anhyst.rig.loop_files import Measured, identify_faults
+from anhyst.rig.loop_files import Measured
+from anhyst.rig.old_files import rig_error
+from anhyst.rig.reading import read_rig_file
 from anhyst.support.atomic import PathLike
-from anhyst.support.toml_file import FileFault, faults_error, read_toml
+from anhyst.support.kinds import FileKind
+from anhyst.support.toml_file import FileFault, Table
 from anhyst.support.toml_text import Path as KeyPath
 
 TICKS_PER_POLE = 20.0
@@ -32,8 +32,7 @@ MOST_DELAY = 128
 class PlacedMagnet:
     """A magnet in its place."""
 
-    table: MagnetTable  # what it is
-    # its gap and that of the bearing together, m, for one on the other side of the armature; None
+    # gap of the bearing and its own together, m, for one on the other side of the armature; None
     # for one that closes the gap
     total: float | None = None
 
@@ -44,10 +43,10 @@ class PlacedMagnet:
 
 @dataclass(frozen=True, slots=True)
 class BearingRig:
-    """A bearing as its file describes it."""
+    """A body between magnets as its file describes it."""
 
     path: Path  # the rig file
-    settings: BearingTable  # what it says
+    settings: RigFile  # what it says
     # magnet that was fitted to the loops; `settings` holds its numbers then
     fitted: FittedPlant | None = None
 
@@ -64,37 +63,31 @@ class BearingRig:
     @property
     def measured(self) -> Measured:
         """The loops that its file names."""
-        settings = self.settings
-        return Measured(self.path, ("loops",), tuple(settings.loops), settings.identify)
+        return Measured(self.path, self.settings.loops)
 
     @property
     def magnets(self) -> tuple[PlacedMagnet, ...]:
         """All that pull the armature; the first one closes the gap."""
-        magnet = self.settings.magnet
-        first = PlacedMagnet(magnet)
-        if magnet.arrangement == "single":
-            return (first,)
-        return first, PlacedMagnet(magnet, magnet.gap_total_m)
+        total = self.settings.gap_total_m
+        return (PlacedMagnet(),) if total is None else (PlacedMagnet(), PlacedMagnet(total))
 
     @property
     def model(self) -> Path | None:
         """Model file of a magnet whose force an identified law makes."""
         model = self.settings.magnet.model
-        return None if model is None else self.path.parent / model.file
+        return None if model is None else self.path.parent / model
 
     @property
     def flux_table(self) -> Path | None:
         """Flux table of such a magnet, if it has one."""
-        model = self.settings.magnet.model
-        if model is None or model.flux_table is None:
-            return None
-        return self.path.parent / model.flux_table
+        table = self.settings.magnet.flux_table
+        return None if table is None else self.path.parent / table
 
     @property
     def load(self) -> float:
         """Force that pulls the gap open all the time, N: load drive and weight."""
-        mechanics = self.settings.mechanics
-        return self.settings.load.force_N + mechanics.mass_kg * mechanics.gravity_m_per_s2
+        body = self.settings.body
+        return self.settings.load.force_N + body.mass_kg * body.gravity_m_per_s2
 
 
 def step_ends(gap: float, height: float) -> tuple[float, float]:
@@ -109,18 +102,17 @@ def step_ends(gap: float, height: float) -> tuple[float, float]:
 def read_bearing(path: PathLike) -> BearingRig:
     """Read the rig file of a bearing."""
     place = Path(path)
-    settings = read_toml(place, BearingTable)
-    faults = [*_delay_faults(settings), *_plant_faults(settings), *_simulate_faults(settings)]
-    faults += identify_faults(settings.identify)
+    settings = read_rig_file(place, [FileKind.BEARING])
+    faults = [*plant_faults(settings), *_case_faults(settings)]
     if faults:
-        raise faults_error(place, faults)
+        raise rig_error(place, faults)
     return BearingRig(place, settings)
 
 
 def check_load(rig: BearingRig, force_max: float) -> None:
     """Refuse a load that no current can carry."""
     load = rig.load
-    steps = rig.settings.simulate.load_steps_N
+    steps = rig.settings.load_steps_N
     faults: list[FileFault] = []
     if not load < force_max:
         text = f"no current can carry {load:.4g} N, the magnet reaches {force_max:.4g} N"
@@ -135,11 +127,11 @@ def check_load(rig: BearingRig, force_max: float) -> None:
         if load < force_max <= load + step:
             text = f"{load:.4g} N and this step are {load + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"
-            faults.append(
-                FileFault(("simulate", "load_steps_N", place), text, code="load-too-large")
-            )
+            assert rig.settings.load_case is not None
+            key = rig.settings.place(rig.settings.load_case, "forces_N", place)
+            faults.append(FileFault(key, text, code="load-too-large"))
     if faults:
-        raise faults_error(rig.path, faults)
+        raise rig_error(rig.path, faults)
 
 
 def check_rate(rig: BearingRig, pole_Hz: float) -> None:
@@ -148,92 +140,91 @@ def check_rate(rig: BearingRig, pole_Hz: float) -> None:
     if rate < least:
         text = f"{rate:.6g} Hz is too slow for a plant whose unstable pole lies at {pole_Hz:.4g} Hz"
         text += f"; use at least {TICKS_PER_POLE:g} times that, {math.ceil(least)} Hz"
-        raise faults_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
+        raise rig_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def _delay_faults(settings: BearingTable) -> list[FileFault]:
-    """Find delays that the plant has no memory for."""
-    timing = settings.timing
-    per_second = timing.rate_Hz * timing.substeps
-    output = timing.delay_ticks * timing.substeps + settings.amplifier.delay_s * per_second
-    faults: list[FileFault] = []
-    for key, steps in (
-        (("amplifier", "delay_s"), output),
-        (("position_sensor", "delay_s"), settings.position_sensor.sensor().delay * per_second),
-    ):
-        if steps > MOST_DELAY:
-            text = f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}"
-            faults.append(
-                FileFault(key, f"{text}; shorten it or lower substeps", code="delay-too-long")
-            )
-    return faults
-
-
-def _plant_faults(settings: BearingTable) -> list[FileFault]:
+def plant_faults(file: RigFile) -> list[FileFault]:
     """Find what does not fit together in the plant and its instruments."""
-    faults: list[FileFault] = []
-    mechanics, magnet = settings.mechanics, settings.magnet
-    low, high = mechanics.stop_low_m, mechanics.stop_high_m
-    if magnet.gap_total_m is not None and not high < magnet.gap_total_m:
-        text = f"must be above stop_high_m, {high:g} m, or the second magnet is touched; raise it"
-        faults.append(FileFault(("magnet", "gap_total_m"), text, code="range-too-narrow"))
-    sensor = settings.position_sensor
-    if not (sensor.low_m <= low and high <= sensor.high_m):
+    faults = _delay_faults(file)
+    body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
+    opposite, total = file.opposite, file.gap_total_m
+    if opposite is not None and total is not None and not high < total:
+        text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
+        text += "magnet is touched; raise it"
+        faults.append(FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow"))
+    sensor = file.gap_sensor
+    if not (sensor.low_m <= body.stop_low_m and high <= sensor.high_m):
         text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
-        faults.append(FileFault(("position_sensor",), text, code="range-too-narrow"))
-    amplifier, shunt = settings.amplifier, settings.current_sensor
+        faults.append(FileFault(file.place(sensor), text, code="range-too-narrow"))
+    amplifier, shunt = file.amplifier, file.current_sensor
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must hold that of the amplifier; widen low_A or high_A"
-        faults.append(FileFault(("current_sensor",), text, code="range-too-narrow"))
-    if settings.measurement.current_max_A > amplifier.current_high_A:
+        faults.append(FileFault(file.place(shunt), text, code="range-too-narrow"))
+    if file.measurement.current_max_A > amplifier.current_high_A:
         text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
         faults.append(FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier"))
+    if not low < file.gap_m < high:
+        text = f"the body works at {file.gap_m:g} m, outside the travel of {low:g} to {high:g} m"
+        key = file.place(file.magnet, "gap_m")
+        faults.append(FileFault(key, f"{text}; lower it or move the stops", code="outside-travel"))
     return faults
 
 
-def _simulate_faults(settings: BearingTable) -> list[FileFault]:
+def _delay_faults(file: RigFile) -> list[FileFault]:
+    """Find delays that the plant has no memory for."""
+    timing, amplifier, sensor = file.timing, file.amplifier, file.gap_sensor
+    per_second = timing.rate_Hz * timing.substeps
+    output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
+    return [
+        FileFault(
+            file.place(table, "delay_s"),
+            f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it or "
+            "lower substeps",
+            code="delay-too-long",
+        )
+        for table, steps in ((amplifier, output), (sensor, sensor.sensor().delay * per_second))
+        if steps > MOST_DELAY
+    ]
+
+
+def _case_faults(file: RigFile) -> list[FileFault]:
     """Find references outside the travel."""
     faults: list[FileFault] = []
-    low, high = settings.mechanics.stop_low_m, settings.mechanics.stop_high_m
-    cases = settings.simulate
+    low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
 
-    def check(key: KeyPath, what: str, lowest: float, highest: float) -> bool:
+    def check(table: Table, key: KeyPath, what: str, lowest: float, highest: float) -> bool:
         if low < lowest and highest < high:
             return True
         goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
         text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
-        faults.append(
-            FileFault(
-                ("simulate", *key), f"{text}; lower it or move the stops", code="outside-travel"
-            )
-        )
+        text += "; lower it or move the stops"
+        faults.append(FileFault(file.place(table, *key), text, code="outside-travel"))
         return False
 
-    check(("gap_m",), "the reference", cases.gap_m, cases.gap_m)
-    for place, gap in enumerate(cases.also_gaps_m):
-        check(("also_gaps_m", place), "the reference", gap, gap)
-    for place, height in enumerate(cases.steps_m):
-        for gap in (cases.gap_m, *cases.also_gaps_m):
+    for number, gap in enumerate(step.also_gaps_m):
+        check(step, ("also_gaps_m", number), "the reference", gap, gap)
+    for number, height in enumerate(step.heights_m):
+        for gap in file.step_gaps_m:
             lower, upper = step_ends(gap, height)
-            if not check(("steps_m", place), f"the step around {gap:g} m", upper, lower):
+            if not check(step, ("heights_m", number), f"the step around {gap:g} m", upper, lower):
                 break
-    for place, trajectory in enumerate(cases.trajectories):
+    for trajectory in file.trajectories:
         away = trajectory.amplitude_m
-        ends = cases.gap_m - away, cases.gap_m + away
-        check(("trajectories", place, "amplitude_m"), "the reference", *ends)
-    return [*faults, *_time_faults(settings)]
+        ends = file.gap_m - away, file.gap_m + away
+        check(trajectory, ("amplitude_m",), "the reference", *ends)
+    return [*faults, *_time_faults(file)]
 
 
-def _time_faults(settings: BearingTable) -> list[FileFault]:
+def _time_faults(file: RigFile) -> list[FileFault]:
     """Find what is too short or too long for the rate."""
     faults: list[FileFault] = []
-    cases, rate = settings.simulate, settings.timing.rate_Hz
-    if round(cases.hold_s * rate) < LEAST_HOLD:
-        text = f"holds a step for {cases.hold_s * rate:.3g} ticks of 1/{rate:g} s"
+    hold, rate = file.step.hold_s, file.timing.rate_Hz
+    if round(hold * rate) < LEAST_HOLD:
+        text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
-        faults.append(FileFault(("simulate", "hold_s"), text, code="too-short"))
+        faults.append(FileFault(file.place(file.step, "hold_s"), text, code="too-short"))
     most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
-    for place, trajectory in enumerate(cases.trajectories):
+    for trajectory in file.trajectories:
         frequency, text = trajectory.frequency_Hz, ""
         if frequency >= most:
             text = f"{frequency:g} Hz is not below a tenth of rate_Hz, {most:g} Hz; lower it"
@@ -241,9 +232,6 @@ def _time_faults(settings: BearingTable) -> list[FileFault]:
             text = f"a period of {1.0 / frequency:.4g} s is longer than {LONGEST_PERIOD_S:g} s"
             text += "; raise it"
         if text:
-            faults.append(
-                FileFault(
-                    ("simulate", "trajectories", place, "frequency_Hz"), text, code="out-of-range"
-                )
-            )
+            key = file.place(trajectory, "frequency_Hz")
+            faults.append(FileFault(key, text, code="out-of-range"))
     return faults

@@ -39,9 +39,9 @@ class LevitationRun:
             lost = float(steps["t_s"][-1])
         if lost is not None:
             return f"levitation was lost at {lost:.4f} s: the gains do not hold this bearing"
-        mechanics = rig.settings.mechanics
+        body = rig.settings.body
         hover = steps["gap_m"][lifted - lifted // 8 : lifted]
-        if float(np.std(hover)) > _RESTLESS * (mechanics.stop_high_m - mechanics.stop_low_m):
+        if float(np.std(hover)) > _RESTLESS * (body.stop_high_m - body.stop_low_m):
             return (
                 f"the armature oscillates by {1e6 * float(np.std(hover)):.3g} um rms at "
                 f"{lifted * rig.dt:.2f} s: the gains do not hold this bearing"
@@ -83,10 +83,10 @@ class LevitationRun:
         if not row.any():
             return None
         end = int(np.argmax(row)) + missing
-        gap, mechanics = steps["gap_m"][: end + 1], self.setup.rig.settings.mechanics
-        lifted = gap[int(np.argmax(gap < mechanics.stop_high_m)) :]
-        touched = (lifted <= mechanics.stop_low_m) | (lifted >= mechanics.stop_high_m)
-        if (gap < mechanics.stop_high_m).any() and touched.any():
+        gap, body = steps["gap_m"][: end + 1], self.setup.rig.settings.body
+        lifted = gap[int(np.argmax(gap < body.stop_high_m)) :]
+        touched = (lifted <= body.stop_low_m) | (lifted >= body.stop_high_m)
+        if (gap < body.stop_high_m).any() and touched.any():
             return None
         return (
             f"samples of the gap were rejected at {steps['t_s'][end]:.4f} s, {missing + 1} in a "
@@ -100,7 +100,7 @@ class LevitationRun:
             return ["load steps of the recording"]
         landing = self.recording.part(self.landing, len(self.recording))
         state, gap = landing["state"], landing["gap_m"]
-        hit = gap <= self.setup.rig.settings.mechanics.stop_low_m
+        hit = gap <= self.setup.rig.settings.body.stop_low_m
         if not len(landing) or state[-1] != READY or hit.any():
             return ["landing of the recording"]
         return []
@@ -109,8 +109,8 @@ class LevitationRun:
 def parts_of_run(setup: Setup) -> tuple[Scenario, Scenario, int]:
     """Return the run that a simulation records: lift-off and steps; then loads and a landing."""
     rig = setup.rig
-    cases, load = rig.settings.simulate, rig.settings.load.force_N
-    steps = steps_up_and_down(rig, setup.controller, cases.gap_m, cases.steps_m)
+    cases, load = rig.settings, rig.settings.load.force_N
+    steps = steps_up_and_down(rig, setup.controller, cases.gap_m, cases.step.heights_m)
     script = Script(rig, float(steps.target[-1]))
     for step in cases.load_steps_N:
         script.set_load(load + step).hold(0.15).set_load(load).hold(0.15)

@@ -43,13 +43,13 @@ class SimulatedLoop:
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:
     """Return when levitation was lost: a stop was touched, or the controller gave up."""
-    mechanics = rig.settings.mechanics
+    body = rig.settings.body
     fault = recording["state"] >= FAULT
     if fault.any():
         since = min(since, int(np.argmax(fault)))
     gap, state = recording["gap_m"][since:], recording["state"][since:]
     bounds = (
-        SignalBound("an end stop was reached", gap, mechanics.stop_low_m, mechanics.stop_high_m),
+        SignalBound("an end stop was reached", gap, body.stop_low_m, body.stop_high_m),
         SignalBound("the controller gave up", state, RISE - 1, DESCEND + 1),
     )
     loss = find_loss(bounds, planned=len(gap))

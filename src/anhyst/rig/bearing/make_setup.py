@@ -85,7 +85,7 @@ def operating_point(rig: BearingRig, controller: ControllerTable, loops: Loops) 
     pair = pair_of(rig)
     measured = [gap for gap in loops.by_schedule() if gap is not None]
     return Operating(
-        gap=rig.settings.simulate.gap_m,
+        gap=rig.settings.gap_m,
         force=rig.load if pair is None else pair.bias_force_N,
         rate=controller.rate_Hz,
         gap_range=controller.working_gaps(pair, (min(measured), max(measured))),

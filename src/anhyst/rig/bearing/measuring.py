@@ -27,8 +27,8 @@ class HeldBearing:
         settings = self._rig.settings
         current, force = settings.current_sensor, settings.force_sensor
         own = [settings.seed, *seed]
-        shunt = Converter(current.low_A, current.high_A, current.adc_bits)
-        cell = Converter(force.low_N, force.high_N, force.adc_bits)
+        shunt = Converter.of_bits(current.low_A, current.high_A, current.adc_bits)
+        cell = Converter.of_bits(force.low_N, force.high_N, force.adc_bits)
         return Sensors(
             Sensor(shunt, current.noise_A, [*own, 0], sample),
             Sensor(cell, force.noise_N, [*own, 1], sample, bandwidth=force.bandwidth_Hz),

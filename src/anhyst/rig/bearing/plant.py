@@ -14,13 +14,13 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.flux_file import check_flux_range, read_flux_table
-from anhyst.rig.bearing.tables import PositionSensor
 from anhyst.rig.parts.magnet import (
     FluxTable,
     flux_table_of,
     iron_magnet,
     law_magnet,
 )
+from anhyst.rig.sensor_table import PositionSensor
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import passed
 from anhyst.support.errors import InputError
@@ -44,10 +44,10 @@ ROWS = 129
 
 def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
     """Return the magnet of a rig."""
-    settings = rig.settings.magnet
-    middle = rig.settings.simulate.gap_m
-    if settings.force == "cells":
-        return iron_magnet(settings.poles, settings.steel.steel(), settings.eddy_time_s, middle)
+    settings, middle = rig.settings.magnet, rig.settings.gap_m
+    if settings.kind == "electromagnet":
+        steel = rig.settings.steel.steel()
+        return iron_magnet(settings.poles, steel, settings.eddy_time_s, middle)
     table = flux_table(rig)
     model = law or law_of(rig)
     at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)
@@ -74,13 +74,13 @@ def flux_table(rig: BearingRig) -> FluxTable:
     """Return the flux table of a rig, as measured or made from its magnet."""
     if rig.flux_table is not None:
         table = read_flux_table(rig.flux_table)
-        mechanics, high = rig.settings.mechanics, rig.settings.amplifier.current_high_A
-        check_flux_range(rig.flux_table, table, mechanics.stop_low_m, mechanics.stop_high_m, high)
+        body, high = rig.settings.body, rig.settings.amplifier.current_high_A
+        check_flux_range(rig.flux_table, table, body.stop_low_m, body.stop_high_m, high)
         return table
     settings = rig.settings
-    ends = (0.8 * settings.mechanics.stop_low_m, 1.2 * settings.mechanics.stop_high_m)
+    ends = (0.8 * settings.body.stop_low_m, 1.2 * settings.body.stop_high_m)
     high = 1.5 * settings.amplifier.current_high_A
-    return flux_table_of(settings.magnet.poles, settings.magnet.steel.steel(), high, ends)
+    return flux_table_of(settings.magnet.poles, settings.steel.steel(), high, ends)
 
 
 def static_map(
@@ -126,7 +126,7 @@ class PlantNumbers:
 def plant_numbers(rig: BearingRig) -> PlantNumbers:
     """Return the numbers of a plant whose one coordinate is the gap of its first magnet."""
     sensors = _sensors(rig)
-    amplifier, total = _amplifier(rig), rig.settings.magnet.gap_total_m or 0.0
+    amplifier, total = _amplifier(rig), rig.settings.gap_total_m or 0.0
     places = ((_CLOSES, 0.0), (_OPENS, total))
     actuators = [
         {
@@ -156,7 +156,7 @@ def current_loop(rig: BearingRig) -> dict[str, float]:
         "resistance": rig.settings.magnet.poles.resistance,
         "gain": gain if needed else 0.0,
         "reset": reset * rig.dt,
-        "limit": rig.settings.amplifier.supply_V,
+        "limit": rig.settings.amplifier.supply,
     }
 
 
@@ -171,29 +171,29 @@ def current_gains(rig: BearingRig) -> tuple[float, float]:
     if settings.amplifier.mode == "voltage":
         late = (settings.timing.delay_ticks + 0.5) * rig.dt + settings.amplifier.delay_s
         omega = min(omega, DIGITAL_CROSSOVER / late)
-    gain = omega * settings.magnet.poles.inductance(settings.simulate.gap_m)
+    gain = omega * settings.magnet.poles.inductance(settings.gap_m)
     return gain, CURRENT_RESET * omega * gain
 
 
 def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
-    mechanics, timing = rig.settings.mechanics, rig.settings.timing
+    body, timing = rig.settings.body, rig.settings.timing
     omega = 2.0 * math.pi * STOP_RESONANCE
     late = timing.delay_ticks * timing.substeps + rig.settings.amplifier.delay_s / rig.step
     gap = {
         "axis": 0,
-        "rest": mechanics.stop_high_m,
-        "damping": mechanics.damping_N_s_per_m,
-        "stop_low": mechanics.stop_low_m,
-        "stop_high": mechanics.stop_high_m,
-        "stop_stiffness": mechanics.mass_kg * (omega * omega),
-        "stop_damping": mechanics.mass_kg * omega,
+        "rest": body.stop_high_m,
+        "damping": body.damping_N_s_per_m,
+        "stop_low": body.stop_low_m,
+        "stop_high": body.stop_high_m,
+        "stop_stiffness": body.mass_kg * (omega * omega),
+        "stop_damping": body.mass_kg * omega,
     }
     return {
         "coordinate": [gap],
-        "mass": mechanics.mass_kg,
+        "mass": body.mass_kg,
         "centre": [0.0, 0.0, 0.0],
         "inertia": [[0.0, 0.0, 0.0]] * 3,
-        "gravity": [mechanics.gravity_m_per_s2, 0.0, 0.0],
+        "gravity": [body.gravity_m_per_s2, 0.0, 0.0],
         "force_along": _CLOSES["d"],
         "force_sensor": force_sensor,
         "tick": rig.dt,
@@ -206,10 +206,10 @@ def _amplifier(rig: BearingRig) -> dict[str, float]:
     amplifier = rig.settings.amplifier
     gain, reset = current_gains(rig)
     by_current = amplifier.mode == "current"
-    low = amplifier.current_low_A if by_current else -amplifier.supply_V
-    high = amplifier.current_high_A if by_current else amplifier.supply_V
+    low = amplifier.current_low_A if by_current else -amplifier.supply
+    high = amplifier.current_high_A if by_current else amplifier.supply
     return {
-        "limit": amplifier.supply_V,
+        "limit": amplifier.supply,
         "gain": gain if by_current else 0.0,
         "reset": reset if by_current else 0.0,
         "low": low,
@@ -225,7 +225,7 @@ def _load(rig: BearingRig) -> dict[str, Any]:
         "share": _share(load.bandwidth_Hz, rig.step),
         "damping": load.damping_N_s_per_m,
         "stiffness": load.stiffness_N_per_m,
-        "rest": rig.settings.simulate.gap_m,
+        "rest": rig.settings.gap_m,
         "encoder_step": load.encoder_step_m,
         "velocity_share": _share(load.velocity_bandwidth_Hz, rig.dt),
     }
@@ -233,14 +233,14 @@ def _load(rig: BearingRig) -> dict[str, Any]:
 
 def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
     settings, step = rig.settings, rig.step
-    position: PositionSensor = settings.position_sensor.sensor()
+    position: PositionSensor = settings.gap_sensor.sensor()
     current, force, hall = settings.current_sensor, settings.force_sensor, settings.hall_probe
     return {
         "gap": _sensor((position.low, position.high), position.step, position.noise)
         | _lag(step, position.bandwidth, position.delay)
         | {
-            "gain": 1.0 + settings.position_sensor.gain_error,
-            "offset": settings.position_sensor.offset_m,
+            "gain": 1.0 + settings.gap_sensor.gain_error,
+            "offset": settings.gap_sensor.offset_m,
         },
         "current": _converted((current.low_A, current.high_A), current.adc_bits, current.noise_A)
         | _lag(step, current.bandwidth_Hz)

@@ -13,7 +13,7 @@ def check_plant(rig: BearingRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops."""
     magnet, loops, fitted = make_magnet(rig), knowledge.loops, rig.fitted
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
-    by_law = rig.settings.magnet.force == "model"
+    by_law = rig.settings.magnet.kind == "law"
     return PlantCheck(
         plant=distance(loops, lambda loop: along(follower(magnet), loop, zeros[0]) + zeros[1]),
         model=model_distance(loops, knowledge.model),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anhyst.control.controller_file import ControllerTable
 from anhyst.control.states import Command
 from anhyst.rig.bearing.file import BearingRig, step_ends
-from anhyst.rig.bearing.tables import DisturbanceTable
+from anhyst.rig.tables import DisturbanceTable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import passed, sine
 
@@ -170,16 +170,16 @@ def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float
     # A drive that makes less force than it is asked for leaves the rest late, but no later than
     # at the largest demand: with more the controller says that it does not lift.
     force = controller.limits.force_high_N / ramp.force_rate_N_per_s
-    way = max(rig.settings.mechanics.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
+    way = max(rig.settings.body.stop_high_m - gap, 0.0) / ramp.speed_m_per_s
     begin = _selftest(rig) * rig.dt + max(0.001, rig.dt)
     return max(begin + force + way + settle, LEAST_LIFT_S)
 
 
 def land_time(rig: BearingRig, controller: ControllerTable) -> float:
     """Return how long landing takes at most, s: the way down, the ramp of the force, and rest."""
-    mechanics, ramp = rig.settings.mechanics, controller.landing
+    body, ramp = rig.settings.body, controller.landing
     limits = controller.limits
-    way = (mechanics.stop_high_m - mechanics.stop_low_m) / ramp.speed_m_per_s
+    way = (body.stop_high_m - body.stop_low_m) / ramp.speed_m_per_s
     force = (limits.force_high_N - min(limits.force_low_N, 0.0)) / ramp.force_rate_N_per_s
     return max(way + force + _REST_S, LEAST_LAND_S)
 
@@ -197,7 +197,7 @@ def steps_up_and_down(
     rest: float = 0.0,
 ) -> Scenario:
     """Lift off, then a step up and down of every height, half of it to either side of a gap."""
-    hold = rig.settings.simulate.hold_s
+    hold = rig.settings.step.hold_s
     script = Script(rig, gap, load).lift_off(controller)
     for height in heights:
         lower, upper = step_ends(gap, height)

@@ -98,7 +98,7 @@ class BearingBench(LockStepBench[BusController]):
         self._scales = position_control(setup).settings("fixed")
         bearing = make_bearing(rig, seed)
         self.load_drive = LoadDrive(rig, bearing)
-        limits, gap = setup.controller.limits, rig.settings.simulate.gap_m
+        limits, gap = setup.controller.limits, rig.settings.gap_m
         self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
         self.load_most = limits.force_high_N
         self._target: int | None = None

@@ -56,7 +56,7 @@ class StandPlant:
 
     def __init__(self, rig: Rig, program: Program, seed: int) -> None:
         low, high = program.scales.gap_low, program.scales.gap_high
-        self.armature = Armature(low, high, rig.settings.rate_Hz)
+        self.armature = Armature(low, high, rig.settings.timing.rate_Hz)
         self.gap = 0.0
         self._low, self._span = low, high - low or 1.0
         self._scales = program.scales
@@ -87,10 +87,10 @@ class ForceBench(LockStepBench[PlantBus]):
     load_most = 0.0
 
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
-        self.rate = float(rig.settings.rate_Hz)
+        self.rate = float(rig.settings.timing.rate_Hz)
         self._scales = program.scales
         self._stand = StandPlant(rig, program, seed)
-        self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force_control.force_max_N, 0.0)
+        self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0)
         self._open = ExitStack()
         try:
             running = self._open.enter_context(run_host(program.firmware, self._stand))

@@ -18,7 +18,7 @@ class LoadDrive:
     """What pulls at the armature: force, damping, stiffness, a disturbance."""
 
     def __init__(self, rig: BearingRig, bearing: Plant) -> None:
-        load, mass = rig.settings.load, rig.settings.mechanics.mass_kg
+        load, mass = rig.settings.load, rig.settings.body.mass_kg
         self.force = load.force_N
         self._bearing = bearing
         self._dt = rig.dt

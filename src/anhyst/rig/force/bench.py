@@ -52,7 +52,7 @@ class ActuatorStand:
 
     def __init__(self, rig: Rig, seed: list[int]) -> None:
         self._actuator = rig.actuator()
-        self._amplifier = rig.settings.amplifier.amplifier(rig.dt)
+        self._amplifier = rig.amplifier()
         self._sensors = rig.instruments(seed)
         self._begun = False
 
@@ -89,7 +89,7 @@ class ActuatorBench:
         self._begin: int | None = None
         if unknown_past:
             rng = np.random.default_rng([rig.settings.seed, *seed, 3])
-            largest = rig.settings.amplifier.current_max_A
+            largest = rig.settings.amplifier.current_high_A
             for share in rng.uniform(size=_PAST).tolist():
                 self._stand.drive(share * largest, self._gap[0])
             self._stand.drive(0.0, self._gap[0])

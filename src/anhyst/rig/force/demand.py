@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.rig.force.file import MovingTable, TriangleTable
+from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.support.arrays import FloatArray
 
 LEAD_IN = 0.2
@@ -29,7 +29,7 @@ def with_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
     return Demand(name, np.concatenate([rise, force]), ticks)
 
 
-def triangle(shape: TriangleTable, force_max: float, rate: float) -> Demand:
+def triangle(shape: ForceCase, force_max: float, rate: float) -> Demand:
     """Return a triangle, beginning and ending at its low turning point."""
     half = max(1, round(0.5 * shape.period_s * rate))
     phase = np.arange(2 * half * shape.cycles + 1) / half
@@ -38,7 +38,7 @@ def triangle(shape: TriangleTable, force_max: float, rate: float) -> Demand:
     return with_lead_in(shape.name, force, rate)
 
 
-def moving_gap(shape: MovingTable, ticks: int, rate: float) -> FloatArray:
+def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
     """Return a sinusoidal motion that begins at rest at its low end, m, shape (ticks,)."""
     phase = 2.0 * np.pi * np.arange(ticks) / (rate * shape.period_s)
     share: FloatArray = 0.5 - 0.5 * np.cos(phase)

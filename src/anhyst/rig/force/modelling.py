@@ -26,13 +26,13 @@ scale for plausible."""
 def loops_of_rig(rig: Rig) -> Loops:
     """Read the loops of a rig."""
     loops = rig.measured.read()
-    end = rig.settings.force_control.end_m
+    end = rig.settings.force.end_m
     if not _at(loops, end):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
         raise InputError(
-            f"{rig.path}: force_control.end_m: no loops at {end:g} m; there are some at {gaps} m",
+            f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m",
             code="no-such-loop",
-            key="force_control.end_m",
+            key="control.end_m",
         )
     return loops
 
@@ -60,13 +60,13 @@ def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Mode
     used, or at :data:`PLAUSIBLE` of the largest measured one.
     """
     several = len(loops.by_schedule()) > 1
-    options = rig.settings.identify
+    options = rig.settings.loops
     found = identify_loops(loops, options, "circuit" if several else "auto", progress)
     if options.dead_band:
         found = _spanning(found, _least_dead_band(found, rig))
     valid = found.valid
     assert valid is not None
-    most = max(rig.settings.force_control.force_max_N, PLAUSIBLE * valid.output[1])
+    most = max(rig.settings.force.force_max_N, PLAUSIBLE * valid.output[1])
     return replace(found, valid=replace(valid, output=(0.0, min(most, valid.output[1]))))
 
 
@@ -87,10 +87,9 @@ def _least_dead_band(model: Model, rig: Rig) -> float:
     """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0
-    lvdt = rig.settings.lvdt
-    step = (lvdt.high_m - lvdt.low_m) / ((1 << lvdt.adc_bits) - 1)
-    noise = math.hypot(lvdt.noise_m, step / math.sqrt(12.0))
-    force_max = rig.settings.force_control.force_max_N
+    sensor = rig.settings.gap_sensor.sensor()
+    noise = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    force_max = rig.settings.force.force_max_N
     largest = 0.0
     for gap in model.nodes:
         for share in (0.25, 0.5, 0.75, 1.0):

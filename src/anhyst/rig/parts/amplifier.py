@@ -16,7 +16,7 @@ class Amplifier:
     range. What the stage controls is the current as its shunt reads it: an error of the shunt's
     zero is an error of the current.
 
-    >>> amplifier = Amplifier(Converter(0.0, 1.0, 16), 1e9, 1e9, 0.0, 1e-3)
+    >>> amplifier = Amplifier(Converter.of_bits(0.0, 1.0, 16), 1e9, 1e9, 0.0, 1e-3)
     >>> [round(amplifier.tick(reference), 3) for reference in (0.5, 0.2, 0.2)]
     [0.0, 0.5, 0.2]
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -17,18 +18,18 @@ _CHUNK = 4096
 class Converter:
     """An analogue-digital or digital-analogue converter: a range in equal steps.
 
-    >>> Converter(0.0, 3.0, 2)(1.6), Converter(0.0, 3.0, 2)(7.0)
+    >>> Converter(0.0, 3.0, 1.0)(1.6), Converter(0.0, 3.0, 1.0)(7.0)
     (2.0, 3.0)
     """
 
     low: float  # ends of the range, in the unit of the quantity; what lies beyond stays at the end
     high: float
-    bits: int  # the range has ``2**bits - 1`` steps
+    step: float  # one unit in the last place, in the unit of the quantity
 
-    @property
-    def step(self) -> float:
-        """One unit in the last place, in the unit of the quantity."""
-        return (self.high - self.low) / ((1 << self.bits) - 1)
+    @classmethod
+    def of_bits(cls, low: float, high: float, bits: int) -> Self:
+        """Return one whose range has ``2**bits - 1`` steps."""
+        return cls(low, high, (high - low) / ((1 << bits) - 1))
 
     def __call__(self, value: float) -> float:
         """Return the nearest value that the converter has."""

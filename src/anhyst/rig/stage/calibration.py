@@ -9,9 +9,9 @@ import numpy as np
 from anhyst._core import Plant
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_bearing
-from anhyst.rig.magnet_table import HandTyped
+from anhyst.rig.iron_table import NamedIron
 from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.rig.stage.file import CalibrationTable
+from anhyst.rig.tables import SpreadTable
 
 CUT = 3.0
 """Standard deviations at which the distribution of an error ends."""
@@ -36,7 +36,7 @@ KINDS = ("gap zero", "current scale", "pinning", "Hall gain", "eddy lag", "all")
 """What is drawn alone, and everything together."""
 
 
-def draw_errors(table: CalibrationTable, kind: str, rng: np.random.Generator) -> CalibrationErrors:
+def draw_errors(table: SpreadTable, kind: str, rng: np.random.Generator) -> CalibrationErrors:
     """Draw a plant; of all errors those of one kind, or all.
 
     Every error is normal, cut off at three standard deviations; a lag is positive.
@@ -64,29 +64,24 @@ def draw_errors(table: CalibrationTable, kind: str, rng: np.random.Generator) ->
 def make_mistaken(rig: BearingRig, errors: CalibrationErrors, seed: int) -> Plant:
     """Return the plant of a rig with such errors, at rest."""
     settings = rig.settings
-    magnet, steel = settings.magnet, _pinned(settings.magnet.steel, errors.pinning).steel()
+    magnet, steel = settings.magnet, _pinned(settings.steel, errors.pinning).steel()
     first, second = (
         iron_magnet(
             replace(magnet.poles, turns=magnet.poles.turns * (1.0 + error)),
             steel,
             magnet.eddy_time_s + errors.eddy,
-            settings.simulate.gap_m,
+            settings.gap_m,
         )
         for error in errors.currents
     )
-    sensor, hall = settings.position_sensor, settings.hall_probe
-    changes = {
-        "position_sensor": sensor.model_copy(
-            update={"offset_m": sensor.offset_m + errors.gap_zero}
-        ),
-        "hall_probe": hall
-        and hall.model_copy(update={"gain_error": hall.gain_error + errors.hall}),
-    }
-    other = replace(rig, settings=settings.model_copy(update=changes))
-    return make_bearing(other, seed, first, second)
+    sensor, hall = settings.gap_sensor, settings.hall_probe
+    wrong = {"gap_sensor.offset_m": sensor.offset_m + errors.gap_zero}
+    if hall is not None:
+        wrong["hall_probe.gain_error"] = hall.gain_error + errors.hall
+    return make_bearing(replace(rig, settings=settings.changed(wrong)), seed, first, second)
 
 
-def _pinned(iron: HandTyped, error: float) -> HandTyped:
+def _pinned(iron: NamedIron, error: float) -> NamedIron:
     """Return an iron with a wider loop."""
     key = next(key for key in _PINNING if hasattr(iron, key))
     return iron.model_copy(update={key: (1.0 + error) * getattr(iron, key)})

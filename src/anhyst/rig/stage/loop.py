@@ -102,7 +102,7 @@ def pid(rig: StageRig) -> dict[str, float]:
         return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
 
     jw = 1j * omega
-    gain = rig.settings.mechanics.mass_kg * omega**2 / abs(shape(jw))
+    gain = rig.settings.body.mass_kg * omega**2 / abs(shape(jw))
     # gain*(s + low)*(1 + s/lead)/(s*(1 + s/high)), s = fast*(z - 1)/(z + 1)
     fast = 2.0 / dt
     up = (1.0 / lead, 1.0 + low / lead, low)
@@ -125,9 +125,9 @@ def pid(rig: StageRig) -> dict[str, float]:
 
 def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off, m: half with the acceleration, half by itself."""
-    table = rig.settings.tracking
+    stray = rig.settings.frame.stray_m
     late = motion.at(time - _STRAY_LATE)[1] / max(motion.peaks)
-    return np.asarray(0.25 * table.stray_m * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
+    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
 
 
 def feed(rig: StageRig, motion: SetPoint, gains: Feedforward) -> FloatArray:
@@ -137,7 +137,7 @@ def feed(rig: StageRig, motion: SetPoint, gains: Feedforward) -> FloatArray:
     time = instants(rig, ticks_of(rig, motion)) + ahead
     _, acceleration, jerk, snap = motion.at(time)
     return np.asarray(
-        rig.settings.mechanics.mass_kg
+        rig.settings.body.mass_kg
         * (gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap)
     )
 
@@ -169,7 +169,7 @@ def track(
     if learnt is not None:
         forward = forward + learnt
     noise = np.random.default_rng([settings.seed, seed]).normal(
-        0.0, settings.tracking.position_noise_m, n
+        0.0, settings.position_sensor.noise_m, n
     )
     bearing = make_mistaken(rig.bearing, setup.errors, seed)
     bearing.place([rig.gap], [0.0])
@@ -190,7 +190,7 @@ def track(
 
 def _loss(rig: StageRig, table: FloatArray, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
-    stops, most = rig.settings.mechanics, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
+    stops, most = rig.settings.body, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
     gap, demand = table[:, _COLUMN["gap_m"]], table[:, _COLUMN["demand_N"]]
     bounds = (
         SignalBound("an end stop was reached", gap, stops.stop_low_m, stops.stop_high_m),
@@ -218,7 +218,7 @@ def _controller(setup: StageSetup) -> LoopController:
 def controller_settings(setup: StageSetup) -> dict[str, float]:
     """Return what a controller is given beside its PID and its magnets, SI."""
     rig, compensator = setup.rig, setup.compensator
-    amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.mechanics
+    amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.body
     low, high = amplifier.current_low_A, amplifier.current_high_A
     at_bias = compensator.method in AT_BIAS
     return {
@@ -229,7 +229,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "flux_full": compensator.parameters.flux_full_scale,
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
-        "gap_total": 2.0 * rig.gap,
+        "gap_total": rig.settings.gap_total_m or 0.0,
         "allocation": ALLOCATE_BY_HALVES if at_bias else ALLOCATE_CLASS_AB,
         "idle": bias(rig, compensator.method),
         "current_low": low,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.rig.stage.file import TrackingTable
+from anhyst.rig.case_table import ScanCase
 from anhyst.support.arrays import FloatArray
 
 
@@ -64,7 +64,7 @@ class SetPoint:
         )
 
 
-def motion_of(table: TrackingTable, peaks: Sequence[float]) -> SetPoint:
+def motion_of(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
     """Return the motion that a rig file describes, with these accelerations."""
     return SetPoint(
         tuple(peaks),

@@ -19,7 +19,7 @@ from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.iron_table import MagnetSteelTable
+from anhyst.rig.iron_table import NamedCells
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.ratio import Quotient, quotient
@@ -182,11 +182,11 @@ def benefit(
     these loops, and all run with the gains of the controller file.
     """
     check_controller(controller, rig)
-    tried = rig.settings.simulate
-    steps = tuple(tried.steps_m if heights is None else heights)
+    tried = rig.settings
+    steps = tuple(tried.step.heights_m if heights is None else heights)
     count = tried.noise_seeds if seeds is None else seeds
     if fractions is None:
-        of_cells = isinstance(rig.settings.magnet.iron, MagnetSteelTable)
+        of_cells = isinstance(rig.settings.iron, NamedCells)
         fractions = FRACTIONS if of_cells else (None,)
     work = [
         _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
@@ -206,7 +206,7 @@ def benefit(
 def _map_iron(work: _Work) -> list[MapCell]:
     """Measure a magnet, fit everything to its loops, and step it."""
     rig, table = work.rig, work.controller.settings
-    knowledge = identify_magnet(measure_loops(rig), rig.settings.identify)
+    knowledge = identify_magnet(measure_loops(rig), rig.settings.loops)
     slopes = find_operating_point(rig).slopes
     iron = IronFigures(
         scale=work.scale,
@@ -221,11 +221,11 @@ def _map_iron(work: _Work) -> list[MapCell]:
     baselines: tuple[MethodName, ...] = (*BASELINES, "flux") if probe else BASELINES
     for variant in (*baselines, "full"):
         setup = make_setup(rig, table, knowledge, variant, table.compensation.format)
-        gap, load = rig.settings.simulate.gap_m, rig.settings.load.force_N
+        gap, load = rig.settings.gap_m, rig.settings.load.force_N
         runs = [run_steps(StepRun(setup, gap, work.heights, load, seed))[0] for seed in work.seeds]
         if all(runs):
             steps[variant] = runs
-    hold = rig.settings.simulate.hold_s
+    hold = rig.settings.step.hold_s
     return [_cell(iron, height, _at(steps, height), hold, probe) for height in work.heights]
 
 

@@ -203,7 +203,7 @@ class FaultRuns:
         self.setup = setup
         self.running = running
         self._rate = running.link.info.rate
-        self._gap = setup.rig.settings.simulate.gap_m
+        self._gap = setup.rig.settings.gap_m
         self._lift = round((LEAST_LIFT_S) * self._rate)
         self._first = True
 
@@ -240,7 +240,7 @@ class FaultRuns:
             )
 
     def _watch(self, injection: Injection) -> Ending:
-        running, mechanics = self.running, self.setup.rig.settings.mechanics
+        running, body = self.running, self.setup.rig.settings.body
         bearing = running.plant.bearing
         begin, still = bearing.gap, 0
         rest_speed = magnet_speed = away = 0.0
@@ -250,8 +250,8 @@ class FaultRuns:
         for n in self._ticks(_ON_S if on else _LONGEST_S):
             running.tick(beats=injection.act(running, n))
             gap = bearing.gap
-            outside = gap <= mechanics.stop_low_m or gap >= mechanics.stop_high_m
-            if outside and inside and gap >= mechanics.stop_high_m:
+            outside = gap <= body.stop_low_m or gap >= body.stop_high_m
+            if outside and inside and gap >= body.stop_high_m:
                 rest_speed = rest_speed or speed
             elif outside and inside:
                 magnet_speed = magnet_speed or speed

@@ -15,7 +15,7 @@ from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_bearing, make_magnet
-from anhyst.rig.bearing.tables import DriftTable
+from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.variations import changed
 
 CUT = 3.0
@@ -46,7 +46,7 @@ class Drift:
         }
 
 
-def draw_drift(spread: DriftTable, rng: np.random.Generator) -> Drift:
+def draw_drift(spread: SpreadTable, rng: np.random.Generator) -> Drift:
     """Draw a plant."""
     gain = spread.sensor_gain_percent
     deviations = {
@@ -58,7 +58,7 @@ def draw_drift(spread: DriftTable, rng: np.random.Generator) -> Drift:
         "position_gain": 0.01 * gain,
         "current_gain": 0.01 * gain,
         "flux_gain": 0.01 * gain,
-        "gap_offset": spread.gap_offset_m,
+        "gap_offset": spread.gap_zero_m,
     }
     return Drift(**{one.name: deviations[one.name] * _normal(rng) for one in fields(Drift)})
 
@@ -70,21 +70,21 @@ def drifted_rig(rig: BearingRig, drift: Drift) -> BearingRig:
     and offset are two things.
     """
     settings = rig.settings
-    magnet, mechanics = settings.magnet, settings.mechanics
-    sensor, shunt, hall = settings.position_sensor, settings.current_sensor, settings.hall_probe
-    turned = drift.position_gain * settings.simulate.gap_m
+    body = settings.body
+    sensor, shunt, hall = settings.gap_sensor, settings.current_sensor, settings.hall_probe
+    turned = drift.position_gain * settings.gap_m
     changes = {
         "magnet.resistance_ohm": settings.magnet.poles.resistance * (1.0 + drift.resistance),
-        "mechanics.mass_kg": mechanics.mass_kg * (1.0 + drift.mass),
-        "position_sensor.gain_error": sensor.gain_error + drift.position_gain,
-        "position_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
+        "body.mass_kg": body.mass_kg * (1.0 + drift.mass),
+        "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
+        "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
         "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
     }
     if hall is not None:
         changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
-    if magnet.iron is not None:
-        iron = magnet.steel.drifted(drift.pinning, drift.reversible, drift.saturation)
-        changes |= {f"magnet.iron.{key}": value for key, value in iron.items()}
+    if settings.iron is not None:
+        iron = settings.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+        changes |= {f"iron.{key}": value for key, value in iron.items()}
     return changed(rig, changes)
 
 

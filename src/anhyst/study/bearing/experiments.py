@@ -15,7 +15,7 @@ from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import RISE, Recording
 from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bearing.tables import TrajectoryTable
+from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing.limit_cycle import LimitCycle, limit_cycle
 from anhyst.study.bearing.metrics import deviation, mean_interval, recovery_time
 from anhyst.study.bearing.responses import position_resolution
@@ -44,7 +44,7 @@ class ExperimentTrial:
 
     setup: Setup
     seed: int
-    what: TrajectoryTable | Event | float | None = None
+    what: TrajectoryCase | Event | float | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def of_all(
     work: Callable[[ExperimentTrial], ExperimentOutcome],
     setups: Mapping[MethodName, Setup],
     seeds: Sequence[int],
-    what: TrajectoryTable | Event | float | None,
+    what: TrajectoryCase | Event | float | None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Run an experiment with every setup and every seed."""
@@ -103,14 +103,14 @@ def standing(setup: Setup) -> tuple[Scenario, int]:
     return script.hold(STANDSTILL_S).build(), begin
 
 
-def following(setup: Setup, shape: TrajectoryTable) -> tuple[Scenario, int]:
+def following(setup: Setup, shape: TrajectoryCase) -> tuple[Scenario, int]:
     """Return a scenario of two periods of a trajectory, and the tick where the second begins."""
     rig = setup.rig
     period = round(rig.settings.timing.rate_Hz / shape.frequency_Hz)
     phase = np.arange(2 * period) / period
     wave = triangle(phase) if shape.kind == "triangle" else sine(phase)
     script = _lifted(setup)
-    script.follow(rig.settings.simulate.gap_m - shape.amplitude_m * wave)
+    script.follow(rig.settings.gap_m - shape.amplitude_m * wave)
     return script.build(), script.ticks - period
 
 
@@ -133,7 +133,7 @@ def stand_still(trial: ExperimentTrial) -> ExperimentOutcome:
     cycle = limit_cycle(part["t_s"], gap)
     figures = {
         "rms_m": float(np.std(gap)),
-        "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.simulate.gap_m,
+        "mean_error_m": float(np.mean(gap)) - trial.setup.rig.settings.gap_m,
         "current_rms_A": float(np.std(part["current_A"])),
     }
     return ExperimentOutcome(figures, False, () if cycle is None else (cycle,))
@@ -141,7 +141,7 @@ def stand_still(trial: ExperimentTrial) -> ExperimentOutcome:
 
 def follow(trial: ExperimentTrial) -> ExperimentOutcome:
     """Follow a trajectory for two periods; judge the second."""
-    assert isinstance(trial.what, TrajectoryTable)
+    assert isinstance(trial.what, TrajectoryCase)
     scenario, begin = following(trial.setup, trial.what)
     recording, lost = _run(trial, scenario)
     if lost:
@@ -251,7 +251,7 @@ def _excess(
 
 def _stepped(setup: Setup) -> Scenario:
     script = _lifted(setup)
-    room = script.gap - setup.rig.settings.mechanics.stop_low_m
+    room = script.gap - setup.rig.settings.body.stop_low_m
     return script.step(script.gap - min(DROP_STEP_M, room / 2.0), RECOVERY_S).build()
 
 
@@ -267,7 +267,7 @@ def _leaves_rest(recording: Recording) -> int:
 
 
 def _lifted(setup: Setup) -> Script:
-    return Script(setup.rig, setup.rig.settings.simulate.gap_m).lift_off(setup.controller)
+    return Script(setup.rig, setup.rig.settings.gap_m).lift_off(setup.controller)
 
 
 def _run(

@@ -146,7 +146,7 @@ def monte_carlo(
     rig, knowledge = ready.rig, ready.knowledge()
     setups = tuple(make_setups(rig, controller, knowledge, tuple(variants)).values())
     plants = [DriftedPlant(setups, seed, index) for index in range(count)]
-    heights = tuple(rig.settings.simulate.steps_m)
+    heights = tuple(rig.settings.step.heights_m)
 
     def fault(row: Mapping[str, Any]) -> str | None:
         return fault_of(row, variants, len(heights))
@@ -208,7 +208,7 @@ class DriftedPlant:
     def _draw(self) -> tuple[Drift, int]:
         rng = np.random.default_rng([self.seed, self.index])
         noise = int(rng.integers(1 << 31))
-        return draw_drift(self.setups[0].rig.settings.drift, rng), noise
+        return draw_drift(self.setups[0].rig.settings.spread, rng), noise
 
 
 def run_plant(plant: DriftedPlant) -> dict[str, Any]:
@@ -220,9 +220,9 @@ def run_plant(plant: DriftedPlant) -> dict[str, Any]:
 
 def _run_setup(setup: Setup, drift: Drift, noise: int) -> dict[str, Any]:
     rig = setup.rig
-    tried = rig.settings.simulate
+    tried = rig.settings
     scenario = steps_up_and_down(
-        rig, setup.controller, tried.gap_m, tried.steps_m, rest=STANDSTILL_S
+        rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
     )
     loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, noise))
     recording = loop.run(scenario)
@@ -239,10 +239,10 @@ def _judge(rig: BearingRig, scenario: Scenario, recording: Recording) -> dict[st
 
     An offset of the sensor moves every gap by as much and would otherwise count as overshoot.
     """
-    sensor = rig.settings.position_sensor
+    sensor = rig.settings.gap_sensor
     read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]
-    heights = rig.settings.simulate.steps_m
+    heights = rig.settings.step.heights_m
     overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
     for number, step in enumerate(scenario.steps):
         rows = slice(step.begin - 1, step.end)

@@ -75,7 +75,7 @@ class BoardComparison:
     def landing_speed(self) -> float:
         """At which the armature came to its rest the first time after it was in the air, m/s."""
         gap, speed = self.recorded[:, 1], np.abs(self.recorded[:, 2])
-        rest = self.rig.settings.mechanics.stop_high_m
+        rest = self.rig.settings.body.stop_high_m
         air = np.flatnonzero(gap < rest - _AIR_M)
         if not air.size:
             return math.nan

@@ -10,11 +10,12 @@ from anhyst._core import Coil
 from anhyst.rig.bearing.file import BearingRig, check_load, check_rate
 from anhyst.rig.bearing.plant import current_gains, make_magnet, static_map
 from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.old_files import rig_error
 from anhyst.study.bearing import linear
 from anhyst.study.bearing.slopes import Reversal, measure_reversal
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import spaced
-from anhyst.support.toml_file import FileFault, faults_error
+from anhyst.support.toml_file import FileFault
 
 _CURRENTS = 1200
 _GAP_STEP = 2e-6
@@ -37,21 +38,21 @@ class OperatingPoint:
 def find_operating_point(rig: BearingRig) -> OperatingPoint:
     """Measure the magnet of a rig at its operating gap and load."""
     settings = rig.settings
-    gap, high = settings.simulate.gap_m, settings.amplifier.current_high_A
+    gap, high = settings.gap_m, settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
     path = np.concatenate([up, up[::-1]])
     force, psi, _ = static_map(rig, path, np.full(path.size, gap))
     check_load(rig, float(force[_CURRENTS - 1]))
     _check_rest(rig)
     _check_probe(rig)
-    bias = settings.magnet.bias_force_N
-    key = ("load", "force_N") if bias is None else ("magnet", "bias_force_N")
+    bias = settings.bias_N
+    key = ("load", "force_N") if bias is None else ("control", "bias_N")
     wanted = rig.load if bias is None else bias
     least, most = float(force[0]), float(force[_CURRENTS - 1])
     if not least < wanted < most:
         text = f"{wanted:g} N is not within what the magnet pulls at {gap:g} m"
         text += f", {least:.4g} to {most:.4g} N; correct it"
-        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")])
+        raise rig_error(rig.path, [FileFault(key, text, code="out-of-range")])
     rising = float(np.interp(wanted, force[:_CURRENTS], up))
     falling = float(np.interp(wanted, force[_CURRENTS:][::-1], up))
     current = 0.5 * (rising + falling)
@@ -65,17 +66,17 @@ def find_operating_point(rig: BearingRig) -> OperatingPoint:
         slopes = measure_reversal(step, current, gap, 0.0, high, _GAP_STEP)
     except ValueError as error:
         text = f"at {wanted:g} N {error}; raise or lower it"
-        raise faults_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
+        raise rig_error(rig.path, [FileFault(key, text, code="out-of-range")]) from error
     around = 0.05 * high
     ends = np.interp([current - around, current + around], up, psi[:_CURRENTS])
     magnets = float(len(rig.magnets))
     point = linear.Point(
-        mass=settings.mechanics.mass_kg,
+        mass=settings.body.mass_kg,
         k_i=magnets * slopes.static.k_i,
         k_s=magnets * slopes.static.k_s - settings.load.stiffness_N_per_m,
         inductance=magnets * float(ends[1] - ends[0]) / (2.0 * around),
         resistance=magnets * settings.magnet.poles.resistance,
-        damping=settings.mechanics.damping_N_s_per_m + settings.load.damping_N_s_per_m,
+        damping=settings.body.damping_N_s_per_m + settings.load.damping_N_s_per_m,
         eddy_time=settings.magnet.eddy_time_s,
     )
     check_rate(rig, point.pole_at_current)
@@ -93,29 +94,30 @@ def has_constants(setup: Setup) -> bool:
 
 def _check_rest(rig: BearingRig) -> None:
     """Refuse a load that is carried at the operating gap and not lifted off its rest."""
-    gap, high = rig.settings.mechanics.stop_high_m, rig.settings.amplifier.current_high_A
+    gap, high = rig.settings.body.stop_high_m, rig.settings.amplifier.current_high_A
     up = np.linspace(0.0, high, _CURRENTS)
     force = float(static_map(rig, up, np.full(up.size, gap))[0][-1])
     if not rig.load < force:
         text = f"no current lifts {rig.load:.4g} N off the rest at {gap:g} m, the magnet reaches "
         text += f"{force:.4g} N there; lower it, lower stop_high_m or raise current_high_A"
-        raise faults_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
+        raise rig_error(rig.path, [FileFault(("load", "force_N"), text, code="load-too-large")])
 
 
 def _check_probe(rig: BearingRig) -> None:
     """Refuse a Hall probe that ends below what the largest current makes at the smallest gap."""
     settings = rig.settings
-    probe, mechanics = settings.hall_probe, settings.mechanics
+    probe, body = settings.hall_probe, settings.body
     if probe is None:
         return
-    stops = mechanics.stop_low_m, mechanics.stop_high_m
+    stops = body.stop_low_m, body.stop_high_m
     gap = min(magnet.gap(stop) for magnet in rig.magnets for stop in stops)
     up = np.linspace(0.0, settings.amplifier.current_high_A, _CURRENTS)
     density = float(static_map(rig, up, np.full(up.size, gap))[2][-1]) * (1.0 + probe.gain_error)
     if density > probe.range_T:
         text = f"the largest current makes {density:.4g} T at a gap of {gap:g} m; raise it"
-        raise faults_error(
-            rig.path, [FileFault(("hall_probe", "range_T"), text, code="range-too-narrow")]
+        raise rig_error(
+            rig.path,
+            [FileFault(rig.settings.place(probe, "range_T"), text, code="range-too-narrow")],
         )
 
 
@@ -127,7 +129,7 @@ def linear_loop(setup: Setup, at: OperatingPoint) -> linear.LinearLoop:
     """
     rig = setup.rig
     timing, amplifier = rig.settings.timing, rig.settings.amplifier
-    sensor = rig.settings.position_sensor.sensor()
+    sensor = rig.settings.gap_sensor.sensor()
     magnets = float(len(rig.magnets))
     late = timing.delay_ticks + (amplifier.delay_s + sensor.delay) * timing.rate_Hz
     numbers = setup.compensator.parameters.numbers

@@ -43,7 +43,7 @@ class Ready:
         """Return what the controller knows; a model that it does not name is identified."""
         if self.model is not None:
             return IdentifiedMagnet(self.loops, self.model)
-        return identify_magnet(self.loops, self.rig.settings.identify)
+        return identify_magnet(self.loops, self.rig.settings.loops)
 
 
 def make_ready(
@@ -63,7 +63,7 @@ def make_ready(
         law_of(rig)
     loops = rig.measured.read()
     gaps = list(loops.by_schedule())
-    middle = rig.settings.simulate.gap_m
+    middle = rig.settings.gap_m
     if not min(gaps) < middle < max(gaps):
         raise InputError(
             f"{rig.measured.text}: loops at gaps of {min(gaps):g} to {max(gaps):g} m, {rig.path} "

@@ -99,7 +99,7 @@ class StepCell:
 
 def position_resolution(rig: BearingRig) -> float:
     """Return what the position sensor of a rig cannot resolve, rms of noise and steps, m."""
-    sensor = rig.settings.position_sensor.sensor()
+    sensor = rig.settings.gap_sensor.sensor()
     return math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
 
 
@@ -208,4 +208,4 @@ def as_rows(cells: Sequence[StepCell]) -> list[dict[str, Any]]:
 
 def default_seeds(rig: BearingRig) -> range:
     """Return the noise seeds that a rig file asks for."""
-    return range(rig.settings.simulate.noise_seeds)
+    return range(rig.settings.noise_seeds)

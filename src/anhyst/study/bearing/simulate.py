@@ -188,7 +188,7 @@ def explore(
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller, _places(out, controller))
     rig = ready.rig
-    tried = rig.settings.simulate
+    tried = rig.settings
     beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
     stages = _stages(progress, [*_WORK_OF_STAGES, *[1.0] * (1 + beside_steps)])
     knowledge = ready.knowledge()
@@ -270,7 +270,7 @@ def _compare(
 ) -> Simulation:
     """Try everything with every variant."""
     rig = setups[controller.settings.compensation.variant].rig
-    tried = rig.settings.simulate
+    tried = rig.settings
     cells = compare(
         list(setups.values()),
         _gaps(rig),
@@ -324,7 +324,7 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
         "controller": controller.settings.name,
         "variant": controller.settings.compensation.variant,
         "number_format": controller.settings.compensation.format,
-        "supply_V": rig.settings.amplifier.supply_V,
+        "supply_V": rig.settings.amplifier.supply,
         "rate_Hz": rig.settings.timing.rate_Hz,
         "delay_ticks": rig.settings.timing.delay_ticks,
     }
@@ -337,11 +337,11 @@ def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
 
 
 def _gaps(rig: BearingRig) -> list[float]:
-    return [rig.settings.simulate.gap_m, *rig.settings.simulate.also_gaps_m]
+    return [rig.settings.gap_m, *rig.settings.step.also_gaps_m]
 
 
 def _heights(rig: BearingRig) -> list[float]:
-    return rig.settings.simulate.steps_m
+    return rig.settings.step.heights_m
 
 
 def _load(rig: BearingRig) -> float:
@@ -381,7 +381,7 @@ def _experiments(
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""
     seeds: Sequence[int] = default_seeds(rig)
-    tried = rig.settings.simulate
+    tried = rig.settings
     found: dict[str, Any] = {
         "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(stages))
     }

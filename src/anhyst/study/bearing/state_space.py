@@ -5,7 +5,6 @@ python-control is in the extra ``control``.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -15,6 +14,7 @@ from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.linear_plant import Point, voltage_matrices
 from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.bearing.variations import changed
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 
@@ -86,18 +86,14 @@ def linearise(
 
 def _moved(rig: BearingRig, gap: float | None, force: float | None) -> BearingRig:
     """Return a rig at another operating point."""
-    settings = rig.settings
+    changes: dict[str, float] = {}
     if gap is not None:
-        tried = settings.simulate.model_copy(update={"gap_m": gap})
-        settings = settings.model_copy(update={"simulate": tried})
-    if force is not None and settings.magnet.bias_force_N is None:
-        load = settings.load.force_N + force - rig.load
-        moved = settings.load.model_copy(update={"force_N": load})
-        settings = settings.model_copy(update={"load": moved})
+        changes["gap_m"] = gap
+    if force is not None and rig.settings.bias_N is None:
+        changes["load.force_N"] = rig.settings.load.force_N + force - rig.load
     elif force is not None:
-        magnet = settings.magnet.model_copy(update={"bias_force_N": force})
-        settings = settings.model_copy(update={"magnet": magnet})
-    return replace(rig, settings=settings)
+        changes["control.bias_N"] = force
+    return changed(rig, changes)
 
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.measuring import HeldBearing
+from anhyst.rig.control_table import TrackingTable
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.measuring import HeldActuator
+from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst.rig.measuring import HeldRig
-from anhyst.rig.tables import ExciteTable, MeasurementTable
 from anhyst.study.excite.winding import Winding
 
 SENSOR = 0.95
@@ -49,18 +50,18 @@ class Specimen:
 
 
 def bearing_specimen(rig: BearingRig) -> Specimen:
-    """Return the magnet of a bearing that closes the gap; its own magnet must be whole."""
+    """Return the first magnet of a body; it must be whole."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
     poles = settings.magnet.poles
-    spare = amplifier.supply_V - poles.resistance * campaign.current_max_A
+    spare = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     return _specimen(
         HeldBearing(rig),
         gaps,
         excite,
         campaign,
-        operating=Bound(abs(rig.load), "load.force_N"),
+        operating=_operating(rig),
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
             Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
@@ -71,25 +72,34 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
     )
 
 
+def _operating(rig: BearingRig) -> Bound:
+    """Return the force about which a magnet of a body works, where the file does not say."""
+    control = rig.settings.control
+    if isinstance(control, TrackingTable):
+        return Bound(0.5 * control.force_max_N, "control.force_max_N")
+    bias = rig.settings.bias_N
+    return Bound(abs(rig.load), "load.force_N") if bias is None else Bound(bias, "control.bias_N")
+
+
 def force_specimen(rig: Rig) -> Specimen:
     """Return the actuator of a force rig; its magnet must be whole."""
     settings = rig.settings
-    amplifier, excite, cases = settings.amplifier, settings.excite, settings.force_control
+    amplifier, excite, force = settings.amplifier, settings.excite, settings.force
     file = rig.solenoid_file
     campaign = None if file is None else file.measurement
-    usual = sorted({cases.end_m, *cases.positions_m}) if campaign is None else campaign.gaps_m
+    usual = sorted({force.end_m, *settings.held.gaps_m}) if campaign is None else campaign.gaps_m
     return _specimen(
         HeldActuator(rig),
         tuple(excite.gaps_m or usual),
         excite,
         campaign,
-        operating=Bound(0.5 * cases.force_max_N, "force_control.force_max_N"),
+        operating=Bound(0.5 * force.force_max_N, "control.force_max_N"),
         currents=[
-            Bound(amplifier.current_max_A, "amplifier.current_max_A"),
+            Bound(amplifier.current_high_A, "amplifier.current_high_A"),
             Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
         ],
         lowest=0.0,
-        rate=Bound(amplifier.slew_A_per_s, "amplifier.slew_A_per_s"),
+        rate=Bound(amplifier.slew, "amplifier.slew_A_per_s"),
         sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
 

@@ -24,7 +24,7 @@ from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
 from anhyst.rig.from_loops import complete_rig
-from anhyst.study.force.results import figures
+from anhyst.study.force.results import figures, judge_stages
 from anhyst.study.force.trials import (
     Controllers,
     ForceOutcome,
@@ -33,7 +33,6 @@ from anhyst.study.force.trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.study.force.verdict import verdict
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.folder import whole_folder
@@ -184,8 +183,8 @@ def _run(
     trials = list(plan_trials(rig, demands))
     report = _Steps(progress, total=2.0 * _PREPARED + len(trials))
     loops = loops_of_rig(rig)
-    end = loops_at(loops, rig.settings.force_control.end_m)
-    force_max = rig.settings.force_control.force_max_N
+    end = loops_at(loops, rig.settings.force.end_m)
+    force_max = rig.settings.force.force_max_N
     ratio = fit_ratio(end, force_max)
     baselines: dict[str, dict[str, Compensator]] = {
         "end": {"ratio": ratio, "single": fit_single_valued(end, force_max)},
@@ -207,7 +206,7 @@ def _run(
         outcomes = all_of(_outcome, tasks, report.part(len(trials)))
         plant = rig.check(loops, models["stroke"])
         found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
-        found["verdict"] = None if found["lost_in"] else verdict(found["summary"])
+        found["verdict"] = None if found["lost_in"] else judge_stages(found["summary"])
         _write(rig, folder, found, outcomes, recordings)
     return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
 
@@ -258,7 +257,7 @@ def _programs(
     folder: Path,
     progress: Progress,
 ) -> dict[str, tuple[Program, ...]]:
-    rate = rig.settings.rate_Hz
+    rate = rig.settings.timing.rate_Hz
     tasks = [
         (kind, model, rate, board, folder / scope / kind)
         for scope, model in models.items()
@@ -269,16 +268,18 @@ def _programs(
 
 
 def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
-    settings, rate = rig.settings.force_control, rig.settings.rate_Hz
-    found = [triangle(shape, settings.force_max_N, rate) for shape in settings.demand]
+    settings, rate = rig.settings, rig.settings.timing.rate_Hz
+    found = [
+        triangle(shape, settings.force.force_max_N, rate) for shape in settings.force_triangles
+    ]
     if path is not None:
         found.append(_read_demand(rig, path))
     names = [demand.name for demand in found]
     if len(set(names)) < len(names):
         raise InputError(
-            f"{rig.path}: force_control.demand: two demands have the same name",
+            f"{rig.path}: case.name: two demands have the same name",
             code="name-twice",
-            key="force_control.demand",
+            key="case.name",
         )
     return found
 
@@ -287,7 +288,7 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
     """Read a demand and give it the ticks of the controller."""
     table = read_columns(path)
     time, force = table.need("time", "t_s"), table.need("force", "F_N")
-    most = rig.settings.force_control.force_max_N
+    most = rig.settings.force.force_max_N
     if force.min() < 0.0 or force.max() > most:
         row = int(np.argmax((force < 0.0) | (force > most)))
         raise InputError(
@@ -300,9 +301,9 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
             f"{path}: lasts {time[-1] - time[0]:g} s; give a demand of up to {LONGEST_DEMAND:g} s",
             code="too-long",
         )
-    ticks = np.arange(round((time[-1] - time[0]) * rig.settings.rate_Hz) + 1)
+    ticks = np.arange(round((time[-1] - time[0]) * rig.settings.timing.rate_Hz) + 1)
     sampled = np.interp(time[0] + ticks * rig.dt, time, force)
-    return with_lead_in("file", sampled, rig.settings.rate_Hz)
+    return with_lead_in("file", sampled, rig.settings.timing.rate_Hz)
 
 
 def _write(

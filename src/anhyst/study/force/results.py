@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from anhyst.compensate.methods import MODELS
 from anhyst.rig.force.file import Rig
 from anhyst.rig.holding import SignalBound, find_loss
 from anhyst.study.force.trials import ForceOutcome
+from anhyst.study.verdict import Comparison, judge
 from anhyst.support.arrays import FloatArray
+from anhyst.support.pays import FORCE
 
 TITLES: Mapping[str, str] = {
     "full": "full",
@@ -114,14 +117,14 @@ def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
 
 def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
     """Return everything measured, as ``figures.json`` holds it."""
-    force_max = rig.settings.force_control.force_max_N
+    force_max = rig.settings.force.force_max_N
     scores = [(outcome, score(outcome, force_max)) for outcome in outcomes]
     return {
         "format": "anhyst-force-control",
         "rig": rig.settings.name,
         "board": board,
         "force_max_N": force_max,
-        "rate_Hz": rig.settings.rate_Hz,
+        "rate_Hz": rig.settings.timing.rate_Hz,
         "force_noise_N": rig.settings.force_sensor.noise_N,
         "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
         "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
@@ -141,3 +144,25 @@ def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str,
             for outcome, found in scores
         ],
     }
+
+
+def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
+    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
+    worst = {
+        stage: {name: one["worst_percent"] for name, one in found.items()}
+        for stage, found in summary.items()
+    }
+    against = {
+        stage: min((name for name in found if name not in MODELS), key=lambda name: found[name])
+        for stage, found in worst.items()
+    }
+    judged = judge(
+        "worst error of full",
+        [
+            Comparison(stage, TITLES[against[stage]], found["full"], found[against[stage]], 0.0)
+            for stage, found in worst.items()
+        ],
+        "stages",
+        FORCE,
+    )
+    return {"level": judged.level, "text": judged.sentence, "strongest": against}

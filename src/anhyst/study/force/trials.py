@@ -46,7 +46,7 @@ class ForceTrial:
         ticks = self.demand.force.size
         if self.position is not None:
             return np.full(ticks, self.position)
-        return moving_gap(rig.settings.force_control.moving, ticks, rig.settings.rate_Hz)
+        return moving_gap(rig.settings.moving, ticks, rig.settings.timing.rate_Hz)
 
 
 @dataclass(frozen=True)
@@ -81,15 +81,15 @@ class ForceOutcome:
 
 def plan_trials(rig: Rig, demands: list[Demand]) -> Iterator[ForceTrial]:
     """Name all trials, in the order of the paper."""
-    settings = rig.settings.force_control
+    settings = rig.settings
     number = 0
     for demand in demands:
         starts: tuple[Start, ...] = ("unknown", "demagnetised")
         for start in starts:
-            yield ForceTrial("end", demand, settings.end_m, start, number)
+            yield ForceTrial("end", demand, settings.force.end_m, start, number)
             number += 1
     for demand in demands:
-        for position in settings.positions_m:
+        for position in settings.held.gaps_m:
             yield ForceTrial("positions", demand, position, "unknown", number)
             number += 1
     for demand in demands:

@@ -191,7 +191,7 @@ def track(rig: PiezoRig) -> PiezoTracking:
         "full": _compiled(model, rig),
     }
     runs = {name: _follow(rig, wanted, way) for name, way in ways.items()}
-    return PiezoTracking(wanted, rig.settings.control.bandwidth_Hz, runs)
+    return PiezoTracking(wanted, rig.settings.displacement.bandwidth_Hz, runs)
 
 
 def write_tracking(found: PiezoTracking, out: PathLike) -> None:
@@ -209,13 +209,13 @@ def write_tracking(found: PiezoTracking, out: PathLike) -> None:
 
 def measure(rig: PiezoRig) -> Loops:
     """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
-    top = rig.settings.amplifier.high_V
+    top = rig.settings.stack_amplifier.high_V
     pace = 2.0 * top / LOOP_SECONDS
     points = top * np.array([0.0, *(end for low, high in CYCLES for end in (low, high, low)), 0.0])
     when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
     time = np.arange(0.0, when[-1], LOOP_STEP)
     drive = np.interp(time, when, points)
-    sensor = rig.settings.sensor
+    sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
     read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
@@ -224,7 +224,7 @@ def measure(rig: PiezoRig) -> Loops:
 
 def reference(rig: PiezoRig) -> FloatArray:
     """Return the triangle, its corners rounded, from rest at its low end."""
-    want, rate = rig.settings.reference, rig.settings.control.rate_Hz
+    want, rate = rig.settings.moved, rig.settings.timing.rate_Hz
     ticks = round(want.cycles * rate / want.frequency_Hz)
     phase = (np.arange(ticks) * want.frequency_Hz / rate) % 1.0
     raw = want.low_m + want.stroke_m * (1.0 - np.abs(1.0 - 2.0 * phase))
@@ -255,14 +255,14 @@ def _without_memory(
 ) -> PiezoInverse:
     """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
     row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
-    amplifier = rig.settings.amplifier
+    amplifier = rig.settings.stack_amplifier
     limits = amplifier.low_V, amplifier.high_V
     return PiezoInverse(ForceController.map(np.array([row, row]), top, 0.0, 1.0, *limits))
 
 
 def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
     """Return the inverse of the model as it is compiled, signals of 32 bits, its stack at 0 V."""
-    request = CompileRequest("full", "q15", rig.settings.control.rate_Hz)
+    request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
     block = make_plan(replace(model, dynamics=None), request, 0).block
     assert isinstance(block, Block)
     native = FixedForceController.compensator(block.kind, block.words)
@@ -273,12 +273,14 @@ def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
 def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRun:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay."""
     settings = rig.settings
-    dt = 1.0 / settings.control.rate_Hz
-    noise = settings.sensor.noise_m * np.random.default_rng(SEED).standard_normal(wanted.size)
+    dt = 1.0 / settings.timing.rate_Hz
+    noise = settings.position_sensor.noise_m * np.random.default_rng(SEED).standard_normal(
+        wanted.size
+    )
     time = dt * np.arange(wanted.size, dtype=np.float64)
     expected = np.interp(time - _lateness(rig), time, wanted)
     filters = [notch(rig.stage.resonance, rig.stage.damping, NOTCH, dt).coefficients]
-    pid = integrator(2.0 * np.pi * settings.control.bandwidth_Hz * dt).coefficients
+    pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
     scales = {
         "error_full": 1.0,
         "forward_full": 1.0,
@@ -289,18 +291,18 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
         "gap_high": 1.0,
         "allocation": ALLOCATE_SINGLE,
         "idle": 0.0,
-        "current_low": settings.amplifier.low_V,
-        "current_high": settings.amplifier.high_V,
+        "current_low": settings.stack_amplifier.low_V,
+        "current_high": settings.stack_amplifier.high_V,
         "current_step": 0.0,
-        "sensor_step": settings.sensor.step_m,
+        "sensor_step": settings.position_sensor.step_m,
     }
     stage = rig.stage.motion(dt)
     table = stage.follow(inverse.native, filters, pid, scales, wanted, expected, noise)
     found, corrected, voltage = table.T.copy()
     error = found - expected
-    judged = error[round(LEAD * settings.control.rate_Hz / settings.reference.frequency_Hz) :]
+    judged = error[round(LEAD * settings.timing.rate_Hz / settings.moved.frequency_Hz) :]
     errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
-    stroke = settings.reference.stroke_m
+    stroke = settings.moved.stroke_m
     bounds = (
         SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
         SignalBound(
@@ -318,4 +320,4 @@ def _lateness(rig: PiezoRig) -> float:
     """
     stage = rig.stage
     rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
-    return 1.5 / rig.settings.control.rate_Hz + stage.amplifier + rounded
+    return 1.5 / rig.settings.timing.rate_Hz + stage.amplifier + rounded

@@ -20,7 +20,7 @@ _PADDING = 4096
 
 def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[TrackedRun]:
     """Repeat the test set-point and add after each trial what the model of the loop asks for."""
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
     motion = motion_of(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed=0)]
     learnt = np.zeros(len(runs[0].reference))
@@ -44,7 +44,7 @@ def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArra
     filtered = 1.0 / (1.0 + (frequency / FILTER_HZ) ** 4)
     with np.errstate(divide="ignore", invalid="ignore"):
         control = _pid_at(rig, np.exp(s * dt))
-    needed = rig.settings.mechanics.mass_kg * s**2 * np.exp(s * late) + control
+    needed = rig.settings.body.mass_kg * s**2 * np.exp(s * late) + control
     needed[0] = 0.0  # a constant force is what the integral finds
     missing = np.fft.rfft(error, n + _PADDING)
     whole = np.fft.rfft(learnt, n + _PADDING) + needed * missing

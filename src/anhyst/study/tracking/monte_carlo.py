@@ -24,6 +24,7 @@ from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 
+_DRAWN = {"gap_zero_m", "current_percent", "pinning_percent", "hall_percent", "eddy_s"}
 _STREAM = 5
 """Of the random numbers, apart from those of the noise."""
 
@@ -57,7 +58,7 @@ class CalibrationStudy:
             "format": "anhyst-tracking-calibration",
             "rig": self.rig.settings.name,
             "plants": self.plants,
-            "one_sigma": self.rig.settings.calibration.model_dump(),
+            "one_sigma": self.rig.settings.spread.model_dump(include=_DRAWN),
             "variants": {
                 name: {
                     kind: {
@@ -85,14 +86,14 @@ def _drawn(rig: StageRig, plants: int) -> dict[str, list[CalibrationErrors]]:
     found = {"none": [CALIBRATED]}
     for kind in KINDS:
         rng = np.random.default_rng([rig.settings.seed, _STREAM])
-        found[kind] = [draw_errors(rig.settings.calibration, kind, rng) for _ in range(plants)]
+        found[kind] = [draw_errors(rig.settings.spread, kind, rng) for _ in range(plants)]
     return found
 
 
 def _try(job: _Job) -> dict[str, tuple[Measures, ...]]:
     """Judge one variant, with the gains of the plant that was calibrated, on all of them."""
     rig = job.setup.rig
-    table = rig.settings.tracking
+    table = rig.settings.scan
     gains: Feedforward = find_gains(job.setup, motion_of(table, table.train_m_per_s2))
     motion = motion_of(table, table.test_m_per_s2)
     return {
@@ -114,7 +115,7 @@ def calibrate_wrongly(
         )
     check_writable(out)
     rig = read_stage(path)
-    made, _ = make_variants(rig, identify_magnet(rig.measured.read(), rig.settings.identify))
+    made, _ = make_variants(rig, identify_magnet(rig.measured.read(), rig.settings.loops))
     refuse_unstable(made[OWN])
     runs = all_of(_try, [_Job(setup, plants) for setup in made.values()], progress)
     found = CalibrationStudy(rig, plants, dict(zip(made, runs, strict=True)))

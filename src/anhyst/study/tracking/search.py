@@ -29,7 +29,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 
     Nelder and Mead from the mass of the file alone; the noise is the same in every run.
     """
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
 
     def cost(place: FloatArray) -> float:
         rms = measure(track(setup, motion, gains_at(place), seed=0), table.slit_s).rms_m

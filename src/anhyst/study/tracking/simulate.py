@@ -111,12 +111,12 @@ class TrackingStudy(Result):
     @property
     def figures(self) -> dict[str, Any]:
         """Content of ``figures.json``."""
-        table = self.rig.settings.tracking
+        control, table = self.rig.settings.tracking, self.rig.settings.scan
         return {
             "format": "anhyst-tracking",
             "rig": self.rig.settings.name,
-            "number_format": table.format,
-            "crossover_Hz": table.crossover_Hz,
+            "number_format": control.format,
+            "crossover_Hz": control.crossover_Hz,
             "train_m_per_s2": table.train_m_per_s2,
             "test_m_per_s2": table.test_m_per_s2,
             "left_out": dict(self.left_out),
@@ -192,10 +192,12 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
 
 def try_variant(setup: StageSetup) -> TriedVariant:
     """Find the gains of one variant on the training set-point and judge it on the test set-point."""
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
     gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
     motion = motion_of(table, table.test_m_per_s2)
-    runs = [track(setup, motion, gains, seed) for seed in range(1, table.noise_seeds + 1)]
+    runs = [
+        track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
+    ]
     small = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2])
     here = find_gains(setup, motion)
     trials = learn(setup, gains)
@@ -215,7 +217,7 @@ def try_variant(setup: StageSetup) -> TriedVariant:
 
 def _standing(setup: StageSetup, gains: Feedforward) -> float:
     """Return the error of a mass that has moved and now stands still, rms, m."""
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
     moved = replace(motion_of(table, table.test_m_per_s2[:2]), cruise=_STILL_S, speed=0.0)
     run = track(setup, moved, gains, 1)
     if run.loss is not None:
@@ -244,14 +246,14 @@ def make_variants(
 
 def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     """Refuse a loop that does not even hold a tenth of the accelerations, with no gains found yet."""
-    table = setup.rig.settings.tracking
+    table = setup.rig.settings.scan
     gently = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2[:2]])
     run = track(setup, gently, Feedforward(), seed=1)
     if run.loss is None:
         return
     text = (
         f"the loop was lost at {run.dt * run.loss.tick:.4f} s, {run.loss.reason}: a crossover of "
-        f"{table.crossover_Hz:g} Hz does not hold this stage"
+        f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not hold this stage"
     )
     if out is None:
         raise NegativeResult(text, code="loop-lost")
@@ -268,7 +270,7 @@ def explore_stage(
     out: PathLike | None = None,
 ) -> TrackingStudy:
     """Try variants on a stage."""
-    known = magnet or identify_magnet(rig.measured.read(), rig.settings.identify)
+    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops)
     made, left_out = make_variants(rig, known, names)
     refuse_unstable(made[OWN], out)
     tried = all_of(try_variant, list(made.values()), progress)

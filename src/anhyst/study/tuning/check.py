@@ -47,7 +47,7 @@ class Check:
 def check(setup: Setup, conditions: Sequence[Condition], jobs: int | None = None) -> Check:
     """Run the steps of all conditions with every noise seed, and a fine swept sine at each."""
     seeds = default_seeds(setup.rig)
-    heights = setup.rig.settings.simulate.steps_m
+    heights = setup.rig.settings.step.heights_m
     gaps = list(dict.fromkeys(one.gap for one in conditions))
     loads = list(dict.fromkeys(one.load for one in conditions))
     cells = compare([setup], gaps, heights, loads, list(seeds), jobs=jobs)

@@ -77,12 +77,12 @@ def _aims(aims: Aims, reached: Check) -> list[Limit]:
 
 def _noise(setup: Setup, reached: Check) -> list[Limit]:
     """Noise of the sensor, where it fills much of the band in which a small step must stay."""
-    height = min(setup.rig.settings.simulate.steps_m)
+    height = min(setup.rig.settings.step.heights_m)
     rest = reached.worst.standstill_rms_m
     share = _NOISES * rest / (_BAND * height)
     if share < 0.5:
         return []
-    kind = setup.rig.settings.position_sensor.kind
+    kind = setup.rig.settings.gap_sensor.kind
     return [
         Limit(
             "noise",
@@ -123,7 +123,7 @@ def _used_up(
 def _usage(setup: Setup, seed: int, condition: Condition) -> Mapping[str, float]:
     """Return for how long of a step each thing is used up, s."""
     rig, limits = setup.rig, setup.controller.limits
-    heights = rig.settings.simulate.steps_m
+    heights = rig.settings.step.heights_m
     scenario = steps_up_and_down(rig, setup.controller, condition.gap, heights, condition.load)
     recording = SimulatedLoop(setup, seed).run(scenario)
     longest = {"force": 0.0, "voltage": 0.0, "current": 0.0}
@@ -135,7 +135,7 @@ def _usage(setup: Setup, seed: int, condition: Condition) -> Mapping[str, float]
         at_end = {
             "force": (demand >= limits.force_high_N - spare)
             | (demand <= limits.force_low_N + spare),
-            "voltage": np.abs(part["voltage_V"]) >= _AT * rig.settings.amplifier.supply_V,
+            "voltage": np.abs(part["voltage_V"]) >= _AT * rig.settings.amplifier.supply,
             "current": (current >= _AT * high) | (current <= low + (1.0 - _AT) * high),
         }
         for what, ticks in at_end.items():
@@ -208,7 +208,7 @@ def _least_settling(setup: Setup, seed: int, eased: tuple[Screen, Aims]) -> floa
     """Return the settling time of the best gains for linear loops, s; infinite if none will do."""
     screen, aims = eased
     plant = setup.rig.settings
-    space = GainSpace(plant.timing.rate_Hz, plant.mechanics.mass_kg)
+    space = GainSpace(plant.timing.rate_Hz, plant.body.mass_kg)
     places = spread_over(space.size, seed)
     best = refine(screen, space, setup.controller, aims, places, seed)
     found = screen.look(space.per_tick(best[None, :], setup.controller))

@@ -65,7 +65,7 @@ def file_note(
     """Return the comment at the head of a tuned controller file."""
     found = tuned.found
     numbers = found.numbers
-    steps = ", ".join(f"{1e6 * height:g}" for height in rig.settings.simulate.steps_m)
+    steps = ", ".join(f"{1e6 * height:g}" for height in rig.settings.step.heights_m)
     if found.check is None:
         reached = "Reached with one noise seed (the search was interrupted):"
     else:
@@ -151,8 +151,8 @@ def heads() -> tuple[str, ...]:
 
 def markdown(tuning: Tuning) -> str:
     """Return the table and what limits as Markdown."""
-    seeds = tuning.rig.settings.simulate.noise_seeds
-    steps = ", ".join(f"{1e6 * one:g}" for one in tuning.rig.settings.simulate.steps_m)
+    seeds = tuning.rig.settings.noise_seeds
+    steps = ", ".join(f"{1e6 * one:g}" for one in tuning.rig.settings.step.heights_m)
     lines = [
         f"Rig: {tuning.rig.settings.name}. Aims: {aims_text(tuning.aims)}; then the least "
         "settling time.",
@@ -177,7 +177,7 @@ def markdown(tuning: Tuning) -> str:
 
 def figures_of(tuning: Tuning) -> dict[str, Any]:
     """Return what ``tuning.json`` holds; the same for the same input and seed."""
-    rig, simulate = tuning.rig.settings, tuning.rig.settings.simulate
+    rig, simulate = tuning.rig.settings, tuning.rig.settings
     return {
         "format": "anhyst-tuning",
         "rig": rig.name,
@@ -189,7 +189,7 @@ def figures_of(tuning: Tuning) -> dict[str, Any]:
         "supply_V": rig.amplifier.supply_V,
         "aims": tuning.aims.limits,
         "conditions": [{"gap_m": one.gap, "load_N": one.load} for one in tuning.conditions],
-        "steps_m": list(simulate.steps_m),
+        "steps_m": list(simulate.step.heights_m),
         "noise_seeds": simulate.noise_seeds,
         "budget": tuning.budget,
         "seed": tuning.seed,

@@ -23,7 +23,7 @@ FIRMNESS = (0.3, 0.5, 0.75)
 
 def at_condition(rig: BearingRig, condition: Condition) -> BearingRig:
     """Return the rig with its operating point there."""
-    return changed(rig, {"simulate.gap_m": condition.gap, "load.force_N": condition.load})
+    return changed(rig, {"gap_m": condition.gap, "load.force_N": condition.load})
 
 
 def make_screen(
@@ -35,7 +35,7 @@ def make_screen(
     answers. A loop whose magnet gives a slope between the two stands for such steps.
     """
     limits = setup.controller.limits
-    largest = max(setup.rig.settings.simulate.steps_m)
+    largest = max(setup.rig.settings.step.heights_m)
     loops: list[LinearLoop] = []
     reserves: list[float] = []
     for condition in conditions:

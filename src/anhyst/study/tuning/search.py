@@ -96,9 +96,9 @@ class GainSearch:
     def __post_init__(self) -> None:
         rig = self.setup.rig
         plant = rig.settings
-        self._space = GainSpace(plant.timing.rate_Hz, plant.mechanics.mass_kg)
-        hold = min(plant.simulate.hold_s, HOLD_S)
-        self._brief = replace(self.setup, rig=changed(rig, {"simulate.hold_s": hold}))
+        self._space = GainSpace(plant.timing.rate_Hz, plant.body.mass_kg)
+        hold = min(plant.step.hold_s, HOLD_S)
+        self._brief = replace(self.setup, rig=changed(rig, {"step.hold_s": hold}))
         front = 2.0 * len(_BOUNDS) * len(FIRMNESS)
         self._whole = front + self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
 

@@ -36,10 +36,10 @@ class Condition:
 
 def default_conditions(rig: BearingRig) -> tuple[Condition, ...]:
     """Return all gaps of a rig file with its load and with two thirds of it."""
-    tried, load = rig.settings.simulate, rig.settings.load.force_N
+    tried, load = rig.settings, rig.settings.load.force_N
     return tuple(
         Condition(gap, force)
-        for gap in dict.fromkeys([tried.gap_m, *tried.also_gaps_m])
+        for gap in dict.fromkeys(tried.step_gaps_m)
         for force in dict.fromkeys([load, load * 2.0 / 3.0])
     )
 
@@ -96,9 +96,9 @@ def run_trial(trial: GainTrial) -> GainOutcome:
 def _figures(trial: GainTrial, condition: Condition) -> Figures | None:
     """Run steps and sine at one condition; None if the armature was not held."""
     setup = trial.setup
-    tried = setup.rig.settings.simulate
+    tried = setup.rig.settings
     steps, lost = run_steps(
-        StepRun(setup, condition.gap, tuple(tried.steps_m), condition.load, trial.seed)
+        StepRun(setup, condition.gap, tuple(tried.step.heights_m), condition.load, trial.seed)
     )
     if lost is not None:
         return None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from anhyst.compensate.methods import BASELINES, MODELS
+from anhyst.study.bearing.metrics import Interval
 from anhyst.study.tuning.result import Tuned, Tuning
+from anhyst.study.verdict import compare
 from anhyst.support.pays import FEEDBACK
 
 _SETTLING = "settling_time_s"
@@ -42,12 +43,11 @@ def _judged(mine: Tuned, other: Tuned) -> str:
         return f"not worth it here: '{mine.variant}' misses the aims, {named} {met}; {FEEDBACK}"
     if other.misses:
         return f"worth it: '{mine.variant}' meets the aims, {named} misses them"
-    unsure = math.hypot(_half_width(mine), _half_width(other))
-    gain = other.figures.settling_time_s - mine.figures.settling_time_s
-    if gain > unsure:
-        part = 100.0 * gain / other.figures.settling_time_s
-        return f"worth it: {both}, {part:.2g} % less"
-    rest = "certainly less" if -gain > unsure else "the same within the noise"
+    mine_s, other_s = _settling(mine), _settling(other)
+    found = compare("settling", other.variant, mine_s, other_s)
+    if found.less:
+        return f"worth it: {both}, {100.0 * (1.0 - found.ratio):.2g} % less"
+    rest = "certainly less" if found.more else "the same within the noise"
     return f"not worth it here: {both}, {rest}; {FEEDBACK}"
 
 
@@ -62,6 +62,7 @@ def _time(one: Tuned) -> str:
     return f"{1e3 * one.figures.settling_time_s:.2f} ms"
 
 
-def _half_width(one: Tuned) -> float:
-    check = one.found.check
-    return 0.0 if check is None else check.cell(_SETTLING).figures[_SETTLING].half_width
+def _settling(one: Tuned) -> Interval:
+    check, mean = one.found.check, one.figures.settling_time_s
+    width = 0.0 if check is None else check.cell(_SETTLING).figures[_SETTLING].half_width
+    return Interval(mean, width, 1)

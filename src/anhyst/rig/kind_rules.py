@@ -1,0 +1,266 @@
+"""What each kind of rig has in its file, and how the tables of a file refer to each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from anhyst.rig.case_table import (
+    DisplacementCase,
+    ForceCase,
+    HeldCase,
+    LoadCase,
+    MovingCase,
+    ScanCase,
+    StepCase,
+    TrajectoryCase,
+)
+from anhyst.rig.file import RigFile
+from anhyst.rig.magnet_table import CLOSES, FROM_LOOPS, OPENS, LikeTable, MagnetTable, SolenoidTable
+from anhyst.rig.sensor_table import (
+    CurrentSensorTable,
+    FluxSensorTable,
+    ForceSensorTable,
+    GapSensorTable,
+    PositionSensorTable,
+)
+from anhyst.rig.tables import (
+    AmplifierTable,
+    BodyTable,
+    FlexureTable,
+    SpreadTable,
+    StackAmplifierTable,
+    StackTable,
+    TimingTable,
+)
+from anhyst.support.kinds import NAMES, FileKind
+from anhyst.support.toml_file import FileFault, Table
+
+ONE, SOME, ANY, MANY = (1, 1), (0, 1), (0, math.inf), (1, math.inf)
+"""How many tables of a kind a rig has."""
+
+
+@dataclass(frozen=True)
+class KindRule:
+    """What the file of one kind of rig holds beside times, sensors and control."""
+
+    tables: Mapping[type[Table], tuple[float, float]]  # lists: how many of each kind of table
+    single: Mapping[str, bool]  # other tables and keys that it may have: whether it must
+    # keys that a table of it must have though others may leave them out, and those without a use
+    needed: Mapping[type[Table], tuple[str, ...]] = field(default_factory=dict)
+    unused: Mapping[type[Table], tuple[str, ...]] = field(default_factory=dict)
+
+
+_READ: Mapping[type[Table], tuple[float, float]] = {
+    GapSensorTable: ONE,
+    CurrentSensorTable: ONE,
+    ForceSensorTable: ONE,
+}
+_BODY_NEEDS: Mapping[type[Table], tuple[str, ...]] = {
+    MagnetTable: ("gap_m",),
+    AmplifierTable: ("supply_V",),
+}
+_BODY_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
+    AmplifierTable: ("slew_A_per_s",),
+    CurrentSensorTable: ("offset_A",),
+    PositionSensorTable: ("step_m",),
+}
+RULES: Mapping[FileKind, KindRule] = {
+    FileKind.BEARING: KindRule(
+        tables={
+            **_READ,
+            MagnetTable: ONE,
+            LikeTable: SOME,
+            AmplifierTable: ONE,
+            BodyTable: ONE,
+            FluxSensorTable: SOME,
+            StepCase: ONE,
+            LoadCase: SOME,
+            TrajectoryCase: ANY,
+        },
+        single={
+            "loops": True,
+            "load": True,
+            "measurement": True,
+            "excite": False,
+            "spread": False,
+            "seed": False,
+            "noise_seeds": False,
+        },
+        needed=_BODY_NEEDS,
+        unused={**_BODY_UNUSED, SpreadTable: ("current_percent", "hall_percent", "eddy_s")},
+    ),
+    FileKind.STAGE: KindRule(
+        tables={
+            **_READ,
+            MagnetTable: ONE,
+            LikeTable: ONE,
+            AmplifierTable: ONE,
+            BodyTable: ONE,
+            FluxSensorTable: SOME,
+            PositionSensorTable: ONE,
+            ScanCase: ONE,
+        },
+        single={
+            "loops": True,
+            "measurement": True,
+            "excite": False,
+            "frame": False,
+            "spread": False,
+            "seed": False,
+            "noise_seeds": False,
+        },
+        needed=_BODY_NEEDS,
+        unused={
+            **_BODY_UNUSED,
+            SpreadTable: (
+                "reversible_percent",
+                "saturation_percent",
+                "mass_percent",
+                "resistance_percent",
+                "sensor_gain_percent",
+            ),
+        },
+    ),
+    FileKind.FORCE: KindRule(
+        tables={
+            **_READ,
+            MagnetTable: SOME,
+            SolenoidTable: SOME,
+            AmplifierTable: ONE,
+            ForceCase: MANY,
+            HeldCase: ONE,
+            MovingCase: ONE,
+        },
+        single={"loops": True, "excite": False, "seed": False},
+        needed={AmplifierTable: ("slew_A_per_s",)},
+        unused={
+            TimingTable: ("substeps", "delay_ticks"),
+            MagnetTable: ("gap_m", "direction", "eddy_time_s", "model", "flux_table"),
+            AmplifierTable: ("mode", "supply_V", "current_low_A", "delay_s"),
+            GapSensorTable: ("delay_s", "gain_error", "offset_m"),
+            CurrentSensorTable: ("gain_error",),
+        },
+    ),
+    FileKind.PIEZO: KindRule(
+        tables={
+            StackTable: ONE,
+            StackAmplifierTable: ONE,
+            FlexureTable: ONE,
+            PositionSensorTable: ONE,
+            DisplacementCase: ONE,
+        },
+        single={},
+        needed={PositionSensorTable: ("step_m",)},
+        unused={TimingTable: ("substeps", "delay_ticks")},
+    ),
+}
+
+_SINGLE = ("loops", "load", "frame", "measurement", "excite", "spread", "seed", "noise_seeds")
+_TITLES: Mapping[type[Table], tuple[str, str]] = {
+    MagnetTable: ("magnet", "a [[magnet]] with winding and poles"),
+    LikeTable: ("magnet", "a second [[magnet]], with like and direction"),
+    SolenoidTable: ("magnet", 'a [[magnet]] of kind "solenoid"'),
+    StackTable: ("stack", "a [[stack]]"),
+    AmplifierTable: ("amplifier", 'an [[amplifier]] with mode "current" or "voltage"'),
+    StackAmplifierTable: ("amplifier", 'an [[amplifier]] with mode "stack"'),
+    BodyTable: ("body", "a [[body]] with mass_kg and stops"),
+    FlexureTable: ("body", "a [[body]] with resonance_Hz"),
+    GapSensorTable: ("sensor", 'a [[sensor]] of = "gap"'),
+    CurrentSensorTable: ("sensor", 'a [[sensor]] of = "current"'),
+    ForceSensorTable: ("sensor", 'a [[sensor]] of = "force"'),
+    FluxSensorTable: ("sensor", 'a [[sensor]] of = "flux"'),
+    PositionSensorTable: ("sensor", 'a [[sensor]] of = "position"'),
+    StepCase: ("case", 'a [[case]] of kind "step"'),
+    LoadCase: ("case", 'a [[case]] of kind "load"'),
+    TrajectoryCase: ("case", 'a [[case]] of kind "triangle" or "sine"'),
+    ScanCase: ("case", 'a [[case]] of kind "scan"'),
+    ForceCase: ("case", 'a [[case]] of kind "force"'),
+    HeldCase: ("case", 'a [[case]] of kind "held"'),
+    MovingCase: ("case", 'a [[case]] of kind "moving"'),
+    DisplacementCase: ("case", 'a [[case]] of kind "displacement"'),
+}
+"""Key of the list that holds a table, and what messages call it."""
+
+
+def rule_faults(file: RigFile) -> list[FileFault]:
+    """Find what is missing, superfluous, or refers to nothing."""
+    return [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
+
+
+def _count_faults(file: RigFile) -> Iterator[FileFault]:
+    rule, whose = RULES[file.kind], NAMES[file.kind][0]
+    for kind, (key, title) in _TITLES.items():
+        places = [place for place, table in file.tables() if type(table) is kind]
+        least, most = rule.tables.get(kind, (0, 0))
+        if len(places) < least:
+            yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
+        elif len(places) > most:
+            text = f"{whose} has no use for {title}" if not most else f"{whose} has one of them"
+            yield FileFault(places[int(most)], f"{text}; remove it", code="not-for-this-kind")
+    actuators = [kind for kind in (MagnetTable, SolenoidTable) if kind in rule.tables]
+    if len(actuators) == 2 and len(file.magnets) != 1:
+        text = "needs one magnet: with winding and poles, or a solenoid; correct it"
+        yield FileFault(("magnet",), text, code="one-of-two")
+
+
+def _single_faults(file: RigFile) -> Iterator[FileFault]:
+    rule, whose = RULES[file.kind], NAMES[file.kind][0]
+    given = file.model_fields_set
+    for key in _SINGLE:
+        written = bool({key, f"given_{key}"} & given)
+        if rule.single.get(key, False) and not written:
+            yield FileFault((key,), f"{whose} needs it; add it", code="missing")
+        if key not in rule.single and written:
+            text = f"{whose} has no use for it; remove it"
+            yield FileFault((key,), text, code="not-for-this-kind")
+
+
+def _key_faults(file: RigFile) -> Iterator[FileFault]:
+    rule, whose = RULES[file.kind], NAMES[file.kind][0]
+    single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("spread",), file.spread)]
+    for place, table in [*file.tables(), *single]:
+        for key in rule.needed.get(type(table), ()):
+            if key not in table.model_fields_set:
+                text = f"is missing, {whose} needs it; add it"
+                yield FileFault((*place, key), text, code="missing")
+        for key in rule.unused.get(type(table), ()):
+            if key in table.model_fields_set:
+                text = f"{whose} has no use for it; remove it"
+                yield FileFault((*place, key), text, code="not-for-this-kind")
+
+
+def _name_faults(file: RigFile) -> Iterator[FileFault]:
+    names = [iron.name for iron in file.irons]
+    for number, name in enumerate(names):
+        if name == FROM_LOOPS or name in names[:number]:
+            text = f"'{name}' is taken; choose another name"
+            yield FileFault(("iron", number, "name"), text, code="name-taken")
+    for place, magnet in file.tables():
+        if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
+            text = f"there is no [[iron]] '{magnet.iron}'; correct it"
+            yield FileFault((*place, "iron"), text, code="unknown-name")
+        if isinstance(magnet, LikeTable):
+            yield from _opposite_faults(file, place, magnet)
+        elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES:
+            text = f"the first magnet pulls along {CLOSES}, towards smaller gaps; write that"
+            yield FileFault((*place, "direction"), text, code="wrong-direction")
+    if file.kind is FileKind.BEARING and (file.opposite is None) != (file.bias_N is None):
+        text = (
+            "a pair of magnets needs it; add it"
+            if file.bias_N is None
+            else "belongs to a pair of magnets; remove it"
+        )
+        yield FileFault(("control", "bias_N"), text, code="pair-only")
+
+
+def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[FileFault]:
+    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
+    if first is not None and magnet.like != first.name:
+        text = f"names no magnet; write '{first.name}'"
+        yield FileFault((*place, "like"), text, code="unknown-name")
+    if magnet.direction != OPENS:
+        text = f"a second magnet pulls against the first, along {OPENS}; write that"
+        yield FileFault((*place, "direction"), text, code="wrong-direction")

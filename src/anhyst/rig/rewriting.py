@@ -1,0 +1,84 @@
+"""A rig file of an older format as a file of today, comments kept where their keys went."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from anhyst.rig.file import RigFile
+from anhyst.rig.old_files import modernise
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.toml_file import TomlFile
+from anhyst.support.toml_text import Path as KeyPath
+from anhyst.support.toml_text import parts_of, toml_key, toml_value
+
+_COLUMN = 38
+"""Where comments begin, if the value leaves room."""
+
+
+def rewrite_rig(source: PathLike, out: PathLike) -> None:
+    """Write a rig file in the format of today."""
+    check_writable(out, [source])
+    file = TomlFile(source)
+    text = Path(source).read_text(encoding="utf-8").splitlines()
+    modernise(file, quiet=True)
+    notes = {key: parts_of(text[line - 1]) for key, line in file.lines.items()}
+    head = [line for line in _head(text) if line.startswith("#")]
+    with atomic_writer(out) as stream:
+        stream.write("\n".join([*head, *_lines(file.content, notes)]) + "\n")
+
+
+def _head(text: list[str]) -> Iterator[str]:
+    for line in text:
+        if line.strip() and not line.startswith("#"):
+            return
+        yield line
+
+
+def _lines(content: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
+    order = [field.alias or name for name, field in RigFile.model_fields.items()]
+    keys = sorted(content, key=lambda key: order.index(key) if key in order else len(order))
+    for key in keys:
+        if not _is_table(content[key]):
+            yield from _entry((key,), content[key], notes)
+    for key in keys:
+        value = content[key]
+        if isinstance(value, Mapping):
+            yield from _table(f"[{key}]", (key,), value, notes)
+        elif _is_table(value):
+            for number, table in enumerate(value):
+                yield from _table(f"[[{key}]]", (key, number), table, notes)
+
+
+def _table(
+    title: str, place: KeyPath, table: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]
+) -> Iterator[str]:
+    yield ""
+    yield _noted(title, notes.get(place, ("", ""))[1])
+    first = [key for key in ("name", "of", "kind", "mode") if key in table]
+    for key in [*first, *(key for key in table if key not in first)]:
+        yield from _entry((*place, key), table[key], notes)
+
+
+def _entry(place: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
+    before, note = notes.get(place, ("", ""))
+    key = toml_key(str(place[-1]))
+    if _is_table(value):
+        yield _noted(f"{key} = [", note)
+        yield from (f"  {toml_value(row)}," for row in value)
+        yield "]"
+    else:
+        same = bool(before) and tomllib.loads(f"x = {before}")["x"] == value
+        yield _noted(f"{key} = {before if same else toml_value(value)}", note)
+
+
+def _noted(text: str, note: str) -> str:
+    return f"{text.ljust(_COLUMN - 1)} # {note}" if note else text
+
+
+def _is_table(value: Any) -> bool:
+    """Whether a value is a table or a list of them."""
+    rows = value if isinstance(value, list) else [value]
+    return bool(rows) and all(isinstance(row, Mapping) for row in rows)

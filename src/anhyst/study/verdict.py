@@ -1,0 +1,122 @@
+"""Whether a hysteresis model is worth it: one rule for every study, against the strongest baseline.
+
+A figure of the model is compared with that of the baseline which is best in it. A difference counts
+where it is certain: more than the noise of both leaves open. The model is worth it where some
+figures are certainly less and none is more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import METHODS
+from anhyst.study.bearing.metrics import Interval
+
+Level = Literal["yes", "mixed", "no", "unknown"]
+TITLES: Mapping[Level, str] = {
+    "yes": "Worth it",
+    "mixed": "Worth it in part",
+    "no": "Not worth it here",
+    "unknown": "No verdict",
+}
+LISTED = 4
+"""Comparisons that are named one by one; more are counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A figure of a model beside that of a baseline; the smaller one is better."""
+
+    title: str
+    baseline: str
+    mine: float
+    its: float
+    unsure: float  # difference that noise leaves open
+
+    @property
+    def less(self) -> bool:
+        """Whether it is certain that there is a gain."""
+        return self.its - self.mine > self.unsure
+
+    @property
+    def more(self) -> bool:
+        """Whether it is certain that there is a loss."""
+        return self.mine - self.its > self.unsure
+
+    @property
+    def ratio(self) -> float:
+        """Figure of the model over that of the baseline; nan where neither leaves anything."""
+        if self.its != 0.0:
+            return self.mine / self.its
+        return math.nan if self.mine == 0.0 else math.inf
+
+
+def compare(
+    title: str, baseline: str, mine: Interval, its: Interval, floor: float = 0.0
+) -> Comparison:
+    """Compare two means, beyond a floor and what noise of both, taken as independent, leaves open."""
+    unsure = max(floor, math.hypot(mine.half_width, its.half_width))
+    return Comparison(title, baseline, mine.mean, its.mean, unsure)
+
+
+def strongest(figures: Mapping[MethodName, Interval]) -> MethodName | None:
+    """Return the baseline with the least mean; None where none has one."""
+    found = [
+        name
+        for name, one in figures.items()
+        if METHODS[name].role == "baseline" and math.isfinite(one.mean)
+    ]
+    return min(found, key=lambda name: figures[name].mean, default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What came out of all comparisons."""
+
+    level: Level
+    text: str
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return f"{TITLES[self.level]}: {self.text}"
+
+
+def judge(own: str, comparisons: Sequence[Comparison], what: str, instead: str) -> Judgement:
+    """Judge a model by what it was compared in; ``instead`` says where it would pay."""
+    known = [one for one in comparisons if not math.isnan(one.ratio) or one.its == one.mine]
+    if not known:
+        return Judgement("unknown", f"{own} was compared with nothing")
+    less = [one for one in known if one.less]
+    more = [one for one in known if one.more]
+    level: Level = "no" if not less else "mixed" if more else "yes"
+    alike = [one for one in known if not one.less and not one.more]
+    parts = [
+        f"{word} {_listed(ones, len(known), what)}"
+        for word, ones in (("less:", less), ("more:", more), ("alike within the noise:", alike))
+        if ones
+    ]
+    text = f"{own} against the strongest baseline without hysteresis model, {'; '.join(parts)}"
+    return Judgement(level, text if level == "yes" else f"{text}; {instead}")
+
+
+def _listed(comparisons: Sequence[Comparison], count: int, what: str) -> str:
+    """Name figures with their parts of the baseline's, or count them."""
+    if count > LISTED:
+        names = " or ".join(dict.fromkeys(f"'{one.baseline}'" for one in comparisons))
+        parts = sorted(one.ratio for one in comparisons if math.isfinite(one.ratio))
+        span = f", {_span(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
+        return f"{len(comparisons)} of {count} {what}{span}"
+    return ", ".join(f"{one.title} {_part(one.ratio)} of '{one.baseline}'" for one in comparisons)
+
+
+def _part(ratio: float) -> str:
+    return f"{ratio:.2g}" if math.isfinite(ratio) else "0" if math.isnan(ratio) else "more than 0"
+
+
+def _span(low: float, high: float) -> str:
+    return _part(low) if _part(low) == _part(high) else f"{_part(low)} to {_part(high)}"
