@@ -28,9 +28,6 @@ _ONE_GAP = f"""
 gaps_m = [{GAP}]
 continuous_A = 0.7
 thermal_s = 60.0
-
-[identify]
-law = "play-cells"
 """
 
 
