@@ -32,17 +32,17 @@ def line_of(text: str, beginning: str) -> int:
         pytest.param(
             "slew_A_per_s",
             "slew_A_per_ms",
-            "extra-forbidden amplifier.slew_A_per_ms: slew_A_per_s",
+            "extra-forbidden amplifier[1].slew_A_per_ms: slew_A_per_s",
             id="unknown",
         ),
         pytest.param(
             "rate_Hz = 1000.0",
             'rate_Hz = "fast"',
-            "float-type rate_Hz: 'fast'",
+            "float-type timing.rate_Hz: 'fast'",
             id="text in a number",
         ),
         pytest.param(
-            "dac_bits = 12", "dac_bits = 12.5", "int-type amplifier.dac_bits", id="half a bit"
+            "dac_bits = 12", "dac_bits = 12.5", "int-type amplifier[1].dac_bits", id="half a bit"
         ),
     ],
 )
@@ -63,7 +63,7 @@ def test_a_key_that_is_missing(folder: Path) -> None:
     text = (EXAMPLE / "rig.toml").read_text()
     line = text.split("\n")[line_of(text, "rate_Hz") - 1]
     (folder / "rig.toml").write_text(text.replace(line + "\n", ""))
-    assert says(refused(*RUN, cwd=folder), "missing rate_Hz: rig.toml")
+    assert says(refused(*RUN, cwd=folder), "missing timing.rate_Hz: rig.toml")
 
 
 def test_files_that_are_not_there(folder: Path) -> None:
@@ -109,7 +109,7 @@ def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
 
 def test_loops_that_will_not_do(folder: Path) -> None:
     said = refused(*RUN, cwd=folder)
-    assert says(said, "no-such-file force_control.loops: loops.csv")
+    assert says(said, "no-such-file loops.files: loops.csv")
     for name in ("loops.csv", "loops.toml"):
         shutil.copy(EXAMPLE / name, folder)
     text = (EXAMPLE / "rig.toml").read_text()
@@ -118,7 +118,7 @@ def test_loops_that_will_not_do(folder: Path) -> None:
     assert says(said, "force-not-reached loops: 0.001 m")
     (folder / "rig.toml").write_text(text.replace("end_m = 1.0e-3", "end_m = 3.0e-3"))
     said = refused(*RUN, cwd=folder)
-    assert says(said, "no-such-loop force_control.end_m: rig.toml; 0.003 m")
+    assert says(said, "no-such-loop control.end_m: rig.toml; 0.003 m")
 
 
 @pytest.mark.parametrize(

@@ -48,10 +48,10 @@ def test_a_draft_gives_the_numbers_of_the_example_bearing_from_its_loops(tmp_pat
     my = init(tmp_path, BEARING, *GIVEN)
     rig, controller = (tomllib.loads((my / name).read_text()) for name in FILES)
     assert rig["timing"]["rate_Hz"] == 20e3
-    assert rig["amplifier"]["supply_V"] == 150.0
-    assert rig["amplifier"]["bandwidth_Hz"] == pytest.approx(2500.0, rel=0.1)
-    assert rig["amplifier"]["current_high_A"] == 4.5
-    assert rig["simulate"]["steps_m"] == [10e-6, 20e-6, 50e-6, 100e-6]
+    assert rig["amplifier"][0]["supply_V"] == 150.0
+    assert rig["amplifier"][0]["bandwidth_Hz"] == pytest.approx(2500.0, rel=0.1)
+    assert rig["amplifier"][0]["current_high_A"] == 4.5
+    assert rig["case"][0]["heights_m"] == [10e-6, 20e-6, 50e-6, 100e-6]
     assert controller["design"]["bandwidth_Hz"] == pytest.approx(120.0, rel=0.05)
     assert controller["limits"]["step_m"] == pytest.approx(20e-6, rel=0.1)
     assert controller["limits"]["force_high_N"] == pytest.approx(290.0, rel=0.05)
@@ -91,7 +91,7 @@ def test_the_result_is_said_as_json(tmp_path: Path) -> None:
     result = quick("init", BEARING, "--out", "my", "--json", cwd=tmp_path)
     found = json.loads(result.stdout)
     assert found["files"] == [*FILES, "loops/loops.csv", "loops/loops.toml"]
-    assert found["guesses"]["rig.toml"]["mechanics.mass_kg = 12.0"] == "the load is its weight"
+    assert found["guesses"]["rig.toml"]["body.mass_kg = 12.0"] == "the load is its weight"
 
 
 def test_a_drafted_folder_can_be_moved(tmp_path: Path) -> None:
@@ -127,8 +127,12 @@ def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
     (tmp_path / "loops.csv").write_text(text)
     (tmp_path / "columns.toml").write_text('[columns]\ndrive = "I_A"\nU_V = "F_N"\n')
     my = init(tmp_path, "loops.csv", "--columns", "drive=I_A,U_V=F_N", "--history", "demagnetised")
-    read = tomllib.loads((my / "rig.toml").read_text())["identify"]
-    assert read == {"columns": "drive=I_A,U_V=F_N", "history": "demagnetised"}
+    read = tomllib.loads((my / "rig.toml").read_text())["loops"]
+    assert read == {
+        "files": "loops/loops.csv",
+        "columns": "drive=I_A,U_V=F_N",
+        "history": "demagnetised",
+    }
     shutil.rmtree(my)
     init(tmp_path, "loops.csv", "--sidecar", "columns.toml")
     assert read_bearing(my / "rig.toml").measured.read().output.name == "force"

@@ -45,9 +45,10 @@ CALLED = {
     "measurement": "a measurement",
 }
 MEASURED, MODEL = {"measurement"}, {"model"}
+RIGS = {"bearing", "stage", "piezo", "force"}
 WORKS = {
     "inspect": MEASURED,
-    "convert": MEASURED,
+    "convert": MEASURED | RIGS,
     "identify": MEASURED,
     "fleet": MEASURED,
     "init": MEASURED,
@@ -62,7 +63,7 @@ WORKS = {
     "simulate": {"bearing", "stage", "piezo"},
     "tune": {"bearing"},
     "force-control": {"force"},
-    "excite": {"bearing", "force"},
+    "excite": {"bearing", "stage", "force"},
     "live": {"bearing", "force", "compiled"},
     "xcp": set[str](),
 }
@@ -159,6 +160,8 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
 ) -> None:
     path = written(kind, tmp_path)
     (tmp_path / "drive.csv").write_text("t_s,I_A,F_N,gap_m\n0,0,0,5e-4\n1,1,1,5e-4\n")
+    if verb == "convert" and kind in RIGS:
+        monkeypatch.setitem(OPTIONS, "convert", ["out.toml"])
     if (verb, kind) == ("export", "model"):
         monkeypatch.setitem(OPTIONS, "export", [*OPTIONS["export"], "--rate", "1000"])
     expected = spoil(path)
@@ -195,11 +198,16 @@ def test_a_file_that_says_no_kind_is_asked_for_it_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = written("stage", tmp_path)
-    path.write_text(path.read_text().replace('"anhyst-stage"', '"anhyst-stag"'))
-    for verb in ("simulate", "tune", "excite", "force-control"):
-        said = refusal(verb, path, monkeypatch, capsys)
-        assert "format" in said
-        assert "wrong as well" not in said
+    whole = path.read_text()
+    for old, new, key in (
+        ('"anhyst-rig"', '"anhyst-rug"', "format"),
+        ('"tracking"', '"trackin"', "control.kind"),
+    ):
+        path.write_text(whole.replace(old, new))
+        for verb in ("simulate", "tune", "excite", "force-control"):
+            said = refusal(verb, path, monkeypatch, capsys)
+            assert f": {key}: must be " in said
+            assert "wrong as well" not in said
 
 
 def test_an_ending_of_measurements_is_one_that_is_read() -> None:

@@ -51,13 +51,10 @@ def test_every_processor_finds_the_same_model_to_1e_9(tmp_path: Path) -> None:
         assert np.max(np.abs(force - forces[0])) < 1e-9 * np.max(forces[0])
 
 
-LAW = """
-[magnet.model]
-file = "magnet.toml"
-"""
+KIND = {"cells": 'kind = "electromagnet"', "law": 'kind = "law"\nmodel = "magnet.toml"'}
 SHORT = {
     "also_gaps_m = [0.42e-3, 0.48e-3]": "also_gaps_m = []",
-    "steps_m = [10e-6, 20e-6, 50e-6, 100e-6]": "steps_m = [20e-6]",
+    "heights_m = [10e-6, 20e-6, 50e-6, 100e-6]": "heights_m = [20e-6]",
     "frequency_Hz = 1.0": "frequency_Hz = 10.0",
     "noise_seeds = 20": "noise_seeds = 2",
 }
@@ -66,7 +63,7 @@ SHORT = {
 def write_files(folder: Path, force: str) -> None:
     """Write the example, shortened, with a model that every processor is given."""
     rig = (bearings.EXAMPLE / "rig.toml").read_text()
-    for old, new in {**SHORT, 'force = "cells"': f'force = "{force}"'}.items():
+    for old, new in {**SHORT, KIND["cells"]: KIND[force]}.items():
         assert rig.count(old) == 1, old
         rig = rig.replace(old, new)
     wave = """
@@ -75,7 +72,7 @@ kind = "sine"
 force_N = 2.0
 frequency_Hz = 33.0
 """
-    (folder / "rig.toml").write_text(rig + wave + (LAW if force == "model" else ""))
+    (folder / "rig.toml").write_text(rig + wave)
     controller = (bearings.EXAMPLE / "controller.toml").read_text()
     own = 'variant = "full"'
     assert controller.count(own) == 1
@@ -104,7 +101,7 @@ def expected(path: str, value: Any) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", ["cells", pytest.param("model", marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("force", ["cells", pytest.param("law", marks=pytest.mark.campaign)])
 def test_every_processor_records_the_same_run_bit_for_bit(force: str, tmp_path: Path) -> None:
     write_files(tmp_path, force)
     recordings, figures = [], []

@@ -21,7 +21,7 @@ from .records import model
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 RUN = ("simulate", "rig.toml", "--out", "out/run.csv")
 OUTSIDE = "m, outside the travel of 0.00035 to 0.00055 m; lower it or move the stops"
-LAW = '[magnet.model]\nfile = "model.toml"\nflux_table = "flux.csv"\n\n[amplifier]'
+LAW = 'kind = "law"\nmodel = "model.toml"\nflux_table = "flux.csv"'
 
 
 @pytest.fixture
@@ -46,29 +46,29 @@ def change(path: Path, old: str, new: str) -> int:
         pytest.param(
             "gap_m = 0.45e-3",
             "gap_m = 0.56e-3",
-            "simulate.gap_m",
-            "outside-travel simulate.gap_m: 0.00056 m; 0.00035; 0.00055 m",
+            "magnet[1].gap_m",
+            "outside-travel magnet[1].gap_m: 0.00056 m; 0.00035; 0.00055 m",
             id="reference outside the travel",
         ),
         pytest.param(
             "also_gaps_m = [0.42e-3,",
             "also_gaps_m = [0.34e-3,",
-            "simulate.also_gaps_m[1]",
+            "case[1].also_gaps_m[1]",
             "outside-travel: 0.00034 m; 0.00035; 0.00055 m",
             id="another gap outside",
         ),
         pytest.param(
-            "steps_m = [10e-6,",
-            "steps_m = [300e-6,",
-            "simulate.steps_m[1]",
-            "outside-travel simulate.steps_m[1]: 0.00045 m; 0.0003; 0.0006 m; 0.00035; 0.00055 m",
+            "heights_m = [10e-6,",
+            "heights_m = [300e-6,",
+            "case[1].heights_m[1]",
+            "outside-travel case[1].heights_m[1]: 0.00045 m; 0.0003; 0.0006 m; 0.00035; 0.00055 m",
             id="step outside",
         ),
         pytest.param(
-            'trajectories = [{ kind = "triangle", amplitude_m = 20e-6',
-            'trajectories = [{ kind = "triangle", amplitude_m = 200e-6',
-            "simulate.trajectories[1].amplitude_m",
-            "outside-travel simulate.trajectories[1].amplitude_m: 0.00025; 0.00065 m; 0.00035; 0.00055 m",
+            "amplitude_m = 20e-6",
+            "amplitude_m = 200e-6",
+            "case[3].amplitude_m",
+            "outside-travel case[3].amplitude_m: 0.00025; 0.00065 m; 0.00035; 0.00055 m",
             id="trajectory outside",
         ),
         pytest.param(
@@ -79,10 +79,10 @@ def change(path: Path, old: str, new: str) -> int:
             id="load that no current carries",
         ),
         pytest.param(
-            "load_steps_N = [20.0]",
-            "load_steps_N = [160.0]",
-            "simulate.load_steps_N[1]",
-            "load-too-large simulate.load_steps_N[1]: 150 N; 310 N; 298 N",
+            "forces_N = [20.0]",
+            "forces_N = [160.0]",
+            "case[2].forces_N[1]",
+            "load-too-large case[2].forces_N[1]: 150 N; 310 N; 298 N",
             id="load step that no current carries",
         ),
         pytest.param(
@@ -95,14 +95,14 @@ def change(path: Path, old: str, new: str) -> int:
         pytest.param(
             "bandwidth_Hz = 2500.0",
             "bandwidth = 2500.0",
-            "amplifier.bandwidth",
-            "unit-missing amplifier.bandwidth: bandwidth_Hz",
+            "amplifier[1].bandwidth",
+            "unit-missing amplifier[1].bandwidth: bandwidth_Hz",
             id="unit left out",
         ),
         pytest.param(
             "mass_kg = 2.0",
             "mass = 2.0",
-            "mechanics.mass",
+            "body[1].mass",
             "unit-missing: mass_kg",
             id="unit of the mass left out",
         ),
@@ -114,10 +114,10 @@ def change(path: Path, old: str, new: str) -> int:
             id="unknown key",
         ),
         pytest.param(
-            "[hall_probe]",
-            "[hal_probe]",
-            "hal_probe",
-            "extra-forbidden hal_probe: hall_probe",
+            "[spread]",
+            "[spred]",
+            "spred",
+            "extra-forbidden spred: spread",
             id="unknown table",
         ),
         pytest.param(
@@ -147,22 +147,22 @@ def change(path: Path, old: str, new: str) -> int:
         pytest.param(
             "hold_s = 0.06",
             "hold_s = 0.0003",
-            "simulate.hold_s",
-            "too-short simulate.hold_s: 20000 s; 0.0004 s",
+            "case[1].hold_s",
+            "too-short case[1].hold_s: 20000 s; 0.0004 s",
             id="short hold",
         ),
         pytest.param(
             "frequency_Hz = 1.0",
             "frequency_Hz = 2000.0",
-            "simulate.trajectories[1].frequency_Hz",
-            "out-of-range simulate.trajectories[1].frequency_Hz: 2000 Hz",
+            "case[3].frequency_Hz",
+            "out-of-range case[3].frequency_Hz: 2000 Hz",
             id="fast trajectory",
         ),
         pytest.param(
             "frequency_Hz = 1.0",
             "frequency_Hz = 0.01",
-            "simulate.trajectories[1].frequency_Hz",
-            "out-of-range simulate.trajectories[1].frequency_Hz: 100 s",
+            "case[3].frequency_Hz",
+            "out-of-range case[3].frequency_Hz: 100 s",
             id="slow trajectory",
         ),
         pytest.param(
@@ -171,16 +171,16 @@ def change(path: Path, old: str, new: str) -> int:
         pytest.param(
             "range_T = 2.0",
             "range_T = 1.4",
-            "hall_probe.range_T",
-            "range-too-narrow hall_probe.range_T: 1.416 T; 0.00035 m",
+            "sensor[4].range_T",
+            "range-too-narrow sensor[4].range_T: 1.416 T; 0.00035 m",
             id="probe",
         ),
         pytest.param(
-            'arrangement = "single"',
-            'arrangement = "pair"',
-            "magnet",
-            "missing: gap_total_m",
-            id="pair without its gap",
+            'kind = "levitation"',
+            'kind = "levitation"\nbias_N = 80.0',
+            "control.bias_N",
+            "pair-only control.bias_N",
+            id="pair without its second magnet",
         ),
     ],
 )
@@ -189,8 +189,8 @@ def test_a_key_of_the_rig_that_will_not_do(
 ) -> None:
     line = change(folder / "rig.toml", old, new)
     refusal = refused(*RUN, cwd=folder)
-    place = "" if key in ("timing", "magnet") else f":{line}"
-    assert refusal.startswith(f"rig.toml{place}") or key in ("timing", "magnet")
+    line += new.count("\n")
+    assert refusal.startswith(f"rig.toml:{line}") or key == "timing"
     assert f": {key}: " in refusal
     assert says(refusal, said)
 
@@ -293,7 +293,9 @@ def test_a_sample_rate_that_is_too_slow_for_the_plant(folder: Path) -> None:
 def test_measured_flux_without_a_probe(folder: Path) -> None:
     rig = folder / "rig.toml"
     text = rig.read_text()
-    rig.write_text(text[: text.index("[hall_probe]")] + text[text.index("[measurement]") :])
+    rig.write_text(
+        text[: text.index("[[sensor]]", text.index('of = "force"'))] + text[text.index("[load]") :]
+    )
     line = change(folder / "controller.toml", '"full"', '"flux"')
     assert says(
         refused(*RUN, cwd=folder),
@@ -332,8 +334,7 @@ def table(
     ],
 )
 def test_a_flux_table_that_will_not_do(folder: Path, text: str | None, said: str) -> None:
-    change(folder / "rig.toml", 'force = "cells"', 'force = "model"')
-    change(folder / "rig.toml", "[amplifier]", LAW)
+    change(folder / "rig.toml", 'kind = "electromagnet"', LAW)
     if text is not None:
         (folder / "flux.csv").write_text(text)
     refusal = refused(*RUN, cwd=folder)
@@ -387,8 +388,7 @@ def test_a_model_of_another_device(folder: Path, variant: str) -> None:
 def test_a_model_of_another_device_makes_no_force(folder: Path) -> None:
     write_spoilt(folder, piezo)
     (folder / "flux.csv").write_text(table())
-    change(folder / "rig.toml", 'force = "cells"', 'force = "model"')
-    change(folder / "rig.toml", "[amplifier]", LAW)
+    change(folder / "rig.toml", 'kind = "electromagnet"', LAW)
     assert says(refused(*RUN, cwd=folder), "not-current-to-force: model.toml")
 
 
@@ -417,7 +417,7 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
 @pytest.mark.parametrize("name", ["loops.csv", "controller.toml", "rig.toml"])
 def test_a_file_that_is_not_there(folder: Path, name: str) -> None:
     (folder / name).unlink()
-    place = "rig.toml:8: loops: " if name == "loops.csv" else ""
+    place = "rig.toml:16: loops.files: " if name == "loops.csv" else ""
     assert says(refused(*RUN, cwd=folder), f"no-such-file: {place}{name}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,10 @@ from tests.refusals import says
 from .command import anhyst, refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
+SECOND = re.findall(
+    r"\[\[magnet\]\]\nname = \"second\".*?\n\n", (EXAMPLE / "rig.toml").read_text(), re.S
+)[0]
+"""What the file says of the second magnet."""
 
 
 @pytest.fixture
@@ -32,9 +37,9 @@ def change(path: Path, old: str, new: str) -> None:
     ("old", "new", "said"),
     [
         pytest.param(
-            'arrangement = "pair"\n',
+            SECOND,
             "",
-            "pair-only: gap_total_m",
+            "missing magnet: a second [[magnet]]",
             id="one magnet",
         ),
         pytest.param(
@@ -51,7 +56,7 @@ def change(path: Path, old: str, new: str) -> None:
         ),
         pytest.param("slit_s = 0.01", "slit_s = 0.06", "too-long", id="slit"),
         pytest.param(
-            "stray_m", "stray_mm", "extra-forbidden tracking.stray_mm: stray_m", id="misspelt"
+            "stray_m", "stray_mm", "extra-forbidden frame.stray_mm: stray_m", id="misspelt"
         ),
     ],
 )
@@ -74,7 +79,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     change(rig, "[22.0, 16.0, 8.0, 20.0, 12.0]", "[22.0, 12.0]")
     change(rig, "[22.0, 10.0, 18.0, 6.0, 14.0, 22.0]", "[22.0, 18.0]")
     change(rig, "noise_seeds = 10", "noise_seeds = 2")
-    change(rig, "[identify]", '[identify]\nlaw = "effective-field"')
+    change(rig, "[loops]", '[loops]\nlaw = "effective-field"')
     (folder / "out").mkdir()
     done = anhyst("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
     assert done.returncode == 0, done.stderr

@@ -57,7 +57,7 @@ def test_the_first_version_has_its_data_too(example: ModuleType) -> None:
 def test_the_table_of_positions(rig: Rig) -> None:
     rows = table()
     assert [float(row[0].split()[0]) for row in rows] == [
-        round(1e3 * gap, 2) for gap in rig.settings.held_gaps_m
+        round(1e3 * gap, 2) for gap in rig.settings.held.gaps_m
     ]
     file = rig.solenoid_file
     assert file is not None

@@ -56,8 +56,8 @@ def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
 @pytest.mark.slow
 def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
     rig = read_bearing(drafted / "rig.toml").settings
-    heights = [rig.steps_m[0], rig.steps_m[-1]]
-    shortened(drafted / "rig.toml", noise_seeds="2", also_gaps_m="[]", steps_m=f"{heights}")
+    heights = [rig.step.heights_m[0], rig.step.heights_m[-1]]
+    shortened(drafted / "rig.toml", noise_seeds="2", also_gaps_m="[]", heights_m=f"{heights}")
     done = anhyst("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)
     assert done.returncode == 0, done.stderr
     figures: dict[str, Any] = json.loads((drafted / "figures.json").read_text())
@@ -86,9 +86,9 @@ def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str
         loops = MAGNETS[name].write_loops(tmp_path / f"{name}.csv")
     done = quick("init", loops, "--force-control", "--out", "my", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    rig = read_rig(tmp_path / "my" / "rig.toml").settings.force_control
-    ends = [rig.positions_m[0], rig.positions_m[-1]]
-    shortened(tmp_path / "my" / "rig.toml", positions_m=f"{ends}")
+    rig = read_rig(tmp_path / "my" / "rig.toml").settings
+    ends = [rig.held.gaps_m[0], rig.held.gaps_m[-1]]
+    shortened(tmp_path / "my" / "rig.toml", gaps_m=f"{ends}")
     done = anhyst("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
     assert done.returncode == 0, done.stderr
     figures: dict[str, Any] = json.loads((tmp_path / "run" / "figures.json").read_text())

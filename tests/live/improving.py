@@ -28,15 +28,12 @@ _ONE_GAP = f"""
 gaps_m = [{GAP}]
 continuous_A = 0.7
 thermal_s = 60.0
-
-[identify]
-law = "play-cells"
 """
 
 
 def unknown_iron(folder: Path) -> PreparedForce:
     """Return a controller of the bundled loops before a solenoid whose iron is pinned harder."""
-    path = measured_rig("solenoid", folder, more=_ONE_GAP).path
+    path = measured_rig("solenoid", folder, more=_ONE_GAP, law="play-cells").path
     solenoid = folder / "solenoid.toml"
     text = solenoid.read_text(encoding="utf-8")
     pinning = "pinning_scale_A_per_m"

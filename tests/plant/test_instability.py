@@ -33,7 +33,7 @@ def test_held_by_a_current_the_gap_diverges_at_the_unstable_pole(
     pole = math.sqrt(-slope / MASS)
     linear = Point(MASS, k_i=1.0, k_s=-slope, inductance=1.0, resistance=1.0)
     assert 2.0 * math.pi * linear.pole_at_current == pytest.approx(pole)
-    plant = bearing(STIFF | {"mechanics.gravity_m_per_s2": force / MASS})
+    plant = bearing(STIFF | {"body.gravity_m_per_s2": force / MASS})
     plant.place([gap], [0.0])
     plant.hold(current, 0)
     start = way * 20e-6 * pole / math.exp(4.0)  # 10 um after four time constants
@@ -65,7 +65,7 @@ def test_held_by_a_voltage_it_diverges_at_the_slower_pole_of_that() -> None:
     linear = Point(MASS, float(k_i), -slope, float(inductance), 1.2)
     assert linear.pole_at_voltage < 0.8 * linear.pole_at_current
     held = {"amplifier.mode": "voltage", "amplifier.supply_V": 150.0, "amplifier.dac_bits": 24}
-    plant = bearing(STIFF | held | {"mechanics.gravity_m_per_s2": force / MASS})
+    plant = bearing(STIFF | held | {"body.gravity_m_per_s2": force / MASS})
     plant.place([GAP], [0.0])
     plant.hold(current, 0)
     plant.place([GAP], [1e-4])
@@ -86,7 +86,7 @@ def test_in_balance_it_stays() -> None:
     plant.place([GAP], [0.0])
     plant.hold(2.8, 0)
     lift = plant.force / MASS
-    balanced = bearing(STIFF | {"mechanics.gravity_m_per_s2": lift})
+    balanced = bearing(STIFF | {"body.gravity_m_per_s2": lift})
     balanced.place([GAP], [0.0])
     balanced.hold(2.8, 0)
     for _ in range(100):

@@ -32,12 +32,14 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = bearings.copy_known(folder).read_text(encoding="utf-8")
     for key, value in {
         "also_gaps_m": "[]",
-        "steps_m": "[20e-6]",
+        "heights_m": "[20e-6]",
         "noise_seeds": "2",
-        "trajectories": '[{ kind = "sine", amplitude_m = 5e-6, frequency_Hz = 20.0 }]',
+        "amplitude_m": "5e-6",
+        "frequency_Hz": "20.0",
     }.items():
         text, count = re.subn(rf"^{key} = .*$", f"{key} = {value}", text, flags=re.MULTILINE)
         assert count == 1
+    text = text.replace('"triangle"', '"sine"')
     (folder / "rig.toml").write_text(text, encoding="utf-8")
     return folder
 

@@ -5,19 +5,14 @@ from __future__ import annotations
 import re
 import shutil
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import cast
 
 import numpy as np
 import pytest
-from anhyst.rig.bearing.tables import POSITION_SENSORS, RigFile
-from pydantic import BaseModel
 
-from anhyst.compensate.interface import MethodName
 from anhyst.control import design
 from anhyst.control.controller_file import (
-    ControllerTable,
     GainsTable,
     controller_text,
     read_controller,
@@ -63,12 +58,12 @@ def test_the_bundled_bearing_is_the_one_that_was_fixed() -> None:
     controller = read_controller(EXAMPLE / "controller.toml")
     check_controller(controller, rig)
     plant = rig.settings
-    assert (plant.mechanics.mass_kg, rig.load) == (2.0, 150.0)
-    assert (plant.simulate.gap_m, plant.timing.rate_Hz) == (0.45e-3, 20e3)
+    assert (plant.body.mass_kg, rig.load) == (2.0, 150.0)
+    assert (plant.gap_m, plant.timing.rate_Hz) == (0.45e-3, 20e3)
     assert plant.timing.delay_ticks >= 1.0
-    assert plant.position_sensor.sensor().step == 50e-9
-    assert plant.simulate.noise_seeds == 20
-    assert plant.simulate.steps_m == [10e-6, 20e-6, 50e-6, 100e-6]
+    assert plant.gap_sensor.sensor().step == 50e-9
+    assert plant.noise_seeds == 20
+    assert plant.step.heights_m == [10e-6, 20e-6, 50e-6, 100e-6]
     assert rig.step == pytest.approx(12.5e-6)
     assert rig.measured.places[0] == EXAMPLE / "loops.csv"
     assert (rig.model, rig.flux_table, controller.model) == (None, None, None)
@@ -127,10 +122,10 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "bandwidth_Hz = 2500.0",
             "bandwidth = 2500.0",
-            "amplifier.bandwidth",
-            "unit-missing amplifier.bandwidth: bandwidth_Hz",
+            "amplifier[1].bandwidth",
+            "unit-missing amplifier[1].bandwidth: bandwidth_Hz",
         ),
-        ("mass_kg = 2.0", "mass = 2.0", "body.mass", "unit-missing mechanics.mass: mass_kg"),
+        ("mass_kg = 2.0", "mass = 2.0", "body[1].mass", "unit-missing body[1].mass: mass_kg"),
         (
             "substeps = 4",
             "substep = 4",
@@ -140,28 +135,49 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "knee_slow_A_per_m",
             "knee_slow_A_per_mm",
-            "iron.knee_slow_A_per_mm",
-            "extra-forbidden magnet.iron.knee_slow_A_per_mm",
+            "iron[1].knee_slow_A_per_mm",
+            "extra-forbidden iron[1].knee_slow_A_per_mm",
         ),
         ("delay_ticks = 1.0", "delay_ticks = 1.1", "timing", "delay-not-whole"),
-        ("turns = 250", "turns = 250.5", "magnet.turns", "int-type magnet.turns"),
-        ('arrangement = "single"', 'arrangement = "pair"', "magnet", "missing: gap_total_m"),
-        ('arrangement = "single"', "gap_total_m = 1e-3", "magnet", "pair-only"),
-        ('force = "cells"', 'force = "model"', "magnet", "missing"),
-        ("cells = 24", "cells = 64", "iron.cells", "too-many-cells"),
+        ("turns = 250", "turns = 250.5", "magnet[1].turns", "int-type magnet[1].turns"),
+        (
+            'kind = "levitation"',
+            'kind = "levitation"\nbias_N = 80.0',
+            "control.bias_N",
+            "pair-only control.bias_N",
+        ),
+        ('kind = "electromagnet"', 'kind = "law"', "magnet[1]", "missing: model"),
+        (
+            'kind = "electromagnet"',
+            'model = "m.toml"',
+            "magnet[1]",
+            "not-for-this-kind: model; flux_table",
+        ),
+        ('iron = "core"\n', "", "magnet[1]", "missing: [[iron]]"),
+        ('iron = "core"', 'iron = "cork"', "magnet[1].iron", "unknown-name: 'cork'"),
+        ('name = "core"', 'name = "cork"', "magnet[1].iron", "unknown-name: 'core'"),
+        ("turns = 250\n", "", "magnet[1]", "missing: turns"),
+        ("gap_m = 0.45e-3 ", "direction = [-1.0, 0.0, 0.0] #", "magnet[1].gap_m", "missing"),
+        (
+            "turns = 250",
+            "turns = 250\ndirection = [1.0, 0.0, 0.0]",
+            "magnet[1].direction",
+            "wrong-direction",
+        ),
+        ("cells = 24", "cells = 64", "iron[1].cells", "too-many-cells"),
         (
             "stop_low_m = 0.35e-3",
             "stop_low_m = 0.55e-3",
-            "mechanics",
+            "body[1]",
             "range-reversed: stop_low_m; stop_high_m",
         ),
         (
             "stop_low_m = 0.35e-3",
             "stop_low_m = 0.01e-3",
-            "position_sensor",
-            "range-too-narrow position_sensor",
+            "sensor[1]",
+            "range-too-narrow sensor[1]",
         ),
-        ("high_A = 5.0", "high_A = 4.4", "current_sensor", "range-too-narrow current_sensor"),
+        ("high_A = 5.0", "high_A = 4.4", "sensor[2]", "range-too-narrow sensor[2]"),
         (
             "current_max_A = 4.5",
             "current_max_A = 4.6",
@@ -171,50 +187,50 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
         (
             "gap_m = 0.45e-3",
             "gap_m = 0.56e-3",
-            "gap_m",
-            "outside-travel simulate.gap_m: 0.00056 m; 0.00035; 0.00055 m",
+            "magnet[1].gap_m",
+            "outside-travel magnet[1].gap_m: 0.00056 m; 0.00035; 0.00055 m",
         ),
         (
-            "0.42e-3, 0.48e-3]\nsteps",
-            "0.42e-3, 0.34e-3]\nsteps",
-            "simulate.also_gaps_m[2]",
+            "0.42e-3, 0.48e-3]\nhold",
+            "0.42e-3, 0.34e-3]\nhold",
+            "case[1].also_gaps_m[2]",
             "outside-travel",
         ),
         (
             "50e-6, 100e-6]",
             "50e-6, 200e-6]",
-            "simulate.steps_m[4]",
-            "outside-travel simulate.steps_m[4]: 0.00045 m; 0.00035; 0.00055 m",
+            "case[1].heights_m[4]",
+            "outside-travel case[1].heights_m[4]: 0.00045 m; 0.00035; 0.00055 m",
         ),
         (
             "amplitude_m = 20e-6",
             "amplitude_m = 100e-6",
-            "simulate.trajectories[1].amplitude_m",
+            "case[3].amplitude_m",
             "outside-travel",
         ),
         (
             "\nstep_m = 50e-9",
             "\nstep_m = 50e-9\nadc_bits = 16",
-            "position_sensor",
+            "sensor[1]",
             "both-given",
         ),
         (
             "noise_m = 5e-9 ",
             "delay_s = 2e-3 #",
-            "gap_sensor.delay_s",
-            "delay-too-long position_sensor.delay_s: 160",
+            "sensor[1].delay_s",
+            "delay-too-long sensor[1].delay_s: 160",
         ),
         (
             "dac_bits = 16",
             "dac_bits = 16\ndelay_s = 1.6e-3",
-            "amplifier.delay_s",
-            "delay-too-long amplifier.delay_s: 132",
+            "amplifier[1].delay_s",
+            "delay-too-long amplifier[1].delay_s: 132",
         ),
         (
             "noise_seeds = 20",
             "noise_seeds = 1",
             "noise_seeds",
-            "greater-than-equal simulate.noise_seeds",
+            "greater-than-equal noise_seeds",
         ),
         (
             "turns = [0.0, 1.0,",
@@ -248,32 +264,46 @@ def test_what_is_wrong_with_a_rig_is_reported_by_line(
 )
 def test_disturbances_have_what_their_kind_needs(folder: Path, new: str, code: str) -> None:
     path = folder / "rig.toml"
-    change(path, "\n[position_sensor]", f"\n[[load.disturbance]]\n{new}\n\n[position_sensor]")
+    change(path, "\n[control]", f"\n[[load.disturbance]]\n{new}\n\n[control]")
     with refused(f"{code} load.disturbance[1]: frequency_Hz"):
         read_bearing(path)
 
 
 def test_a_pair_needs_room_for_its_second_magnet(folder: Path) -> None:
     path = folder / "rig.toml"
-    change(
-        path,
-        'arrangement = "single"',
-        'arrangement = "pair"\nbias_force_N = 80.0\ngap_total_m = 0.9e-3',
-    )
+    text = path.read_text()
+    path.write_text(bearings.pair_text(text, 80.0))
     assert read_bearing(path).settings.bias_N == 80.0
-    line = change(path, "gap_total_m = 0.9e-3", "gap_total_m = 0.55e-3")
-    with refused(f"range-too-narrow magnet.gap_total_m: :{line}:"):
+    path.write_text(bearings.pair_text(text, 80.0, 0.1e-3))
+    line = 1 + path.read_text().splitlines().index("gap_m = 0.0001")
+    with refused(f"range-too-narrow magnet[2].gap_m: :{line}:"):
+        read_bearing(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ('like = "magnet"', 'like = "other"', "unknown-name magnet[2].like: 'magnet'"),
+        ("[1.0, 0.0, 0.0]", "[-1.0, 0.0, 0.0]", "wrong-direction magnet[2].direction"),
+        ("[1.0, 0.0, 0.0]", "[1.0, 0.0]", "too-short magnet[2].direction"),
+        ("gap_m = 0.00045", "", "missing magnet[2].gap_m"),
+        ("bias_N = 80.0", "", "pair-only control.bias_N"),
+    ],
+)
+def test_the_second_magnet_of_a_pair_says_whose_like_it_is_and_where(
+    folder: Path, old: str, new: str, what: str
+) -> None:
+    path = folder / "rig.toml"
+    path.write_text(bearings.pair_text(path.read_text(), 80.0))
+    change(path, old, new)
+    with refused(what):
         read_bearing(path)
 
 
 def test_a_magnet_of_an_identified_law_names_its_files(folder: Path) -> None:
     path = folder / "rig.toml"
-    change(path, 'force = "cells"', 'force = "model"')
-    change(
-        path,
-        "[magnet.iron]",
-        '[magnet.model]\nfile = "m.toml"\nflux_table = "psi.csv"\n[magnet.iron]',
-    )
+    law = 'kind = "law"\nmodel = "m.toml"\nflux_table = "psi.csv"'
+    change(path, 'kind = "electromagnet"', law)
     rig = read_bearing(path)
     assert (rig.model, rig.flux_table) == (folder / "m.toml", folder / "psi.csv")
 
@@ -281,7 +311,7 @@ def test_a_magnet_of_an_identified_law_names_its_files(folder: Path) -> None:
 def test_a_load_that_no_current_carries_is_refused(folder: Path) -> None:
     rig = read_bearing(folder / "rig.toml")
     check_load(rig, 171.0)
-    with refused("load-too-large simulate.load_steps_N[1]: 150 N"):
+    with refused("load-too-large case[2].forces_N[1]: 150 N"):
         check_load(rig, 170.0)
     with refused("load-too-large load.force_N: 150 N"):
         check_load(rig, 150.0)
@@ -406,7 +436,7 @@ def test_measured_flux_needs_a_probe(folder: Path) -> None:
     controller = read_controller(folder / "controller.toml")
     check_controller(controller, read_bearing(folder / "rig.toml"))
     text = (folder / "rig.toml").read_text()
-    without = re.sub(r"\[hall_probe\](.*\n)+?\n", "", text, count=1)
+    without = re.sub(r"\[\[sensor\]\].*\nof = \"flux\"(.*\n)+?\n", "", text, count=1)
     assert len(without) < len(text)
     (folder / "rig.toml").write_text(without)
     with refused(f"no-hall-probe compensation.variant: toml:{line}:"):
@@ -505,55 +535,6 @@ def test_a_flux_table_without_flux_is_reported(tmp_path: Path) -> None:
     path.write_text("I_A,gap_mm,F_N\n0,0.4,0\n1,0.4,3\n")
     with refused("column-missing flux_linkage: 'psi_Wb'"):
         read_flux_table(path)
-
-
-def keys(table: type[BaseModel]) -> Iterator[str]:
-    for name, field in table.model_fields.items():
-        yield name
-        for inner in tables(field.annotation):
-            yield from keys(inner)
-
-
-def tables(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for inner in get_args(annotation):
-        yield from tables(inner)
-
-
-@pytest.mark.parametrize(
-    ("page", "table", "others"),
-    [
-        ("rig-file.md", RigFile, set[str]()),
-        ("controller-file.md", ControllerTable, set(get_args(MethodName))),
-    ],
-)
-def test_every_key_is_described_and_no_other(
-    page: str, table: type[BaseModel], others: set[str]
-) -> None:
-    text = (ROOT / "docs" / page).read_text()
-    known = set(keys(table))
-    described = {part for name in re.findall(r"`([\w.-]+)`", text) for part in name.split(".")}
-    assert known <= described, f"{known - described} not described"
-    listed = {
-        name
-        for line in text.splitlines()
-        if line.startswith("| `")
-        for name in re.findall(r"`([\w-]+)`", line.split("|")[1])
-    }
-    assert listed <= known | others, f"{listed - known - others} described, but no keys"
-    assert others <= listed
-
-
-def test_the_page_reports_what_each_kind_of_sensor_has() -> None:
-    text = (ROOT / "docs" / "rig-file.md").read_text()
-    scale = {"nm": 1e-9, "us": 1e-6, "kHz": 1e3, "Hz": 1.0}
-    for kind, usual in POSITION_SENSORS.items():
-        (row,) = re.findall(rf"^\| {kind} \| (.*) \|$", text, re.MULTILINE)
-        cells = [cell.split() for cell in row.split(" | ")]
-        values = [float(c[0]) * scale[c[1]] if c[1:] and c[1] in scale else 0.0 for c in cells]
-        expected = [usual.step, usual.noise, usual.bandwidth, usual.delay]
-        assert values == pytest.approx(expected), kind
 
 
 def test_magnets_are_a_list_each_with_its_own_gap() -> None:

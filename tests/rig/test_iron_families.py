@@ -32,13 +32,13 @@ def keys_of(name: str) -> str:
     return found[1]
 
 
-def with_keys(path: Path, table: str, keys: str) -> Path:
-    """Replace the keys of a steel in a table of a file."""
+def with_keys(path: Path, keys: str) -> Path:
+    """Replace the keys of the iron in a file; its name, length and area stay."""
     text = path.read_text(encoding="utf-8")
-    begun, rest = text.split(f"[{table}]", 1)
+    begun, title, rest = re.split(r"(^\[+iron\]+.*\n)", text, maxsplit=1, flags=re.M)
     own, *after = rest.split("\n[", 1)
-    kept = [line for line in own.splitlines() if re.match(r"length_m|area_m2", line)]
-    whole = "\n".join([f"{begun}[{table}]", *kept, keys])
+    kept = [line for line in own.splitlines() if re.match(r"name|length_m|area_m2", line)]
+    whole = begun + title + "\n".join([*kept, keys])
     path.write_text("\n[".join([whole, *after]), encoding="utf-8")
     return path
 
@@ -57,7 +57,7 @@ def solenoid(tmp_path: Path) -> Path:
 
 @every
 def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, name: str) -> None:
-    rig = read_bearing(with_keys(bearing, "iron", keys_of(name)))
+    rig = read_bearing(with_keys(bearing, keys_of(name)))
     assert rig.settings.steel.steel() == STEELS[name]
     plant = make_bearing(changed(rig, {"body.mass_kg": 1e200}), 0)  # welded in place
     plant.place([0.45e-3], [0.0])
@@ -75,7 +75,7 @@ def test_a_bearing_pulls_harder_coming_down_whatever_its_iron(bearing: Path, nam
 
 @every
 def test_a_solenoid_uses_up_its_ampere_turns_whatever_its_iron(solenoid: Path, name: str) -> None:
-    with_keys(solenoid.with_name("solenoid.toml"), "iron", keys_of(name))
+    with_keys(solenoid.with_name("solenoid.toml"), keys_of(name))
     actuator = read_rig(solenoid).actuator()
     assert isinstance(actuator, Solenoid)
     shape = actuator.geometry
@@ -103,7 +103,7 @@ def test_a_solenoid_follows_the_same_path_cut_finely(solenoid: Path) -> None:
 
 @pytest.mark.parametrize("name", ["preisach-usual", "duhem-usual"])
 def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, name: str) -> None:
-    rig = read_bearing(with_keys(bearing, "iron", keys_of(name)))
+    rig = read_bearing(with_keys(bearing, keys_of(name)))
     loop = next(iter(measure_loops(rig).loops))
     rising, falling = (
         loop.output[np.abs(loop.input - 2.0) < 0.03][side] for side in (slice(2), slice(-2, None))
@@ -114,12 +114,12 @@ def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, nam
 @pytest.mark.parametrize(
     ("name", "old", "new", "what"),
     [
-        ("duhem-usual", '"duhem"', '"dühem"', "unknown-choice magnet.iron"),
+        ("duhem-usual", '"duhem"', '"dühem"', "unknown-choice iron[1]"),
         (
             "duhem-usual",
             "turning_T = 0.18",
             "turning_mT = 180.0",
-            "extra-forbidden magnet.iron.turning_mT",
+            "extra-forbidden iron[1].turning_mT",
         ),
         ("duhem-usual", "turning_T = 0.18", "turning_T = 1.8", "small-loops-give-energy"),
         (
@@ -138,15 +138,15 @@ def test_loops_of_a_bearing_can_be_measured_whatever_its_iron(bearing: Path, nam
             "preisach-usual",
             "pinning_spread = 0.5",
             "pinning_spread = 0.0",
-            "greater-than magnet.iron.pinning_spread",
+            "greater-than iron[1].pinning_spread",
         ),
         (
             "preisach-usual",
             'family = "preisach"',
             'family = "duhem"',
-            "extra-forbidden magnet.iron.saturation_T",
+            "extra-forbidden iron[1].saturation_T",
         ),
-        ("preisach-usual", 'family = "preisach"', "", "extra-forbidden magnet.iron.saturation_T"),
+        ("preisach-usual", 'family = "preisach"', "", "extra-forbidden iron[1].saturation_T"),
         (
             "preisach-usual",
             "pinning_A_per_m ",
@@ -161,13 +161,13 @@ def test_numbers_that_make_no_iron_are_refused_in_one_line_at_their_place(
     keys = keys_of(name)
     assert old in keys
     with refused(what) as caught:
-        read_bearing(with_keys(bearing, "iron", keys.replace(old, new)))
-    assert re.match(rf"{re.escape(str(bearing))}:\d+: magnet\.iron", str(caught.value))
+        read_bearing(with_keys(bearing, keys.replace(old, new)))
+    assert re.match(rf"{re.escape(str(bearing))}:\d+: iron\[1\]", str(caught.value))
 
 
 def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
     for name in ("preisach-usual", "duhem-usual"):
-        path = with_keys(bearing, "iron", keys_of(name))
+        path = with_keys(bearing, keys_of(name))
         rig = read_bearing(path)
         drift = Drift(pinning=0.2, saturation=0.05)
         iron, other = (one.settings.steel.steel() for one in (rig, drifted_rig(rig, drift)))
@@ -181,7 +181,7 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
         ("duhem-usual", "coercivity_A_per_m"),
         ("preisach-usual", "pinning_A_per_m"),
     ):
-        rig = read_bearing(with_keys(bearing, "iron", keys_of(name)))
+        rig = read_bearing(with_keys(bearing, keys_of(name)))
         narrow, wide = (judge(measure_loops(with_iron(rig, None, width))) for width in (1.0, 2.0))
         assert wide.width_relative > 1.5 * narrow.width_relative
         other = with_iron(rig, None, 2.0).settings.steel
@@ -192,8 +192,8 @@ def test_an_iron_of_any_family_gets_wider_loops(bearing: Path) -> None:
 
 
 def test_a_reversible_fraction_is_refused_where_the_family_has_none(bearing: Path) -> None:
-    rig = read_bearing(with_keys(bearing, "iron", keys_of("duhem-usual")))
-    with refused("not-iron-of-cells magnet.iron.family"):
+    rig = read_bearing(with_keys(bearing, keys_of("duhem-usual")))
+    with refused("not-iron-of-cells iron.family"):
         with_iron(rig, 0.1)
 
 

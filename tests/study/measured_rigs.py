@@ -23,7 +23,7 @@ from anhyst.support.units import QUANTITIES
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 
 UNSEEN = {"bearing": (0.38e-3, 0.45e-3, 0.52e-3), "solenoid": (1.07e-3, 1.25e-3, 1.8e-3, 2.6e-3)}
-IRON = {"bearing": ("rig.toml", "iron"), "solenoid": ("solenoid.toml", "iron")}
+IRON = {"bearing": "rig.toml", "solenoid": "solenoid.toml"}
 GAP_MAP = {"bearing": "circuit", "solenoid": "reluctance"}
 WIDE = (0.0, 0.95, 0.1, 0.8, 0.05, 0.6, 0.3, 0.9, 0.0)
 INNER = (
@@ -85,14 +85,18 @@ class MeasuredRig:
         return float(np.sqrt(np.mean(squares)))
 
 
-def measured_rig(kind: str, folder: Path, iron: str | None = None, more: str = "") -> MeasuredRig:
-    """Copy a bundled rig; with another iron, and more lines in its rig file."""
+def measured_rig(
+    kind: str, folder: Path, iron: str | None = None, more: str = "", law: str = ""
+) -> MeasuredRig:
+    """Copy a bundled rig; with another iron, a law to identify, and more lines in its rig file."""
     shutil.copytree(EXAMPLES / kind, folder, dirs_exist_ok=True)
     if iron is not None:
-        file, table = IRON[kind]
-        with_keys(folder / file, table, keys_of(iron))
+        with_keys(folder / IRON[kind], keys_of(iron))
     path = folder / "rig.toml"
-    path.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
+    text = path.read_text(encoding="utf-8") + more
+    if law:
+        text = text.replace("[loops]", f'[loops]\nlaw = "{law}"')
+    path.write_text(text, encoding="utf-8")
     if kind == "bearing":
         bearing = read_bearing(path)
         return MeasuredRig(kind, path, HeldBearing(bearing), bearing.settings.measurement, 0.0)

@@ -11,10 +11,10 @@ from tests.study import bearings
 HERE = (Condition(0.45e-3, 150.0), Condition(0.45e-3, 100.0))
 
 LESS = {
-    "simulate.also_gaps_m": [],
-    "simulate.steps_m": [10e-6, 50e-6],
-    "simulate.hold_s": 0.03,
-    "simulate.noise_seeds": 2,
+    "step.also_gaps_m": [],
+    "step.heights_m": [10e-6, 50e-6],
+    "step.hold_s": 0.03,
+    "noise_seeds": 2,
 }
 
 

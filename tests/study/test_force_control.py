@@ -34,17 +34,20 @@ from tests.refusals import says
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 GAPS = ("0.00100", "0.00160", "0.00280")
 TRIAL = """
-[[force_control.demand]]
+[[case]]
+kind = "held"
+gaps_m = [1.3e-3]
+
+[[case]]
+kind = "force"
 name = "wide"
 low = 0.05
 high = 0.95
 period_s = 0.8
 cycles = 1
 
-[identify]
-law = "play-cells"
-
-[force_control.moving]
+[[case]]
+kind = "moving"
 low_m = 1.0e-3
 high_m = 2.8e-3
 period_s = 1.6
@@ -61,9 +64,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kept = [line for line in lines if line[0] in "#t" or line.split(",")[3] in GAPS]
     (folder / "loops.csv").write_text("\n".join(kept) + "\n")
     text = (EXAMPLE / "rig.toml").read_text()
-    text = text[: text.index("[[force_control.demand]]")] + TRIAL
-    place = text.index("positions_m")
-    text = text[:place] + "positions_m = [1.3e-3]" + text[text.index("\n", place) :]
+    text = text[: text.index("[[case]]")] + TRIAL
+    text = text.replace("[loops]", '[loops]\nlaw = "play-cells"')
     (folder / "rig.toml").write_text(text.replace("rate_Hz = 1000.0", "rate_Hz = 500.0"))
     return folder / "rig.toml"
 

@@ -15,9 +15,6 @@ from tests.study.measured_rigs import measured_rig
 ONE_GAP = """
 [excite]
 gaps_m = [1.0e-3]
-
-[identify]
-law = "play-cells"
 """
 
 
@@ -25,7 +22,7 @@ law = "play-cells"
 def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A rig of one gap, and a cache of its own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    path = measured_rig("solenoid", tmp_path / "rig", more=ONE_GAP).path
+    path = measured_rig("solenoid", tmp_path / "rig", more=ONE_GAP, law="play-cells").path
     excite(path, path.with_name("loops.csv"))
     return path
 

@@ -40,7 +40,7 @@ def soft_rig(folder: Path, mode: str, eddy_time: float) -> BearingRig:
     """Return the example's rig with a soft iron, a fine encoder, and this amplifier."""
     text = (EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     for old, new in (
-        ('loops = "loops.csv"', f'loops = "{(EXAMPLE / "loops.csv").as_posix()}"'),
+        ('files = "loops.csv"', f'files = "{(EXAMPLE / "loops.csv").as_posix()}"'),
         ("reversible_fraction = 0.15", "reversible_fraction = 1.0"),
         ("\nstep_m = 50e-9", "\nstep_m = 1e-9"),
         ('mode = "current"', f'mode = "{mode}"'),

@@ -211,7 +211,7 @@ def test_a_pair_is_symmetrical(number_format: NumberFormat) -> None:
     Before, the first steps show what lift-off left in the two irons, which is no mirror image.
     """
     silent = {
-        "position_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),
+        "gap_sensor": bearings.sensor("capacitive", noise_m=0.0, step_m=1e-13),
         "current_sensor.noise_A": 0.0,
         "amplifier.dac_bits": 20,
     }

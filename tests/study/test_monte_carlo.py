@@ -364,8 +364,9 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
 ) -> None:
     place = tmp_path / "law"
     shutil.copytree(folder, place)
-    text = (place / "rig.toml").read_text().replace('force = "cells"', 'force = "model"')
-    text = text.replace("[amplifier]", '[magnet.model]\nfile = "model.toml"\n\n[amplifier]')
+    text = (
+        (place / "rig.toml").read_text().replace('"electromagnet"', '"law"\nmodel = "model.toml"')
+    )
     (place / "rig.toml").write_text(text)
     law = read_bearing(place / "rig.toml")
     setup = make_setup(

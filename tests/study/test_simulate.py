@@ -38,7 +38,7 @@ from tests.truths import truth
 
 SHORT = {
     "also_gaps_m = [0.42e-3, 0.48e-3]": "also_gaps_m = []",
-    "steps_m = [10e-6, 20e-6, 50e-6, 100e-6]": "steps_m = [50e-6]",
+    "heights_m = [10e-6, 20e-6, 50e-6, 100e-6]": "heights_m = [50e-6]",
     "frequency_Hz = 1.0": "frequency_Hz = 20.0",
     "noise_seeds = 20": "noise_seeds = 2",
 }
@@ -312,7 +312,7 @@ def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A load step beyond the force: the run of steps holds, what follows does not."""
-    change(folder / "rig.toml", {"load_steps_N = [20.0]": "load_steps_N = [147.0]"})
+    change(folder / "rig.toml", {"forces_N = [20.0]": "forces_N = [147.0]"})
     out = folder / "out"
     arguments = ["simulate", str(folder / "rig.toml"), "--out", str(out / "run.csv")]
     assert main(arguments) == 1
@@ -374,10 +374,8 @@ def test_a_place_that_cannot_be_written_is_reported_before_the_work(
 
 @pytest.mark.parametrize("name", ["loops.csv", "flux.csv"])
 def test_a_file_that_is_read_is_not_written_over(folder: Path, name: str) -> None:
-    magnet = 'force = "model"   # cells'
-    change(folder / "rig.toml", {'force = "cells" ': magnet})
-    extra = '[magnet.model]\nfile = "model.toml"\nflux_table = "flux.csv"\n'
-    (folder / "rig.toml").write_text((folder / "rig.toml").read_text() + extra)
+    law = 'kind = "law"\nmodel = "model.toml"\nflux_table = "flux.csv"'
+    change(folder / "rig.toml", {'kind = "electromagnet"': law})
     (folder / "flux.csv").write_text("here")
     before = (folder / name).read_text()
     with refused("writes-over-input"):

@@ -29,7 +29,7 @@ def files() -> tuple[str, str]:
     rig = (bearings.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
     for key, value in {
         "also_gaps_m": "[]",
-        "steps_m": "[10e-6, 50e-6]",
+        "heights_m": "[10e-6, 50e-6]",
         "hold_s": "0.03",
         "noise_seeds": "2",
     }.items():

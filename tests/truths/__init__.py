@@ -68,7 +68,7 @@ class ForceControlled(Truth):
     def identify(self) -> Model:
         rig = read_rig(EXAMPLES / "solenoid" / "rig.toml")
         chosen = rig.settings.loops.model_copy(update=self.options)
-        rig = replace(rig, settings=rig.settings.model_copy(update={"identify": chosen}))
+        rig = replace(rig, settings=rig.settings.model_copy(update={"given_loops": chosen}))
         gap = self.gap or rig.settings.force.end_m
         return find_model(rig, loops_at(self.loops(), gap))
 
