@@ -242,10 +242,9 @@ def _least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
     Once u has reached its end, nothing would make up for a flux arm below zero.
     """
     arms = _solved(design, target)
-    falls = arms[:, 1] < 0.0
-    if falls.any():
-        arms[falls, 1] = 0.0
-        arms[np.ix_(falls, [0, 2])] = _solved(design[[0, 2]][:, falls], target[falls])
+    for gap in np.flatnonzero(arms[:, 1] < 0.0):
+        bias, lag = _solved(design[::2, [gap]], target[[gap]])[0]
+        arms[gap] = bias, 0.0, lag
     return arms
 
 
