@@ -14,6 +14,9 @@ from anhyst.support.units import QUANTITIES
 GAPS = (0.3, 0.5)
 """In mm."""
 
+PLAIN = ("--law", "effective-field", "--gap-map", "scaling")
+"""Options with which identify need not choose: for tests of what is around it."""
+
 _RISE = np.linspace(0.0, 2.0, 40)
 DRIVE = np.concatenate([_RISE, _RISE[-2::-1]])
 LAG = np.concatenate([np.maximum(_RISE - 0.1, 0.0), np.minimum(_RISE + 0.1, 1.9)[-2::-1]])

@@ -25,9 +25,8 @@ def anhyst(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: Path) -> None:
-    result = anhyst(
-        "identify", EXAMPLE / "loops.csv", "--out", "model.toml", "--json", cwd=tmp_path
-    )
+    given = [EXAMPLE / "loops.csv", "--out", "model.toml", "--json", "--law", "effective-field"]
+    result = anhyst("identify", *given, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     summary = json.loads(result.stdout)
     assert summary["gap_map"] in {"scaling", "reluctance"}

@@ -14,7 +14,7 @@ import pytest
 from tests.refusals import says
 
 from .command import Result, anhyst, as_ordinary_user, quick, refused, said_in_one_line
-from .records import GAPS, Row, rows, table
+from .records import GAPS, PLAIN, Row, rows, table
 
 
 def identify(folder: Path, *arguments: object) -> str:
@@ -211,7 +211,7 @@ def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
 
 def test_millimetres_in_a_column_of_metres_are_warned_of(tmp_path: Path) -> None:
     write(tmp_path, each(lambda row: [*row[:3], row[3].replace("e-3", "")]))
-    for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "-o", "model.toml"]):
+    for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "-o", "model.toml", *PLAIN]):
         reported = fitted(quick(*verb, cwd=tmp_path))
         advice = "anhyst: warning: gaps up to 500 mm are very wide for an electromagnet; if the"
         assert any(

@@ -11,7 +11,7 @@ import pytest
 from tests.refusals import says
 
 from .command import ENVIRONMENT, quick, refused
-from .records import model, table
+from .records import PLAIN, model, table
 
 IDENTIFY = ["identify", "loops.csv", "--out", "model.toml"]
 
@@ -96,10 +96,11 @@ def test_what_is_read_is_not_written_over(folder: Path) -> None:
 
 
 def test_a_model_beside_its_measurements_is_no_sidecar(folder: Path) -> None:
-    first = quick("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
+    call = ["identify", "loops.csv", "--out", "loops.toml", *PLAIN]
+    first = quick(*call, cwd=folder)
     assert first.returncode == 0, first.stderr
     text = (folder / "loops.toml").read_text()
-    again = quick("identify", "loops.csv", "--out", "loops.toml", cwd=folder)
+    again = quick(*call, cwd=folder)
     assert again.returncode == 0, again.stderr
     assert (folder / "loops.toml").read_text() == text
 

@@ -24,10 +24,10 @@ from .command import (
     refused,
     said_in_one_line,
 )
-from .records import model, table
+from .records import PLAIN, model, table
 
 WRITERS = {
-    "identify": (["identify", "loops.csv", "--out"], "model.toml"),
+    "identify": (["identify", "loops.csv", *PLAIN, "--out"], "model.toml"),
     "predict": (["predict", "good.toml", "loops.csv", "--out"], "force.csv"),
     "invert": (["invert", "good.toml", "loops.csv", "--out"], "current.csv"),
     "inspect": (["inspect", "loops.csv", "--plot"], "loops.png"),

@@ -12,11 +12,11 @@ import pytest
 from tests.refusals import says
 
 from .command import COMMAND, ENVIRONMENT, anhyst, start
-from .records import GAPS, model, rows, table
+from .records import GAPS, PLAIN, model, rows, table
 
 VERBS = {
     "inspect": ["inspect", "loops.csv"],
-    "identify": ["identify", "loops.csv", "--out", "found.toml"],
+    "identify": ["identify", "loops.csv", "--out", "found.toml", *PLAIN],
     "predict": ["predict", "model.toml", "loops.csv", "--out", "force.csv"],
     "invert": ["invert", "model.toml", "loops.csv", "--out", "current.csv"],
     "diff": ["diff", "model.toml", "model.toml"],
@@ -92,8 +92,7 @@ def test_a_model_that_fails_its_acceptance_test_is_a_negative_result(tmp_path: P
     exchange = {f"{one}e-3": f"{two}e-3" for one, two in zip(GAPS, GAPS[::-1], strict=True)}
     lines = [[*row[:3], exchange[row[3]]] for row in rows()]
     (tmp_path / "loops.csv").write_text(table(lines))
-    arguments = ["loops.csv", "--out", "model.toml", "--gap-map", "scaling", "--json"]
-    arguments += ["--law", "effective-field"]
+    arguments = ["loops.csv", "--out", "model.toml", "--json", *PLAIN]
     result = anhyst("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     *warnings, last = result.stderr.splitlines()

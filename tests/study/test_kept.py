@@ -8,8 +8,9 @@ import pytest
 
 from anhyst.study import kept
 from anhyst.study.excite.excite import excite
-from anhyst.study.kept import MOST, cache_folder, prepared_once
+from anhyst.study.kept import MOST, prepared_once
 from anhyst.study.prepared import PreparedForce
+from anhyst.support.folder import cache_folder
 from tests.study.measured_rigs import measured_rig
 
 ONE_GAP = """
@@ -45,12 +46,12 @@ def test_the_same_files_are_prepared_once_and_others_anew(
     with prepared_once(rig, None) as second:
         assert isinstance(second, PreparedForce)
         assert second.program.block.words.tolist() == first.program.block.words.tolist()
-        assert second.program.firmware.is_relative_to(cache_folder())
+        assert second.program.firmware.is_relative_to(cache_folder("benches"))
         bench = second.open()
     bench.advance(50)
     bench.close()
-    (place,) = cache_folder().iterdir()
-    assert place.stat().st_mode & 0o077 == 0 or cache_folder().stat().st_mode & 0o077 == 0
+    (place,) = cache_folder("benches").iterdir()
+    assert place.stat().st_mode & 0o077 == 0 or cache_folder("benches").stat().st_mode & 0o077 == 0
 
     for changed in ("rig.toml", "solenoid.toml", "loops.csv", "loops.toml"):
         file = rig.with_name(changed)
@@ -76,5 +77,5 @@ def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
     with prepared_once(rig, None) as prepared:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
         for number in range(MOST + 3):
-            kept._keep(prepared, cache_folder() / str(number))
-    assert len(list(cache_folder().iterdir())) == MOST
+            kept._keep(prepared, cache_folder("benches") / str(number))
+    assert len(list(cache_folder("benches").iterdir())) == MOST

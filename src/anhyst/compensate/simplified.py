@@ -57,6 +57,9 @@ THRIFT = 0.01
 """An offset as low as can be must pay by so much of the worst error: where it hardly matters, it
 shall not jump from gap to gap."""
 
+REPEATS = 1e-12
+"""Of its length a column must have beside those before it to say anything of its own."""
+
 WORST_CASE_ROUNDS = 6
 """Of reweighting from the least squares towards the least worst error."""
 
@@ -206,36 +209,65 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
     return lags
 
 
-def _arms(tasks: list[_Task], lags: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return bias, flux arm and lag arm with the least worst error in force, and the errors."""
-    rows, wanted = [], []
-    for task, lag in zip(tasks, lags, strict=True):
-        parts = (np.ones(SAMPLES), task.flux[task.last], lag[task.last])
-        rows.append(np.column_stack(parts) * task.weight[:, None])
-        wanted.append(task.current[task.last] * task.weight)
-    design, target = np.concatenate(rows), np.concatenate(wanted)
-    weight = np.ones(target.size)
-    best: FloatArray = np.zeros(3)
-    least = np.inf
+def _arms(groups: list[list[_Task]], lags: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return bias, flux arm and lag arm with the least worst error in force, and the errors.
+
+    A row for each gap: all gaps are fitted at once.
+    """
+    shape = len(groups), -1
+    tasks = [task for group in groups for task in group]
+    weight = np.array([task.weight for task in tasks]).reshape(shape)
+    parts = [np.ones(SAMPLES) for _ in tasks], [task.flux[task.last] for task in tasks]
+    last = [lag[task.last] for task, lag in zip(tasks, lags, strict=True)]
+    design = np.array([*parts, last]).reshape(3, *shape) * weight
+    target = np.array([task.current[task.last] for task in tasks]).reshape(shape) * weight
+    share = np.ones(target.shape)
+    best: FloatArray = np.zeros((len(groups), 3))
+    left, least = -target, np.full((len(groups), 1), np.inf)
     for _ in range(WORST_CASE_ROUNDS):
-        arms = _least_squares(design * weight[:, None], target * weight)
-        error = np.abs(design @ arms - target)
-        if error.max() < least:
-            best, least = arms, float(error.max())
-        weight *= 0.5 + error / error.max()
-    return best, design @ best - target
+        arms = _least_squares(design * share, target * share)
+        off = np.einsum("ign,gi->gn", design, arms) - target
+        error = np.abs(off)
+        worst = error.max(axis=1, keepdims=True)
+        better = worst < least
+        best, left = np.where(better, arms, best), np.where(better, off, left)
+        least = np.minimum(worst, least)
+        share *= 0.5 + error / worst
+    return best, left
 
 
 def _least_squares(design: FloatArray, target: FloatArray) -> FloatArray:
-    """Return bias, flux arm and lag arm; more flux never needs less current.
+    """Return bias, flux arm and lag arm at each gap; more flux never needs less current.
 
     Once u has reached its end, nothing would make up for a flux arm below zero.
     """
-    arms = np.linalg.lstsq(design, target, rcond=None)[0]
-    if arms[1] < 0.0:
-        bias, lag = np.linalg.lstsq(design[:, [0, 2]], target, rcond=None)[0]
-        arms = np.array([bias, 0.0, lag])
-    return np.asarray(arms, dtype=np.float64)
+    arms = _solved(design, target)
+    for gap in np.flatnonzero(arms[:, 1] < 0.0):
+        bias, lag = _solved(design[::2, [gap]], target[[gap]])[0]
+        arms[gap] = bias, 0.0, lag
+    return arms
+
+
+def _solved(design: FloatArray, target: FloatArray) -> FloatArray:
+    """Solve a row of small least-squares problems by Gram and Schmidt; what repeats counts once."""
+    columns, rest, count = design.copy(), target.copy(), len(design)
+    upper = np.zeros((target.shape[0], count, count))
+    right = np.zeros((target.shape[0], count))
+    for i, column in enumerate(columns):
+        norm = np.sqrt(np.einsum("gn,gn->g", column, column))
+        before = np.sqrt(np.einsum("gn,gn->g", design[i], design[i]))
+        upper[:, i, i] = np.where(norm > REPEATS * before, norm, np.inf)
+        unit = column / upper[:, i, i, None]
+        for j in range(i + 1, count):
+            upper[:, i, j] = np.einsum("gn,gn->g", unit, columns[j])
+            columns[j] -= upper[:, i, j, None] * unit
+        right[:, i] = np.einsum("gn,gn->g", unit, rest)
+        rest -= right[:, i, None] * unit
+    found = np.zeros_like(right)
+    for i in reversed(range(count)):
+        known = np.einsum("gj,gj->g", upper[:, i, i + 1 :], found[:, i + 1 :])
+        found[:, i] = (right[:, i] - known) / upper[:, i, i]
+    return found
 
 
 def _straighten(
@@ -252,7 +284,7 @@ def _straighten(
     def cost(lower: float) -> float:
         tried = _with_offset(model, at, tasks, own - lower)
         lags = _lags(*law, [task.flux for task in tried], sizes)
-        error = _arms(tried, lags)[1]
+        error = _arms([tried], lags)[1]
         return float(np.mean(error**4) ** 0.25 * (1.0 + THRIFT * lower / room))
 
     found = minimize_scalar(
@@ -291,9 +323,8 @@ def fit_closed_form(
         offset = np.array([one for one, _ in straight])
         groups = [tasks for _, tasks in straight]
         rate, nu = _search(groups, sizes)
-    results = _fitted(groups, rate, nu, sizes)
-    arms = np.array([arm for arm, _ in results])
-    errors = np.abs(np.concatenate([error for _, error in results]))
+    arms, left = _fitted(groups, rate, nu, sizes)
+    errors = np.abs(left)
     if np.any(arms[:, 2] <= 0.0):
         raise InputError(
             "the model has no hysteresis that a simplified law could follow; compile with "
@@ -307,11 +338,9 @@ def fit_closed_form(
 
 def _fitted(
     groups: list[list[_Task]], rate: float, nu: float, sizes: TableSizes
-) -> list[tuple[FloatArray, FloatArray]]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the best arms at each gap, and the errors they leave."""
-    lags = _lags(rate, nu, [task.flux for tasks in groups for task in tasks], sizes)
-    each = len(LOOPS)
-    return [_arms(tasks, lags[i * each : (i + 1) * each]) for i, tasks in enumerate(groups)]
+    return _arms(groups, _lags(rate, nu, [task.flux for tasks in groups for task in tasks], sizes))
 
 
 def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]:
@@ -321,7 +350,7 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
         rate, nu = float(np.exp(point[0])), float(1.0 / (1.0 + np.exp(-point[1])))
         if not (0.2 < rate < 200.0 and nu < 0.98 and rate / (1.0 - nu) < STEEPEST):
             return 1e9
-        return float(sum(np.sum(e**4) for _, e in _fitted(groups, rate, nu, sizes)) ** 0.25)
+        return float(np.sum(_fitted(groups, rate, nu, sizes)[1] ** 4) ** 0.25)
 
     starts = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
     start = min(starts, key=lambda point: cost(np.array(point)))

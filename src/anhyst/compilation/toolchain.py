@@ -6,9 +6,11 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from anhyst.compilation.tools import missing_modules
+from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
@@ -38,23 +40,29 @@ class Build:
     flags: tuple[str, ...] = ()  # everything else
     libraries: tuple[str, ...] = ()  # what to link with, behind the sources
 
-    def arguments(self) -> list[str]:
-        """Return the compiler's arguments, without compiler and output."""
+    def options(self) -> list[str]:
+        """Return what is said to the compiler of every source."""
+        return ["-std=c99", *WARNINGS, *self.flags]
+
+    def search(self) -> list[str]:
+        """Return macros and folders of headers as the compiler is told."""
         return [
-            "-std=c99",
-            *WARNINGS,
             *(f"-D{name}={value}" for name, value in self.defines.items()),
             *(f"-I{place}" for place in self.include),
-            *self.flags,
-            *(str(source) for source in self.sources),
-            *self.libraries,
         ]
 
 
 def compile_c(compiler: Sequence[str], build: Build, output: Path, wanted_by: str) -> int:
-    """Compile and link."""
-    said = run_tool([*compiler, *build.arguments(), "-o", str(output)], wanted_by)
-    return sum(": warning:" in line for line in said.splitlines())
+    """Compile and link; return the number of warnings."""
+    said = compile_and_link(
+        compiler,
+        build.options(),
+        build.search(),
+        build.sources,
+        [*build.libraries, "-o", str(output)],
+        partial(run_tool, wanted_by=wanted_by),
+    )
+    return sum(": warning:" in line for text in said for line in text.splitlines())
 
 
 def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) -> int:

@@ -11,10 +11,12 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from anhyst.link.process import check_runs_here
 from anhyst.support.atomic import PathLike, write_bytes
+from anhyst.support.c_objects import compile_and_link
 from anhyst.support.core_folder import core_folder
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.version import running_version
@@ -56,7 +58,7 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
     actuator = _actuator(folder)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
         program = Path(place, "firmware")
-        _run([*_command(board, folder, actuator), "-o", str(program)], board)
+        _compile(board, folder, actuator, program)
         write_bytes(out, program.read_bytes())
     target = Path(out)
     target.chmod(0o755)
@@ -109,7 +111,7 @@ def _actuator(folder: Path) -> str:
     return name
 
 
-def _command(name: str, folder: Path, actuator: str) -> list[str]:
+def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     board = BOARDS[name]
     root = firmware_folder()
     own = [root / "boards" / part for part in board.folders]
@@ -140,12 +142,13 @@ def _command(name: str, folder: Path, actuator: str) -> list[str]:
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
-    command = [*_compiler(name), "-std=c99", *_WARNINGS]
-    command += [f"-I{place}" for place in include]
-    command += [f"-D{macro}={value}" for macro, value in defines.items()]
+    search = [f"-I{place}" for place in include]
+    search += [f"-D{macro}={value}" for macro, value in defines.items()]
+    options = ["-std=c99", *_WARNINGS]
     if board.cpu:
-        command += ["-T", str(own[0] / "board.ld")]
-    return command + [str(source) for source in sources]
+        options += ["-T", str(own[0] / "board.ld")]
+    run, ending = partial(_run, board=name), ["-o", str(program)]
+    compile_and_link(_compiler(name), options, search, sources, ending, run)
 
 
 def _of_another(file: Path, body: str) -> bool:
@@ -175,7 +178,7 @@ def _compiler(name: str) -> list[str]:
     )
 
 
-def _run(command: Sequence[str], board: str) -> None:
+def _run(command: Sequence[str], board: str) -> str:
     try:
         done = subprocess.run(
             command,
@@ -194,6 +197,7 @@ def _run(command: Sequence[str], board: str) -> None:
         raise NegativeResult(
             f"board {board}: does not compile: {lines[0]}", code="does-not-compile"
         )
+    return done.stderr
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ class Curve:
     def _evaluate(self, query: FloatArray) -> FloatArray:
         inside, slopes = self._interpolant
         low, high = self.nodes[0], self.nodes[-1]
-        straight = inside(np.clip(query, low, high))
+        straight = inside(np.minimum(np.maximum(query, low), high))
         with np.errstate(over="ignore"):  # a parameter that is not finite is refused by name
             straight += slopes[0] * np.minimum(query - low, 0.0)
             straight += slopes[1] * np.maximum(query - high, 0.0)
@@ -104,10 +104,7 @@ class Curve:
             slope = float(np.diff(heights)[0] / np.diff(self.nodes)[0])
             return (lambda x: heights[0] + slope * (x - self.nodes[0])), (slope, slope)
         slopes = _monotone_slopes(self.nodes, heights)
-        return (
-            lambda x: _cubic(self.nodes, heights, slopes, x),
-            (float(slopes[0]), float(slopes[-1])),
-        )
+        return _cubic(self.nodes, heights, slopes), (float(slopes[0]), float(slopes[-1]))
 
     def straight(self) -> tuple[FloatArray, FloatArray]:
         """Return the nodes' values in the coordinate, and the slopes of the curve there."""
@@ -176,13 +173,19 @@ def _end_slope(near: float, far: float, secant: float, next_secant: float) -> fl
 
 
 def _cubic(
-    nodes: FloatArray, heights: FloatArray, slopes: FloatArray, query: FloatArray
-) -> FloatArray:
-    """Cubic Hermite curve, ``query`` within the nodes."""
-    place = np.clip(np.searchsorted(nodes, query, side="right") - 1, 0, nodes.size - 2)
-    width = nodes[place + 1] - nodes[place]
-    secant = (heights[place + 1] - heights[place]) / width
-    way = query - nodes[place]
-    bend = (3.0 * secant - 2.0 * slopes[place] - slopes[place + 1]) / width
-    twist = (slopes[place] + slopes[place + 1] - 2.0 * secant) / width**2
-    return np.asarray(heights[place] + way * (slopes[place] + way * (bend + way * twist)))
+    nodes: FloatArray, heights: FloatArray, slopes: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """Return the cubic Hermite curve within the nodes."""
+    width = np.diff(nodes)
+    secant = np.diff(heights) / width
+    bend = (3.0 * secant - 2.0 * slopes[:-1] - slopes[1:]) / width
+    twist = (slopes[:-1] + slopes[1:] - 2.0 * secant) / width**2
+    inner = nodes[1:-1]
+
+    def at(query: FloatArray) -> FloatArray:
+        place = inner.searchsorted(query, side="right")
+        way = query - nodes[place]
+        turn = slopes[place] + way * (bend[place] + way * twist[place])
+        return np.asarray(heights[place] + way * turn)
+
+    return at

@@ -27,6 +27,7 @@ from anhyst.study.bench import is_force_rig, prepare_bench
 from anhyst.study.prepared import Prepared
 from anhyst.support.atomic import PathLike
 from anhyst.support.core_folder import core_folder
+from anhyst.support.folder import cache_folder
 from anhyst.support.progress import Progress
 
 MOST = 20
@@ -40,7 +41,7 @@ def prepared_once(
     rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
 ) -> Iterator[Prepared]:
     """Prepare a bench, or take what was prepared of the same files before."""
-    place = cache_folder() / _key(rig_path, controller_path)
+    place = cache_folder("benches") / _key(rig_path, controller_path)
     found = _load(place)
     if found is not None:
         yield found
@@ -50,11 +51,6 @@ def prepared_once(
         with suppress(OSError):
             _keep(prepared, place)
         yield prepared
-
-
-def cache_folder() -> Path:
-    """Return where prepared benches are kept; ``XDG_CACHE_HOME`` says where caches are."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anhyst" / "benches"
 
 
 def _load(place: Path) -> Prepared | None:

@@ -1,4 +1,4 @@
-"""Folders that are written whole or not at all."""
+"""Folders that are written whole or not at all, and that of what is kept."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from pathlib import Path
 
 from anhyst.support.atomic import PathLike, write_error
 from anhyst.support.errors import InputError
+
+
+def cache_folder(kind: str) -> Path:
+    """Return where things of a kind are kept; ``XDG_CACHE_HOME`` says where caches are."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anhyst" / kind
 
 
 @contextmanager

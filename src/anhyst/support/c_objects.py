@@ -1,0 +1,94 @@
+"""Objects of C files, kept in the user's cache: what was compiled before is only linked.
+
+What is kept is found by a hash over the preprocessed text, the options and the compiler, so it is
+never stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+from anhyst.support.folder import cache_folder
+from anhyst.support.jobs import cores
+
+MOST = 4000
+"""Objects that are kept, of ten to a hundred kilobytes each; those not used for longest go."""
+
+Run = Callable[[Sequence[str]], str]
+"""Runs a compiler, refuses what it refuses, and returns what it complains about."""
+
+
+def compile_and_link(
+    compiler: Sequence[str],
+    options: Sequence[str],
+    search: Sequence[str],
+    sources: Sequence[Path],
+    ending: Sequence[str],
+    run: Run,
+) -> list[str]:
+    """Compile what is not kept and link it all; return all complaints.
+
+    `search` are macros and folders: they count by the text that they make. `ending` stands behind
+    the objects, when they are linked.
+    """
+    identity = _identity(compiler[0])
+    if identity is None:
+        return [run([*compiler, *options, *search, *map(str, sources), *ending])]
+    own = [*compiler, *(one for one in options if not one.startswith("-Wl,"))]
+    command, key = [*own, *search], "\0".join([identity, *own])
+    with (
+        tempfile.TemporaryDirectory(prefix="anhyst-") as place,
+        ThreadPoolExecutor(cores()) as pool,
+    ):
+        objects = [Path(place, f"{number}.o") for number in range(len(sources))]
+        said = list(pool.map(partial(_compile, command, key, run), sources, objects))
+        return [*said, run([*compiler, *options, *map(str, objects), *ending])]
+
+
+def _identity(compiler: str) -> str | None:
+    """Return what tells a compiler from others; None for zig's, which keeps objects itself."""
+    found = None if compiler == sys.executable else shutil.which(compiler)
+    if found is None:
+        return None
+    about = Path(found).stat()
+    return f"{Path(found).resolve()} {about.st_size} {about.st_mtime_ns}"
+
+
+def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: Path) -> str:
+    """Make the object of a source, or take the kept one; return all complaints."""
+    text = target.with_suffix(".i")
+    run([*command, "-E", "-P", str(source), "-o", str(text)])
+    digest = hashlib.sha256(key.encode() + b"\0" + text.read_bytes()).hexdigest()
+    kept = cache_folder("objects") / f"{digest}.o"
+    with suppress(OSError):
+        said = kept.with_suffix(".txt").read_text(encoding="utf-8")
+        shutil.copyfile(kept, target)
+        kept.touch()
+        return said
+    said = run([*command, "-c", str(source), "-o", str(target)])
+    with suppress(OSError):  # without a cache it is compiled each time
+        _keep(kept, target.read_bytes(), said)
+    return said
+
+
+def _keep(kept: Path, content: bytes, said: str) -> None:
+    """Put an object into the cache, whole or not at all; what was said of it first."""
+    kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
+        for place, part in ((kept.with_suffix(".txt"), said.encode()), (kept, content)):
+            Path(draft, place.name).write_bytes(part)
+            Path(draft, place.name).replace(place)
+    # Looking through all of them takes longer than most compilations.
+    if kept.name.startswith("00"):
+        known = sorted(kept.parent.glob("*.o"), key=lambda one: one.stat().st_mtime)
+        for old in known[:-MOST]:
+            old.unlink(missing_ok=True)
+            old.with_suffix(".txt").unlink(missing_ok=True)
