@@ -31,9 +31,6 @@ static int32_t gap_code_q31(double gap, const anhyst_tracking_scales *scales)
 
 static double value_q31(int32_t code, double full) { return (double)code / ONE * full; }
 
-/* As many as a sample has room for. */
-#define DRIVES (sizeof((anhyst_loop_answer *)0)->current / sizeof(double))
-
 #include "anhyst/numeric/q31.h"
 #include "generic/tracking.h"
 #include "generic/tracking_drive.h"

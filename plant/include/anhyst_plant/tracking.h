@@ -13,6 +13,9 @@
 extern "C" {
 #endif
 
+/* Drives behind an adapter at most. */
+#define ANHYST_TRACKING_MOST_DRIVES 16
+
 /* Which SI quantities the signals of fixed point stand for. */
 typedef struct {
   double error;    /* full scales: m */

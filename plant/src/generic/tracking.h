@@ -5,9 +5,9 @@ void ANHYST_NAME(anhyst_tracking_adapter_tick)(void *self, const anhyst_loop_sam
 {
   const ANHYST_NAME(anhyst_tracking_adapter) *adapter = self;
   const anhyst_tracking_scales *scales = &adapter->scales;
-  ANHYST_REAL gap[DRIVES];
-  ANHYST_REAL flux[DRIVES];
-  ANHYST_REAL current[DRIVES];
+  ANHYST_REAL gap[ANHYST_TRACKING_MOST_DRIVES];
+  ANHYST_REAL flux[ANHYST_TRACKING_MOST_DRIVES];
+  ANHYST_REAL current[ANHYST_TRACKING_MOST_DRIVES];
   ANHYST_NAME(anhyst_tracking_sample) in;
   ANHYST_NAME(anhyst_tracking_answer) out;
   for (int i = 0; i < adapter->tracking->drives; i++) {

@@ -14,8 +14,8 @@ public:
     Settings given(settings);
     adapter_.scales = take_scales(given);
     adapter_.gap_total = given.take<double>("gap_total");
-    if (magnets.size() != sizeof(anhyst_loop_answer{}.current) / sizeof(double)) {
-      throw std::invalid_argument("each of two magnets has a force controller of its own");
+    if (magnets.empty() || magnets.size() > ANHYST_TRACKING_MOST_DRIVES) {
+      throw std::invalid_argument("a controller has 1 to 16 magnets");
     }
     law_.start(magnets, nb::list(), F::pid(pid), given, adapter_.scales);
     given.finish();
