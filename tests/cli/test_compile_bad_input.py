@@ -139,7 +139,14 @@ def test_a_model_without_limits(folder: Path) -> None:
             "straight anhysteretic",
             "compile with --kind full",
         ),
-        (("--accuracy", "0.001", "--io", "q31"), "tables", "the tables of a block hold no more"),
+        pytest.param(
+            *(
+                ("--accuracy", "0.001", "--io", "q31"),
+                "tables",
+                "the tables of a block hold no more",
+            ),
+            marks=pytest.mark.slow,  # tests/compilation/test_compile.py refuses it too
+        ),
     ],
 )
 def test_an_accuracy_out_of_reach_names_its_cause(

@@ -20,7 +20,7 @@ from .command import COMMAND, ENVIRONMENT
 from .records import model
 from .test_streams import on_a_terminal
 
-ROWS = int(os.environ.get("ANHYST_TEST_ROWS", "1000000"))
+ROWS = int(os.environ.get("ANHYST_TEST_ROWS", "500000"))
 GAPS = (0.3, 0.4, 0.5, 0.6)
 
 BASE = 160e6

@@ -17,9 +17,12 @@ from anhyst.cli.force_control import _show as show_terminal
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.data import Loops
 from anhyst.link.firmware import build
+from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.reports.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
+from anhyst.rig.force import modelling
 from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import with_lead_in
 from anhyst.rig.force.file import read_rig
@@ -30,6 +33,7 @@ from anhyst.study.force.results import judge_stages
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.pays import FORCE
 from tests.refusals import says
+from tests.truths import truth
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "solenoid"
 GAPS = ("0.00100", "0.00160", "0.00280")
@@ -70,11 +74,18 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "rig.toml"
 
 
+def known(loops: Loops, *_: object) -> Model:
+    """The model that these loops give."""
+    return truth("solenoid-three-gaps" if len(loops.by_schedule()) > 1 else "solenoid-held")
+
+
 @pytest.fixture(scope="module")
 def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
     demand = small.parent / "demand.csv"
     demand.write_text("t_s,F_N\n0,0\n0.2,30\n0.3,30\n0.5,8\n")
-    result = force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(modelling, "identify_loops", known)
+        result = force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
     draw(result)
     return result
 

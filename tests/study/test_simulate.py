@@ -204,8 +204,9 @@ def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -
         assert f"`{name}`" in DOCUMENT
 
 
-def test_what_was_not_reached_is_null(folder: Path) -> None:
+def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A converter of the position too coarse to settle on: no infinity in the file."""
+    monkeypatch.setattr(module, "COMPARED", ("ratio",))
     coarse = {"\nstep_m = 50e-9": "\nstep_m = 4e-6", "noise_seeds = 2": "noise_seeds = 3"}
     change(folder / "rig.toml", coarse)
     found = simulate(folder / "rig.toml", folder / "out" / "run.mat")
@@ -266,8 +267,9 @@ SLOW = {
 }
 
 
-def test_a_slow_lift_off_is_waited_for(folder: Path) -> None:
+def test_a_slow_lift_off_is_waited_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Force in 1.5 s, way in 1 s: slower than the example by far, and no fault of the gains."""
+    monkeypatch.setattr(module, "COMPARED", ())
     change(folder / "controller.toml", SLOW)
     found = simulate(folder / "rig.toml", folder / "out" / "run.csv")
     hovers = bearings.hovers_from(found.recording)
@@ -309,9 +311,10 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
 
 
 def test_an_own_variant_that_is_lost_later_is_a_negative_result(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A load step beyond the force: the run of steps holds, what follows does not."""
+    monkeypatch.setattr(module, "COMPARED", ("ratio",))
     change(folder / "rig.toml", {"forces_N = [20.0]": "forces_N = [147.0]"})
     out = folder / "out"
     arguments = ["simulate", str(folder / "rig.toml"), "--out", str(out / "run.csv")]

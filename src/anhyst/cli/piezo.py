@@ -18,7 +18,7 @@ WORTH_IT = 0.5
 
 def verdict(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
-    found = Comparison("rms", "without", ratio, 1.0, 1.0 - WORTH_IT)
+    found = Comparison("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
     return judge("compensation", [found], "measures", PIEZO)
 
 

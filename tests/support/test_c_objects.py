@@ -1,0 +1,75 @@
+"""Kept objects: compiled once, never stale, and what was said of them is said again."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from anhyst.support.c_objects import compile_and_link
+from anhyst.support.folder import cache_folder
+
+pytestmark = pytest.mark.needs("gcc")
+
+
+@dataclass
+class Bench:
+    """Two sources and a header; counts what is compiled."""
+
+    folder: Path
+    compiled: list[str] = field(default_factory=list)
+
+    def run(self, command: Sequence[str]) -> str:
+        self.compiled += [Path(command[-3]).name for one in command if one == "-c"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stderr
+
+    def answer(self, *macros: str, options: Sequence[str] = ("-O1", "-Wall")) -> tuple[int, str]:
+        """Build and run; return its exit code, and what the compiler said."""
+        self.compiled.clear()
+        search = [*(f"-D{one}" for one in macros), f"-I{self.folder}"]
+        sources, out = sorted(self.folder.glob("*.c")), str(self.folder / "program")
+        said = compile_and_link(["gcc"], options, search, sources, ["-o", out], self.run)
+        return subprocess.run([out], check=False).returncode, "".join(said)
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = tmp_path / "c"
+    folder.mkdir()
+    (folder / "part.h").write_text("#define ANSWER 3\nint part(void);\n")
+    (folder / "part.c").write_text(
+        '#include "part.h"\nint part(void) { int unused; return ANSWER; }\n'
+    )
+    (folder / "main.c").write_text("int part(void);\nint main(void) { return part(); }\n")
+    return Bench(folder)
+
+
+def test_what_was_compiled_is_linked_and_its_warnings_are_said_again(bench: Bench) -> None:
+    code, said = bench.answer()
+    assert (code, sorted(bench.compiled)) == (3, ["main.c", "part.c"])
+    assert "unused" in said
+    assert bench.answer("NOBODY_ASKS=1") == (code, said)
+    assert bench.compiled == []
+
+
+def test_another_header_macro_or_option_is_compiled_anew(bench: Bench) -> None:
+    bench.answer()
+    (bench.folder / "part.h").write_text("#define ANSWER 5\nint part(void);\n")
+    assert bench.answer()[0] == 5
+    assert bench.compiled == ["part.c"]
+    assert bench.answer("part=other")[0] == 5
+    assert sorted(bench.compiled) == ["main.c", "part.c"]
+    assert bench.answer(options=["-O0"])[0] == 5
+    assert sorted(bench.compiled) == ["main.c", "part.c"]
+
+
+def test_without_a_cache_it_is_compiled_each_time(bench: Bench) -> None:
+    cache_folder("objects").parent.mkdir(parents=True)
+    cache_folder("objects").write_text("in the way")
+    for _ in range(2):
+        assert bench.answer()[0] == 3
+        assert sorted(bench.compiled) == ["main.c", "part.c"]
