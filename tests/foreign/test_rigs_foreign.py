@@ -138,7 +138,7 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
         pytest.param(
             FROM_LOOPS,
             'iron = "from loop"',
-            "missing: rig.toml:9: magnet[1]: from loops",
+            "missing: rig.toml:9: magnet[1]; from loops",
             id="another word",
         ),
         pytest.param(

@@ -155,7 +155,7 @@ def test_a_solenoid_may_be_stepped_coarsely_and_in_both_directions_of_the_gap() 
 
 
 def test_a_converter_gives_the_nearest_of_its_values() -> None:
-    converter = Converter(-1.0, 2.0, 4)
+    converter = Converter.of_bits(-1.0, 2.0, 4)
     values = -1.0 + converter.step * np.arange(16)
     for value in np.linspace(-1.5, 2.5, 401).tolist():
         held = min(max(value, -1.0), 2.0)
@@ -164,7 +164,7 @@ def test_a_converter_gives_the_nearest_of_its_values() -> None:
 
 
 def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
-    fine = Converter(-10.0, 10.0, 24)
+    fine = Converter.of_bits(-10.0, 10.0, 24)
     readings = np.array([Sensor(fine, 0.2, 5, 1e-3, 0.1).read(1.0)] * 1)
     sensor = Sensor(fine, 0.2, 5, 1e-3, 0.1)
     many = np.array([sensor.read(1.0) for _ in range(20_000)])
@@ -179,10 +179,10 @@ def test_a_sensor_has_the_noise_offset_and_lag_that_it_says() -> None:
 
 def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits() -> None:
     tau, dt = 2e-3, 1e-3
-    slow = Amplifier(Converter(0.0, 2.0, 20), 1.0 / (2.0 * math.pi * tau), 1e9, 0.0, dt)
+    slow = Amplifier(Converter.of_bits(0.0, 2.0, 20), 1.0 / (2.0 * math.pi * tau), 1e9, 0.0, dt)
     assert slow.tick(1.0) == 0.0
     assert slow.tick(1.0) == pytest.approx(1.0 - math.exp(-dt / tau), abs=1e-5)
-    limited = Amplifier(Converter(0.0, 2.0, 20), 1e6, 100.0, 0.0, dt)
+    limited = Amplifier(Converter.of_bits(0.0, 2.0, 20), 1e6, 100.0, 0.0, dt)
     limited.tick(5.0)
     steps = [limited.tick(5.0) for _ in range(40)]
     assert steps[0] == pytest.approx(0.1)
@@ -190,7 +190,7 @@ def test_an_amplifier_is_late_by_a_tick_follows_and_keeps_its_limits() -> None:
 
 
 def test_the_zero_of_the_shunt_is_an_error_of_the_current_but_none_below_zero() -> None:
-    wrong = Amplifier(Converter(0.0, 2.0, 20), 1e6, 1e9, 0.004, 1e-3)
+    wrong = Amplifier(Converter.of_bits(0.0, 2.0, 20), 1e6, 1e9, 0.004, 1e-3)
     for _ in range(3):
         wrong.tick(1.0)
     assert wrong.current == pytest.approx(0.996, abs=1e-5)

@@ -244,3 +244,39 @@ def test_irons_have_names_of_their_own(name: str, what: str, tmp_path: Path) -> 
     content["iron"].append({**content["iron"][0], "name": name})
     with refused(what):
         read(tmp_path, content)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "key", "what"),
+    [
+        ("bearing", "case triangle", "amplitude", "unit-missing {}.amplitude: amplitude_m"),
+        ("bearing", "case step", "hold", "unit-missing {}.hold: hold_s"),
+        ("bearing", "sensor flux", "range", "unit-missing {}.range: range_T"),
+        ("stage", "magnet like", "gap", "unit-missing {}.gap: gap_m"),
+        ("stage", "magnet like", "turns", "extra-forbidden {}.turns: remove it"),
+        ("piezo", "body flexure", "mass_kg", "extra-forbidden {}.mass_kg: remove it"),
+        ("stage", "case scan", "slit", "unit-missing {}.slit: slit_s"),
+        ("piezo", "amplifier stack", "high", "unit-missing {}.high: high_V"),
+        ("piezo", "body flexure", "damping_rato", "extra-forbidden {}.damping_rato: damping_ratio"),
+    ],
+)
+def test_a_misspelt_key_is_held_against_those_of_its_own_table(
+    kind: str, name: str, key: str, what: str, tmp_path: Path
+) -> None:
+    content = example(kind)
+    place, table = table_of(content, name)
+    table[key] = 1.0
+    with refused(what.format(place)):
+        read(tmp_path, content)
+
+
+@pytest.mark.parametrize(("kind", "lists"), [("bearing", "[[magnet]]"), ("stage", "[[sensor]]")])
+def test_a_misspelt_list_is_named_with_its_first_line(
+    kind: str, lists: str, tmp_path: Path
+) -> None:
+    text = (EXAMPLES / FOLDERS[kind] / "rig.toml").read_text(encoding="utf-8")
+    path, wrong = tmp_path / "rig.toml", lists.replace("]]", "s]]")
+    path.write_text(text.replace(lists, wrong), encoding="utf-8")
+    line = 1 + text[: text.index(lists)].count("\n")
+    with refused(f"extra-forbidden {wrong.strip('[]')}: rig.toml:{line}:; {lists.strip('[]')}"):
+        read_rig_file(path, RIGS)

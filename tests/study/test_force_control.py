@@ -250,8 +250,8 @@ def test_an_emulated_controller_does_the_same(
     [
         ("end_m = 1.0e-3", "end_m = 1.1e-3", "no-such-loop: 0.0011"),
         ("force_max_N = 40.0", "force_max_N = 48.4", "force-not-reached: 48.4 N"),
-        ('loops = "loops.csv"', 'loops = "none.csv"', "no-such-file: none.csv"),
-        ("noise_N", "noise_n", "extra-forbidden: force_sensor.noise_n; noise_N"),
+        ('files = "loops.csv"', 'files = "none.csv"', "no-such-file: none.csv"),
+        ("noise_N", "noise_n", "extra-forbidden: sensor[3].noise_n; noise_N"),
     ],
 )
 def test_a_wrong_rig_is_one_line_and_exit_code_2(
