@@ -54,6 +54,9 @@ static int solve(int n, double a[AXES][AXES], double b[AXES])
   int i;
   int j;
   int k;
+  if (n < 1 || n > AXES) {
+    return 0;
+  }
   for (k = 0; k < n; k++) {
     if (!(a[k][k] > 0.0)) {
       return 0;
