@@ -54,6 +54,9 @@ static int solve(int n, double a[AXES][AXES], double b[AXES])
   int i;
   int j;
   int k;
+  if (n < 1 || n > AXES) {
+    return 0;
+  }
   for (k = 0; k < n; k++) {
     if (!(a[k][k] > 0.0)) {
       return 0;
@@ -101,13 +104,13 @@ static int take_masses(const anhyst_plant_body *body, anhyst_plant_state *state)
   const int n = body->coordinates;
   double mass[AXES][AXES];
   int i;
-  int j;
   int k;
   mass_matrix(body, mass);
   for (k = 0; k < n; k++) {
     double own[AXES][AXES];
     double column[AXES] = {0.0};
     for (i = 0; i < n; i++) {
+      int j;
       for (j = 0; j < n; j++) {
         own[i][j] = mass[body->coordinate[i].axis][body->coordinate[j].axis];
       }
@@ -135,7 +138,7 @@ static double head_position(const anhyst_plant_head *head, const double *pose)
   return head->zero + anhyst_plant_moved(&head->line, pose);
 }
 
-/* Gaps and net force at the present pose. */
+/* Net force at the present pose. */
 static void sum_up(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   int j;

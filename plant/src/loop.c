@@ -4,39 +4,13 @@
 #include <math.h>
 #include <string.h>
 
-const anhyst_plant_signal_row anhyst_plant_signals[ANHYST_LOOP_SIGNALS] = {
-    {"t", "s", "s", ANHYST_LOOP_ONE},
-    {"reference", "m", "rad", ANHYST_LOOP_A_COORDINATE},
-    {"pose", "m", "rad", ANHYST_LOOP_A_COORDINATE},
-    {"velocity", "m_per_s", "rad_per_s", ANHYST_LOOP_A_COORDINATE},
-    {"demand", "N", "N_m", ANHYST_LOOP_A_COORDINATE},
-    {"wrench", "N", "N_m", ANHYST_LOOP_A_COORDINATE},
-    {"gap_read", "m", "m", ANHYST_LOOP_A_HEAD},
-    {"force", "N", "N", ANHYST_LOOP_ONE},
-    {"load", "N", "N", ANHYST_LOOP_ONE},
-    {"gap", "m", "m", ANHYST_LOOP_A_MAGNET},
-    {"command", "A", "A", ANHYST_LOOP_A_MAGNET},
-    {"current", "A", "A", ANHYST_LOOP_A_MAGNET},
-    {"current_read", "A", "A", ANHYST_LOOP_A_MAGNET},
-    {"voltage", "V", "V", ANHYST_LOOP_A_MAGNET},
-    {"flux", "Wb", "Wb", ANHYST_LOOP_A_MAGNET},
-    {"flux_density", "T", "T", ANHYST_LOOP_A_MAGNET},
-    {"state", "", "", ANHYST_LOOP_ONE},
-    {"flags", "", "", ANHYST_LOOP_ONE},
-};
+#define ROW(name, text, unit, angular, shape, value) {text, unit, angular, ANHYST_EACH_##shape},
+const anhyst_plant_signal_row anhyst_plant_signals[ANHYST_LOOP_SIGNALS] = {ANHYST_LOOP_TABLE(ROW)};
 
 int anhyst_plant_signal_count(const anhyst_plant_body *body, anhyst_plant_signal signal)
 {
-  switch (anhyst_plant_signals[signal].shape) {
-  case ANHYST_LOOP_A_COORDINATE:
-    return body->coordinates;
-  case ANHYST_LOOP_A_HEAD:
-    return body->heads;
-  case ANHYST_LOOP_A_MAGNET:
-    return body->magnets;
-  default:
-    return 1;
-  }
+  const int counts[] = {1, body->coordinates, body->heads, body->magnets};
+  return counts[anhyst_plant_signals[signal].shape];
 }
 
 int anhyst_plant_signal_column(const anhyst_plant_body *body, anhyst_plant_signal signal)
@@ -56,42 +30,12 @@ static double value_of(const anhyst_plant_loop *loop, const anhyst_loop_sample *
   const anhyst_plant_body *body = loop->body;
   const anhyst_plant_state *s = loop->state;
   switch (signal) {
-  case ANHYST_LOOP_TIME:
-    return (double)loop->ticks * body->tick;
-  case ANHYST_LOOP_REFERENCE:
-    return answer->reference[j];
-  case ANHYST_LOOP_POSE:
-    return s->pose[body->coordinate[j].axis];
-  case ANHYST_LOOP_VELOCITY:
-    return s->velocity[body->coordinate[j].axis];
-  case ANHYST_LOOP_DEMAND:
-    return answer->demand[j];
-  case ANHYST_LOOP_WRENCH:
-    return s->wrench[body->coordinate[j].axis];
-  case ANHYST_LOOP_GAP_READ:
-    return sample->head[j];
-  case ANHYST_LOOP_FORCE:
-    return s->force;
-  case ANHYST_LOOP_LOAD:
-    return s->load;
-  case ANHYST_LOOP_GAP:
-    return s->actuator[j].gap;
-  case ANHYST_LOOP_COMMAND:
-    return answer->current[j];
-  case ANHYST_LOOP_CURRENT:
-    return s->actuator[j].coil.current;
-  case ANHYST_LOOP_CURRENT_READ:
-    return sample->current[j];
-  case ANHYST_LOOP_VOLTAGE:
-    return s->actuator[j].coil.voltage;
-  case ANHYST_LOOP_FLUX:
-    return s->actuator[j].coil.psi;
-  case ANHYST_LOOP_DENSITY:
-    return s->actuator[j].coil.density;
-  case ANHYST_LOOP_STATE:
-    return (double)answer->state;
+#define CASE(name, text, unit, angular, shape, value)                                              \
+  case ANHYST_LOOP_##name:                                                                         \
+    return (value);
+    ANHYST_LOOP_TABLE(CASE)
   default:
-    return (double)answer->flags;
+    return 0.0;
   }
 }
 
@@ -109,45 +53,40 @@ static double *write_row(const anhyst_plant_loop *loop, const anhyst_loop_sample
   return row;
 }
 
-/* The sample's arrays in the loop's room. */
-typedef struct {
-  double *current;
-  double *flux;
-  double *head;
-  double *position;
-} taken;
-
 static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t i,
-                        const taken *into, anhyst_loop_sample *sample)
+                        anhyst_loop_sample *sample)
 {
   const anhyst_plant_body *body = loop->body;
   const size_t row = i * (size_t)body->coordinates;
   const double *inject = events->inject + row;
-  anhyst_plant_readings readings = {into->head, into->current, into->flux, 0.0};
+  double *current = loop->room + body->magnets; /* behind the commands */
+  double *flux = current + body->magnets;
+  double *head = flux + body->magnets;
+  double *position = head + body->heads;
+  anhyst_plant_readings readings = {head, current, flux, 0.0};
   double away[ANHYST_PLANT_AXES] = {0.0};
   int j;
   anhyst_plant_read(body, loop->state, &readings);
   for (j = 0; j < body->coordinates; j++) {
     const int axis = body->coordinate[j].axis;
     away[axis] = inject[j];
-    into->position[j] = loop->state->pose[axis] +
-                        (events->frame ? events->frame[row + (size_t)j] : 0.0) + inject[j];
+    position[j] = loop->state->pose[axis] + (events->frame ? events->frame[row + (size_t)j] : 0.0) +
+                  inject[j];
   }
   for (j = 0; j < body->heads; j++) {
-    into->head[j] = events->command[i] & ANHYST_LOOP_DROP
-                        ? (double)NAN
-                        : into->head[j] + anhyst_plant_moved(&body->head[j].line, away);
+    head[j] = events->command[i] & ANHYST_LOOP_DROP
+                  ? (double)NAN
+                  : head[j] + anhyst_plant_moved(&body->head[j].line, away);
   }
   sample->magnets = body->magnets;
   sample->heads = body->heads;
   sample->coordinates = body->coordinates;
-  sample->head = into->head;
-  sample->position = into->position;
-  sample->current = into->current;
-  sample->flux = into->flux;
+  sample->head = head;
+  sample->position = position;
+  sample->current = current;
+  sample->flux = flux;
   sample->target = events->target + row;
   sample->load = events->feed + row;
-  sample->inject = inject[0];
   sample->command = events->command[i] & 0xFFU;
 }
 
@@ -180,34 +119,22 @@ static void move_frame(anhyst_plant_loop *loop, const double *now)
   }
 }
 
-static int finite(const anhyst_plant_state *state)
-{
-  int axis;
-  int found = 1;
-  for (axis = 0; axis < ANHYST_PLANT_AXES; axis++) {
-    found = found && isfinite(state->pose[axis]);
-  }
-  return found;
-}
-
 size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t n,
                              double *record)
 {
   const anhyst_plant_body *body = loop->body;
   const size_t magnets = (size_t)body->magnets;
   const size_t coordinates = (size_t)body->coordinates;
+  const double *q = loop->state->pose;
   double *command = loop->room;
-  double *flux = command + magnets;
-  const taken into = {flux + magnets, flux, flux + 2 * magnets,
-                      flux + 2 * magnets + (size_t)body->heads};
-  double *answered = into.position + coordinates;
+  double *answered = command + 3 * magnets + (size_t)body->heads + coordinates;
   size_t i;
   for (i = 0; i < n; i++) {
     anhyst_loop_sample sample;
     anhyst_loop_answer answer = {
         answered, answered + magnets, answered + magnets + coordinates, 0, 0, 0};
     memset(answered, 0, (magnets + 2 * coordinates) * sizeof *answered);
-    take_sample(loop, events, i, &into, &sample);
+    take_sample(loop, events, i, &sample);
     loop->controller.tick(loop->controller.self, &sample, &answer);
     if (answer.gone) {
       return i;
@@ -219,7 +146,7 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     }
     anhyst_plant_advance(body, loop->state, command, events->load[i]);
     loop->ticks++;
-    if (!finite(loop->state)) {
+    if (!isfinite(q[0] + q[1] + q[2] + q[3] + q[4] + q[5])) {
       return i + 1;
     }
   }

@@ -84,11 +84,11 @@ typedef struct {
 
 /* A free coordinate, in m and N or rad and N m. */
 typedef struct {
-  int axis;         /* 0..5 */
-  double rest;      /* where the body lies without currents */
-  double damping;   /* of the guide */
-  double stop_low;  /* where the end stops are */
-  double stop_high; /* */
+  int axis;        /* 0..5 */
+  double rest;     /* where the body lies without currents */
+  double damping;  /* of the guide */
+  double stop_low; /* where the end stops are */
+  double stop_high;
   double stop_stiffness;
   double stop_damping; /* while touched */
 } anhyst_plant_coordinate;

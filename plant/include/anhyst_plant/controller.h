@@ -22,8 +22,6 @@ typedef struct {
   const double *flux;     /* of each, as the flux probes say, T; NAN without */
   const double *target;   /* wanted position of each coordinate */
   const double *load;     /* force that is fed forward, likewise */
-  double inject;          /* what the loop has added to the first coordinate already (swept sine),
-                             m; for records */
   uint32_t command;       /* 0 none, 1 condition, 2 demagnetised, 3 lift, 4 land, 5 stop, 6 clear */
 } anhyst_loop_sample;
 

@@ -51,42 +51,44 @@ typedef struct {
 
 #define ANHYST_LOOP_DROP 256U
 
-/* Signals of a record: a row a tick, all at its beginning. */
-typedef enum {
-  ANHYST_LOOP_TIME,
-  ANHYST_LOOP_REFERENCE,
-  ANHYST_LOOP_POSE,
-  ANHYST_LOOP_VELOCITY,
-  ANHYST_LOOP_DEMAND,
-  ANHYST_LOOP_WRENCH,
-  ANHYST_LOOP_GAP_READ,
-  ANHYST_LOOP_FORCE,
-  ANHYST_LOOP_LOAD,
-  ANHYST_LOOP_GAP,
-  ANHYST_LOOP_COMMAND,
-  ANHYST_LOOP_CURRENT,
-  ANHYST_LOOP_CURRENT_READ,
-  ANHYST_LOOP_VOLTAGE,
-  ANHYST_LOOP_FLUX,
-  ANHYST_LOOP_DENSITY,
-  ANHYST_LOOP_STATE,
-  ANHYST_LOOP_FLAGS,
-  ANHYST_LOOP_SIGNALS
-} anhyst_plant_signal;
+/* The one table of what is recorded, a row a tick, all at its beginning: name, unit as columns end
+   with it, that of a coordinate that is an angle, how many a row has, and where loop.c takes it
+   from for number j. */
+#define ANHYST_LOOP_TABLE(SIGNAL)                                                                  \
+  SIGNAL(TIME, "t", "s", "s", TICK, (double)loop->ticks * body->tick)                              \
+  SIGNAL(REFERENCE, "reference", "m", "rad", COORDINATE, answer->reference[j])                     \
+  SIGNAL(POSE, "pose", "m", "rad", COORDINATE, s->pose[body->coordinate[j].axis])                  \
+  SIGNAL(VELOCITY, "velocity", "m_per_s", "rad_per_s", COORDINATE,                                 \
+         s->velocity[body->coordinate[j].axis])                                                    \
+  SIGNAL(DEMAND, "demand", "N", "N_m", COORDINATE, answer->demand[j])                              \
+  SIGNAL(WRENCH, "wrench", "N", "N_m", COORDINATE, s->wrench[body->coordinate[j].axis])            \
+  SIGNAL(GAP_READ, "gap_read", "m", "m", HEAD, sample->head[j])                                    \
+  SIGNAL(FORCE, "force", "N", "N", TICK, s->force)                                                 \
+  SIGNAL(LOAD, "load", "N", "N", TICK, s->load)                                                    \
+  SIGNAL(GAP, "gap", "m", "m", MAGNET, s->actuator[j].gap)                                         \
+  SIGNAL(COMMAND, "command", "A", "A", MAGNET, answer->current[j])                                 \
+  SIGNAL(CURRENT, "current", "A", "A", MAGNET, s->actuator[j].coil.current)                        \
+  SIGNAL(CURRENT_READ, "current_read", "A", "A", MAGNET, sample->current[j])                       \
+  SIGNAL(VOLTAGE, "voltage", "V", "V", MAGNET, s->actuator[j].coil.voltage)                        \
+  SIGNAL(FLUX, "flux", "Wb", "Wb", MAGNET, s->actuator[j].coil.psi)                                \
+  SIGNAL(DENSITY, "flux_density", "T", "T", MAGNET, s->actuator[j].coil.density)                   \
+  SIGNAL(STATE, "state", "", "", TICK, (double)answer->state)                                      \
+  SIGNAL(FLAGS, "flags", "", "", TICK, (double)answer->flags)
 
-/* How many numbers of it a row has. */
+#define ANHYST_LOOP_ENUM(name, text, unit, angular, shape, value) ANHYST_LOOP_##name,
+typedef enum { ANHYST_LOOP_TABLE(ANHYST_LOOP_ENUM) ANHYST_LOOP_SIGNALS } anhyst_plant_signal;
+
 typedef enum {
-  ANHYST_LOOP_ONE,
-  ANHYST_LOOP_A_COORDINATE,
-  ANHYST_LOOP_A_HEAD,
-  ANHYST_LOOP_A_MAGNET
+  ANHYST_EACH_TICK,
+  ANHYST_EACH_COORDINATE,
+  ANHYST_EACH_HEAD,
+  ANHYST_EACH_MAGNET
 } anhyst_plant_shape;
 
-/* The one table of them, in the order of the enumeration. */
 typedef struct {
   const char *name;
-  const char *unit;    /* as names of columns end with it; empty: a number */
-  const char *angular; /* of a coordinate that is an angle */
+  const char *unit;
+  const char *angular;
   anhyst_plant_shape shape;
 } anhyst_plant_signal_row;
 

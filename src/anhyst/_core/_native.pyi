@@ -485,32 +485,17 @@ class Plant:
     def hold(self, current: float, magnet: int) -> None:
         """Let a current flow that has come slowly, A."""
 
-    supply: float
-    """Of all amplifiers, V."""
-    @property
-    def pose(self) -> list[float]: ...
-    @property
-    def velocities(self) -> list[float]: ...
-    @property
-    def wrench(self) -> list[float]:
-        """Of the magnets, N or N m, along each free coordinate."""
+    supply: float  # of all amplifiers, V; the one number here that may be set
+    pose: list[float]  # of each free coordinate, m or rad
+    velocities: list[float]
+    wrench: list[float]  # of the magnets, N or N m
+    gap: float  # of the first magnet, m
+    velocity: float  # of the first coordinate, m/s
+    force: float  # of the magnets, net, as the force sensor is turned, N
+    current: float  # of the first magnet, A
+    psi: float  # Wb
     def coils(self) -> _Array:
-        """Return a row each magnet: gap, m, current, A, linkage, Wb, pull, N, energy taken and heat, J."""
-    @property
-    def gap(self) -> float:
-        """Of the first magnet, m."""
-    @property
-    def velocity(self) -> float:
-        """Of the first coordinate, m/s."""
-    @property
-    def force(self) -> float:
-        """Of the magnets, net, as the force sensor is turned, N."""
-    @property
-    def current(self) -> float:
-        """Of the first magnet, A."""
-    @property
-    def psi(self) -> float:
-        """Of the first magnet, Wb."""
+        """Return a row each magnet: gap, m, current, A, linkage, Wb, pull, N, energy, heat, J."""
 
 class LoopController:
     """What a loop takes for a controller."""

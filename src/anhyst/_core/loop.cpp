@@ -36,7 +36,7 @@ public:
       const auto which = static_cast<anhyst_plant_signal>(signal);
       const anhyst_plant_signal_row &row = anhyst_plant_signals[signal];
       for (int j = 0; j < anhyst_plant_signal_count(body, which); j++) {
-        const bool angle = row.shape == ANHYST_LOOP_A_COORDINATE && body->coordinate[j].axis >= 3;
+        const bool angle = row.shape == ANHYST_EACH_COORDINATE && body->coordinate[j].axis >= 3;
         found.append(nb::make_tuple(row.name, angle ? row.angular : row.unit, j + 1));
       }
     }

@@ -126,8 +126,8 @@ public:
   {
     const double currents[2] = {current.first, current.second};
     const double fluxes[2] = {flux.first, flux.second};
-    const anhyst_loop_sample sample = {2,      1,       1,     &gap, &gap,   currents,
-                                       fluxes, &target, &load, 0.0,  command};
+    const anhyst_loop_sample sample = {2,        1,      1,       &gap,  &gap,
+                                       currents, fluxes, &target, &load, command};
     double driven[2];
     double reference = 0.0;
     double demand = 0.0;

@@ -85,9 +85,7 @@ static int start(const void *tables, void *state, double *values)
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
   state_of *now = (state_of *)state;
   int i;
-  (void)tables;
-  now->plant.actuator = now->actuator;
-  now->plant.head = now->head;
+  relink(tables, state);
   for (i = 0; i < BEARING_MAGNETS; i++) {
     now->current_loop[i] = current_loops[i];
   }
