@@ -1,9 +1,6 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
-    ALLOCATE_BY_HALVES,
-    ALLOCATE_CLASS_AB,
-    ALLOCATE_SINGLE,
     LOOP_COLUMNS,
     AnyIron,
     Bearing,
@@ -49,9 +46,6 @@ from anhyst._core._native import (
 )
 
 __all__ = [
-    "ALLOCATE_BY_HALVES",
-    "ALLOCATE_CLASS_AB",
-    "ALLOCATE_SINGLE",
     "LOOP_COLUMNS",
     "AnyIron",
     "Bearing",

@@ -10,8 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from anhyst._core import (
-    ALLOCATE_BY_HALVES,
-    ALLOCATE_CLASS_AB,
     LOOP_COLUMNS,
     BearingLoop,
     FixedTracking,
@@ -21,6 +19,7 @@ from anhyst._core import (
 )
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.control.allocation import Allocation
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.rig.bearing.plant import current_loop
@@ -231,7 +230,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
         "gap_total": 2.0 * rig.gap,
-        "allocation": ALLOCATE_BY_HALVES if at_bias else ALLOCATE_CLASS_AB,
+        "allocation": Allocation.BY_HALVES if at_bias else Allocation.CLASS_AB,
         "idle": bias(rig, compensator.method),
         "current_low": low,
         "current_high": high,
