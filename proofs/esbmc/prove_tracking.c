@@ -123,7 +123,12 @@ int main(void)
   magnet[1].method = &method;
   ASSUME(anhyst_tracking_init_q31(&c, &settings, drive, 2, &filtered) == ANHYST_OK);
   SHOW(position_holds(&c.state));
-  /* from any state */
+  SHOW(c.settings == &settings && c.drive == drive && c.drives == 2 && c.filtered == &filtered);
+  /* the same in so many words, from any state */
+  c.settings = &settings;
+  c.drive = drive;
+  c.drives = 2;
+  c.filtered = &filtered;
   c.state = any_state();
   filtered.integral[0] = nondet_i32();
   filtered.integral[1] = nondet_i32();

@@ -4,6 +4,7 @@
 
 #include "anhyst/control/allocation_real.h"
 #include "anhyst/control/biquad_real.h"
+#include "anhyst/control/tracking_real.h"
 #include "check.h"
 #include "edges.h"
 #include "maps.h"
@@ -255,6 +256,77 @@ static void any_signal_is_answered_within_the_limits(void)
   }
 }
 
+/* The law of a piezo stage in both formats: a notch, an integral, feedforward, a single drive. What
+   differs is rounding, most of it of the factors, to 16 bits. */
+static void fixed_point_controls_as_double_precision_does(void)
+{
+  static const int16_t line[4] = {0, 32767, 0, 32767};
+  static const double straight[4] = {0.0, 1.0, 0.0, 1.0};
+  const double g = 0.15;
+  const double k = 1.4;
+  const double d = 1.0 / (1.0 + g * (g + k));
+  const double gain = 0.06;
+  const anhyst_biquad_q31 filter = notch_at(g, k);
+  const anhyst_biquad_f64 real_filter = {
+      {(1.0 + g * g) * d, 2.0 * (g * g - 1.0) * d, (1.0 + g * g) * d},
+      {2.0 * (g * g - 1.0) * d, (1.0 - g * k + g * g) * d}};
+  anhyst_tracking_settings_q31 settings = {0};
+  anhyst_tracking_settings_f64 real = {{{gain, 0.0, 0.0}, {-1.0, 0.0}},
+                                       {0.0, ANHYST_ALLOCATE_SINGLE},
+                                       0.0,
+                                       1.0,
+                                       0.0,
+                                       &real_filter,
+                                       1};
+  const anhyst_map_q31 map = {line, 0, 0};
+  const anhyst_map_f64 real_map = {straight, 1, 1, 1.0, 0.0, 1.0};
+  anhyst_force_controller_q31 drive;
+  anhyst_force_controller_f64 real_drive;
+  anhyst_force_controller_q31 *const drives[1] = {&drive};
+  anhyst_force_controller_f64 *const real_drives[1] = {&real_drive};
+  anhyst_biquad_state_q31 filtered;
+  anhyst_biquad_state_f64 real_filtered;
+  anhyst_tracking_q31 controller;
+  anhyst_tracking_f64 real_controller;
+  double worst = 0.0;
+  settings.pid.proportional = to_factor(gain / 4.0);
+  settings.pid.integral = to_factor(gain);
+  settings.pid.load = to_factor(1.0 / 8.0);
+  settings.pid.smoothing.mantissa = -32768;
+  settings.pid.smoothing_2.mantissa = -32768;
+  settings.pid.low = ANHYST_Q31_MIN;
+  settings.pid.high = ANHYST_Q31_MAX;
+  settings.allocation.kind = ANHYST_ALLOCATE_SINGLE;
+  settings.current_high = ANHYST_Q31_MAX;
+  settings.filter = &filter;
+  settings.filters = 1;
+  CHECK(anhyst_force_controller_init_map_q31(&drive, &map, 0, ANHYST_Q31_MAX) == ANHYST_OK);
+  CHECK(anhyst_force_controller_init_map_f64(&real_drive, &real_map, 0.0, 1.0) == ANHYST_OK);
+  CHECK(anhyst_tracking_init_q31(&controller, &settings, drives, 1, &filtered) == ANHYST_OK);
+  CHECK(anhyst_tracking_init_f64(&real_controller, &real, real_drives, 1, &real_filtered) ==
+        ANHYST_OK);
+  for (int tick = 0; tick < 20000; tick++) {
+    const double error = 0.01 * sin(0.3 * tick) + 0.002 * sin(0.011 * tick);
+    const double forward = 0.5 + 0.3 * sin(0.004 * tick);
+    const int32_t no_gap = 0;
+    const int32_t no_flux = ANHYST_NO_FLUX;
+    const double real_gap = 0.0;
+    const double real_flux = 0.0;
+    const anhyst_tracking_sample_q31 sample = {(int32_t)(error * ONE), (int32_t)(forward * ONE),
+                                               &no_gap, &no_flux};
+    const anhyst_tracking_sample_f64 real_sample = {error, forward, &real_gap, &real_flux};
+    int32_t current;
+    double real_current;
+    anhyst_tracking_answer_q31 answer = {&current, 0, 0};
+    anhyst_tracking_answer_f64 real_answer = {&real_current, 0.0, 0};
+    anhyst_tracking_tick_q31(&controller, &sample, &answer);
+    anhyst_tracking_tick_f64(&real_controller, &real_sample, &real_answer);
+    keep_worst(&worst, fabs(answer.demand / ONE - real_answer.demand));
+    keep_worst(&worst, fabs(current / ONE - real_current) - 1.0 / 32768.0);
+  }
+  CHECK_BELOW("of full scale", worst, 5e-5);
+}
+
 static int is_refused(const anhyst_tracking_settings_q31 *settings, uint16_t drives)
 {
   const anhyst_map_q31 map = any_map(entries, 2, 0, 8000);
@@ -303,6 +375,7 @@ int main(void)
   a_notch_passes_what_stands_still();
   any_filter_runs();
   any_signal_is_answered_within_the_limits();
+  fixed_point_controls_as_double_precision_does();
   invalid_settings_are_refused();
   return verdict();
 }

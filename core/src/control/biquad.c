@@ -11,10 +11,10 @@ anhyst_status anhyst_biquad_check_q31(const anhyst_biquad_q31 *filter)
 }
 
 /* By the trapezoidal rule an integral ends as far beyond what it was on the way as it began before
-   it. */
+   it: a step that cannot overflow, since the way to its middle is one that fitted. */
 static int32_t gone_on(int32_t integral, int32_t middle)
 {
-  return anhyst_add_q31(middle, anhyst_sub_q31(middle, integral));
+  return anhyst_add_q31(middle, middle - integral);
 }
 
 int32_t anhyst_biquad_step_q31(const anhyst_biquad_q31 *filter, anhyst_biquad_state_q31 *state,

@@ -1,9 +1,6 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
-    ALLOCATE_BY_HALVES,
-    ALLOCATE_CLASS_AB,
-    ALLOCATE_SINGLE,
     AnyIron,
     BusController,
     CellIron,
@@ -48,9 +45,6 @@ from anhyst._core._native import (
 )
 
 __all__ = [
-    "ALLOCATE_BY_HALVES",
-    "ALLOCATE_CLASS_AB",
-    "ALLOCATE_SINGLE",
     "AnyIron",
     "BusController",
     "CellIron",

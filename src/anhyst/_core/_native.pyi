@@ -315,14 +315,9 @@ class _RealForceController:
 
     @classmethod
     def map(
-        cls,
-        entries: _Array,
-        force_high: float,
-        gap_low: float,
-        gap_high: float,
-        low: float,
-        high: float,
-    ) -> Self: ...
+        cls, entries: _Array, force_high: float, gap_low: float, gap_high: float,
+        low: float, high: float,
+    ) -> Self: ...  # fmt: skip
     @classmethod
     def play(
         cls, entries: _Array, half: _Array, radius: float, force_high: float, gap_low: float,
@@ -330,16 +325,9 @@ class _RealForceController:
     ) -> Self: ...  # fmt: skip
     @classmethod
     def flux(
-        cls,
-        entries: _Array,
-        wanted: _Array,
-        loop: _Array,
-        force_high: float,
-        gap_low: float,
-        gap_high: float,
-        low: float,
-        high: float,
-    ) -> Self: ...
+        cls, entries: _Array, wanted: _Array, loop: _Array, force_high: float, gap_low: float,
+        gap_high: float, low: float, high: float,
+    ) -> Self: ...  # fmt: skip
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""
     def commit(self, applied: float, gap: float) -> float:
@@ -357,29 +345,22 @@ class ForceControllerF32(_RealForceController):
     @staticmethod
     def compensator(parameters: ParametersF32) -> ForceControllerF32: ...
 
+_Words = NDArray[np.int16]
+
 class FixedForceController:
     """The same in fixed point, force_controller.h; signals are q31, entries of a map q15."""
 
     @staticmethod
-    def map(entries: NDArray[np.int16], low: int, high: int) -> FixedForceController: ...
+    def map(entries: _Words, low: int, high: int) -> FixedForceController: ...
     @staticmethod
     def play(
-        entries: NDArray[np.int16],
-        half: NDArray[np.int16],
-        radius: int,
-        steepness: NDArray[np.int16],
-        low: int,
-        high: int,
+        entries: _Words, half: _Words, radius: int, steepness: _Words, low: int, high: int
     ) -> FixedForceController: ...
     @staticmethod
-    def compensator(kind: str, words: NDArray[np.int16]) -> FixedForceController: ...
+    def compensator(kind: str, words: _Words) -> FixedForceController: ...
     @staticmethod
     def flux(
-        entries: NDArray[np.int16],
-        wanted: NDArray[np.int16],
-        loop: NDArray[np.int16],
-        low: int,
-        high: int,
+        entries: _Words, wanted: _Words, loop: _Words, low: int, high: int
     ) -> FixedForceController:
         """Make one; a row of `loop` is mantissa and shift of a factor."""
     def solve(self, demand: int, gap: int, flux: int) -> int:
@@ -500,13 +481,7 @@ class Plant:
 class LoopController:
     """What a loop takes for a controller."""
 
-class _RealPosition(LoopController):
-    def __init__(
-        self,
-        gains: _Array,
-        magnets: list[ForceController] | list[ForceControllerF32],
-        settings: Mapping[str, float],
-    ) -> None: ...
+class _Position(LoopController):
     def tick(
         self,
         gap: float,
@@ -521,6 +496,14 @@ class _RealPosition(LoopController):
     def fault(self) -> int:
         """First reason of a fault, levitation.h."""
 
+class _RealPosition(_Position):
+    def __init__(
+        self,
+        gains: _Array,
+        magnets: list[ForceController] | list[ForceControllerF32],
+        settings: Mapping[str, float],
+    ) -> None: ...
+
 class Position(_RealPosition):
     """A controller of position_real.h with its force controllers, one or two; ValueError if not valid.
 
@@ -530,7 +513,7 @@ class Position(_RealPosition):
 class PositionF32(_RealPosition):
     """The same in single precision, with force controllers of that."""
 
-class FixedPosition(LoopController):
+class FixedPosition(_Position):
     """The same in fixed point, position.h; signals of `tick` are SI here too."""
 
     def __init__(
@@ -539,17 +522,6 @@ class FixedPosition(LoopController):
         magnets: list[FixedForceController],
         settings: Mapping[str, float],
     ) -> None: ...
-    def tick(
-        self,
-        gap: float,
-        target: float,
-        load: float = 0.0,
-        current: tuple[float, float] = ...,
-        flux: tuple[float, float] = ...,
-        command: int = 0,
-    ) -> tuple[float, float, float, float, int, int]: ...
-    @property
-    def fault(self) -> int: ...
 
 class BusController(LoopController):
     """A controller at the other end of a plant bus, plant/include/anhyst_plant/bus.h."""
@@ -561,38 +533,23 @@ class BusController(LoopController):
     def tick(self) -> int:
         """Number of the last sample; 0 before the first."""
 
-ALLOCATE_SINGLE: int
-ALLOCATE_BY_HALVES: int
-ALLOCATE_CLASS_AB: int
+_Drive = ForceController | ForceControllerF32 | FixedForceController
 
 class Tracking(LoopController):
     """PID, feedforward and allocation of a pair, plant/include/anhyst_plant/tracking.h."""
 
     def __init__(
-        self,
-        magnets: list[ForceController | ForceControllerF32 | FixedForceController],
-        pid: _Array,
-        settings: Mapping[str, float],
+        self, magnets: list[_Drive], pid: _Array, settings: Mapping[str, float]
     ) -> None: ...
 
-class TrackingF32(LoopController):
+class TrackingF32(Tracking):
     """The same in single precision, its magnets too."""
 
-    def __init__(
-        self,
-        magnets: list[ForceController | ForceControllerF32 | FixedForceController],
-        pid: _Array,
-        settings: Mapping[str, float],
-    ) -> None: ...
-
 class FixedTracking(LoopController):
-    """The same in fixed point, its magnets too; the PID is the words of PIDD2, currents and idle force are codes."""
+    """The same in fixed point; the PID is words of PIDD2, currents and idle force are codes."""
 
     def __init__(
-        self,
-        magnets: list[ForceController | ForceControllerF32 | FixedForceController],
-        pid: NDArray[np.int32],
-        settings: Mapping[str, float],
+        self, magnets: list[_Drive], pid: NDArray[np.int32], settings: Mapping[str, float]
     ) -> None: ...
 
 class PiezoMotion:
@@ -605,7 +562,7 @@ class PiezoMotion:
         """Return where the stage is at each tick, m, from long rest; its command then holds."""
     def follow(
         self,
-        drive: ForceController | ForceControllerF32 | FixedForceController,
+        drive: _Drive,
         filters: list[_Array],
         pid: _Array,
         settings: Mapping[str, float],

@@ -51,8 +51,5 @@ void bind_tracking(nb::module_ &m)
   bind<TrackingF64>(m, "Tracking");
   bind<TrackingF32>(m, "TrackingF32");
   bind<TrackingQ31>(m, "FixedTracking");
-  m.attr("ALLOCATE_SINGLE") = ANHYST_ALLOCATE_SINGLE;
-  m.attr("ALLOCATE_BY_HALVES") = ANHYST_ALLOCATE_BY_HALVES;
-  m.attr("ALLOCATE_CLASS_AB") = ANHYST_ALLOCATE_CLASS_AB;
   m.def("allocate", allocate, "net"_a, "idle"_a);
 }

@@ -10,8 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from anhyst._core import (
-    ALLOCATE_BY_HALVES,
-    ALLOCATE_CLASS_AB,
     FixedTracking,
     LoopController,
     PlantLoop,
@@ -20,6 +18,7 @@ from anhyst._core import (
 )
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.control.allocation import Allocation
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.rig.bearing.plant import current_loops
@@ -230,7 +229,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
         "gap_total": rig.settings.gap_total_m or 0.0,
-        "allocation": ALLOCATE_BY_HALVES if at_bias else ALLOCATE_CLASS_AB,
+        "allocation": Allocation.BY_HALVES if at_bias else Allocation.CLASS_AB,
         "idle": bias(rig, compensator.method),
         "current_low": low,
         "current_high": high,

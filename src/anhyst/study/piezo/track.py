@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst._core import ALLOCATE_SINGLE, FixedForceController, ForceController
+from anhyst._core import FixedForceController, ForceController
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import Native
 from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.control.allocation import Allocation
 from anhyst.control.biquad import integrator, notch
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
@@ -289,7 +290,7 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
         "flux_full": 1.0,
         "gap_low": 0.0,
         "gap_high": 1.0,
-        "allocation": ALLOCATE_SINGLE,
+        "allocation": Allocation.SINGLE,
         "idle": 0.0,
         "current_low": settings.stack_amplifier.low_V,
         "current_high": settings.stack_amplifier.high_V,
