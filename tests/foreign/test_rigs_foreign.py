@@ -10,8 +10,9 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
+from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.distance import along, distance, follower
-from anhyst.rig.from_loops import FittedPlant, fit_magnet
+from anhyst.rig.from_loops import FittedPlant, complete_rig, fit_magnet
 from anhyst.rig.magnet_table import MagnetTable
 from tests.cli.command import Result, anhyst, contents, refused
 from tests.foreign.magnets import MAGNETS
@@ -78,6 +79,16 @@ def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
     assert found.poles.width == pytest.approx(shape.width, rel=0.15)
     assert found.guessed == ("iron_length_m",)
     assert percent(found, loops) < CLOSE["soft"]
+
+
+def test_a_rig_with_iron_from_its_loops_becomes_whole(tmp_path: Path) -> None:
+    rig = read_bearing(write_bearing(MAGNETS["soft"], tmp_path))
+    assert rig.settings.iron is None
+    whole = complete_rig(rig, rig.measured.read())
+    assert whole.fitted is not None
+    assert whole.settings.steel.steel() == whole.fitted.steel
+    assert whole.settings.magnet.poles == whole.fitted.poles
+    assert complete_rig(whole, rig.measured.read()).settings == whole.settings
 
 
 def carried(result: Result, folder: Path) -> dict[str, object]:
@@ -187,8 +198,6 @@ def test_a_wrong_key_of_the_controller_is_said_before_the_fit(tmp_path: Path) ->
 
 
 def test_several_files_of_loops_are_one_set(tmp_path: Path) -> None:
-    from anhyst.rig.bearing.file import read_bearing
-
     rig = write_bearing(MAGNETS["soft"], tmp_path)
     head, *rows = (tmp_path / "loops.csv").read_text().splitlines()
     whole = read_bearing(rig).measured.read()
