@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 from anhyst.data.convert import Conversion, convert_measurement
+from anhyst.rig.reading import read_rig_file
 from anhyst.rig.rewriting import rewrite_rig
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, RenamedWarning
 from anhyst.support.kinds import RIGS, FileKind, refuse_other
 from anhyst.support.progress import Progress
 
@@ -39,5 +42,8 @@ def convert(source: PathLike, out: PathLike, progress: Progress | None = None) -
         return convert_measurement(source, out, progress)
     if not str(out).lower().endswith(".toml"):
         raise InputError(f"{out}: a rig file is TOML; name it .toml", code="unknown-format")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RenamedWarning)
+        read_rig_file(source, RIGS)  # what is wrong with it is said by its own lines
     rewrite_rig(source, out)
     return Conversion(str(out), 0, 0, ())

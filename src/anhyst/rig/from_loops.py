@@ -116,11 +116,12 @@ AnyRig = TypeVar("AnyRig", bound=RigWithMagnet)
 def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     """Return a rig whose magnet is whole: where its iron comes from the loops, it is fitted."""
     file = rig.settings
-    if file.solenoid is not None or not file.magnet.from_loops:
+    if file.solenoid is not None or not file.magnet.from_loops or file.iron is not None:
         return rig
     found = fit_magnet(loops, file.magnet)
     whole = file.replaced(file.magnet, file.magnet.model_copy(update=found.keys))
-    irons = [*file.irons, steel_table(FROM_LOOPS, found.steel)]
+    steel = steel_table("fitted", found.steel).model_copy(update={"name": FROM_LOOPS})
+    irons = [*file.irons, steel]
     return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=found)
 
 

@@ -238,6 +238,14 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         if name == FROM_LOOPS or name in names[:number]:
             text = f"'{name}' is taken; choose another name"
             yield FileFault(("iron", number, "name"), text, code="name-taken")
+        if all(getattr(magnet, "iron", None) != name for magnet in file.magnets):
+            text = f"no magnet is made of '{name}'; remove it, or name it in one"
+            yield FileFault(("iron", number), text, code="not-used")
+    called = [magnet.name for magnet in file.magnets]
+    for number, name in enumerate(called):
+        if name in called[:number]:
+            text = f"'{name}' is taken; choose another name"
+            yield FileFault(("magnet", number, "name"), text, code="name-taken")
     for place, magnet in file.tables():
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"

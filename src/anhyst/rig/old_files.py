@@ -58,32 +58,45 @@ class _Rewriter:
                 return None
         return here
 
-    def put(self, path: KeyPath, value: Any) -> None:
-        """Set a value, and the tables that lead to it."""
+    def put(self, path: KeyPath, value: Any) -> bool:
+        """Set a value, and the tables that lead to it; not where something else stands there."""
         here: Any = self.file.content
         for part, following in pairwise(path):
-            if isinstance(here, list):
-                while len(here) <= int(part):
-                    here.append({})
-                here = here[int(part)]
-            else:
+            if isinstance(here, list) and isinstance(part, int):
+                here.extend({} for _ in range(part + 1 - len(here)))
+                here = here[part]
+            elif isinstance(here, dict):
                 here = here.setdefault(part, [] if isinstance(following, int) else {})
-        if isinstance(here, list):
-            place = int(path[-1])
-            here[place : place + (here[place : place + 1] == [{}])] = [value]
+            else:
+                return False
+        last = path[-1]
+        if isinstance(here, list) and isinstance(last, int):
+            here[last : last + 1] = [value]
         elif isinstance(here, dict):
-            here[path[-1]] = value
+            here[last] = value
+        else:
+            return False
+        return True
 
     def move(self, old: KeyPath, new: KeyPath) -> None:
-        """Move a key or a table, if it is there."""
+        """Move a key or a table, if it is there; one of an inline table has the line of that."""
         value = self.get(*old)
         if value is None:
             return
-        del self.get(*old[:-1])[old[-1]]
-        self.put(new, value)
+        parent = self.get(*old[:-1])
+        if isinstance(parent, list):
+            parent[int(old[-1])] = {}
+        else:
+            del parent[old[-1]]
+        if not self.put(new, value):
+            parent[old[-1]] = value
+            return
         lines = self.file.lines
+        line = self.file.line(old)
         for path in [path for path in lines if path[: len(old)] == old]:
             lines[(*new, *path[len(old) :])] = lines.pop(path)
+        if line is not None:
+            lines.setdefault(new, line)
 
     def rename(self, table: KeyPath, **keys: str) -> None:
         """Give keys of a table other names."""
@@ -99,25 +112,38 @@ class _Rewriter:
 
     def listed(self, old: str, new: str, **keys: Any) -> None:
         """Make a table the next one of a list, with some keys more, if it is there."""
-        table = self.get(old)
-        if isinstance(table, dict):
-            self.move((old,), (new, 0 if old == new else len(self.get(new) or [])))
-            table.update(keys)
+        if isinstance(self.get(old), dict):
+            self.add((old,), new, **keys)
+
+    def add(self, old: KeyPath, new: str, **keys: Any) -> None:
+        """Make what stands anywhere the next one of a list."""
+        there = () if old == (new,) else self.get(new) or ()
+        if (table := self.get(*old)) is not None:
+            self.move(old, (new, len(there)))
+            if isinstance(table, dict):
+                table.update(keys)
+
+    def each(self, old: KeyPath, new: str, **keys: Any) -> None:
+        """Make all tables of a list the next ones of another."""
+        if isinstance(tables := self.get(*old), list):
+            for number in range(len(tables)):
+                self.add((*old, number), new, **keys)
+            self.drop(*old)
 
 
 def _loops(rewriter: _Rewriter, *old: str) -> None:
     """Join the files of the loops and how they are identified."""
-    found = rewriter.drop(*old)
-    if found is None:
-        return
-    line = rewriter.file.lines.pop(tuple(old), None)
-    rewriter.move(("identify",), ("loops",))
-    rewriter.put(("loops", "files"), found)
-    if line is not None:
-        rewriter.file.lines["loops", "files"] = line
+    rewriter.move(old, (_ASIDE,))
+    if isinstance(rewriter.get("identify"), dict):
+        rewriter.move(("identify",), ("loops",))
+    rewriter.move((_ASIDE,), ("loops", "files"))
 
 
-def _magnet(rewriter: _Rewriter, gap: Any) -> None:
+_ASIDE = "aside"
+"""Where something stands while its place is made."""
+
+
+def _magnet(rewriter: _Rewriter) -> None:
     """Give a magnet or a pair its place, and its iron a name."""
     magnet = rewriter.get("magnet")
     if not isinstance(magnet, dict):
@@ -126,28 +152,38 @@ def _magnet(rewriter: _Rewriter, gap: Any) -> None:
         rewriter.move(("magnet", "iron"), ("iron", 0))
         rewriter.put(("iron", 0, "name"), "core")
         magnet["iron"] = "core"
-    model = rewriter.drop("magnet", "model")
-    if isinstance(model, dict):
-        magnet.update({new: model[old] for old, new in _MODEL_KEYS.items() if old in model})
-    if (force := magnet.pop("force", None)) is not None:
-        magnet["kind"] = {"cells": "electromagnet", "model": "law"}.get(force, force)
+    if isinstance(magnet.get("model"), dict):
+        rewriter.move(("magnet", "model"), (_ASIDE,))
+        for old, new in _MODEL_KEYS.items():
+            rewriter.move((_ASIDE, old), ("magnet", new))
+        rewriter.drop(_ASIDE)
+    rewriter.rename(("magnet",), force="kind")
+    if magnet.get("kind") in [*_KINDS]:
+        magnet["kind"] = _KINDS[magnet["kind"]]
     magnet.pop("arrangement", None)
-    total = magnet.pop("gap_total_m", None)
     rewriter.move(("magnet", "bias_force_N"), ("control", "bias_N"))
-    gap = 0.5 * total if gap is None and isinstance(total, float) else gap
-    rewriter.listed("magnet", "magnet", name="magnet", **({} if gap is None else {"gap_m": gap}))
-    if isinstance(total, float) and isinstance(gap, float):
+    rewriter.listed("magnet", "magnet", name="magnet")
+    rewriter.move(("simulate", "gap_m"), ("magnet", 0, "gap_m"))
+    total, line = magnet.get("gap_total_m"), rewriter.file.line(("magnet", 0, "gap_total_m"))
+    if not isinstance(total, float):
+        return
+    gap = magnet.setdefault("gap_m", 0.5 * total)
+    rewriter.move(("magnet", 0, "gap_total_m"), ("magnet", 1, "gap_m"))
+    if isinstance(gap, float):
         other = {"name": "opposite", "like": "magnet", "direction": OPENS, "gap_m": total - gap}
         rewriter.put(("magnet", 1), other)
+    if line is not None:
+        rewriter.file.lines["magnet", 1] = line
 
 
+_KINDS = {"cells": "electromagnet", "model": "law"}
 _MODEL_KEYS = {"file": "model", "flux_table": "flux_table"}
 
 
 def _bearing(rewriter: _Rewriter) -> None:
     rewriter.put(("control",), {"kind": "levitation"})
     _loops(rewriter, "loops")
-    _magnet(rewriter, rewriter.drop("simulate", "gap_m"))
+    _magnet(rewriter)
     _plant(rewriter, "position_sensor")
     rewriter.move(("simulate", "noise_seeds"), ("noise_seeds",))
     rewriter.put(("case", 0), {})
@@ -155,8 +191,7 @@ def _bearing(rewriter: _Rewriter) -> None:
         rewriter.put(("case", 1), {"kind": "load"})
         rewriter.move(("simulate", "load_steps_N"), ("case", 1, "forces_N"))
     rewriter.drop("simulate", "load_steps_N")
-    for trajectory in rewriter.drop("simulate", "trajectories") or []:
-        rewriter.put(("case", len(rewriter.get("case"))), trajectory)
+    rewriter.each(("simulate", "trajectories"), "case")
     rewriter.rename(("simulate",), steps_m="heights_m")
     rewriter.move(("simulate",), ("case", 0))
     rewriter.put(("case", 0, "kind"), "step")
@@ -179,7 +214,7 @@ _SENSORS = {"current_sensor": "current", "force_sensor": "force", "hall_probe": 
 def _stage(rewriter: _Rewriter) -> None:
     rewriter.put(("control",), {"kind": "tracking"})
     _loops(rewriter, "loops")
-    _magnet(rewriter, None)
+    _magnet(rewriter)
     _plant(rewriter, "gap_sensor")
     for key in ("format", "crossover_Hz", "force_max_N"):
         rewriter.move(("tracking", key), ("control", key))
@@ -195,33 +230,23 @@ def _stage(rewriter: _Rewriter) -> None:
 
 
 def _force(rewriter: _Rewriter) -> None:
-    control = rewriter.get("force_control")
     rewriter.put(("control",), {"kind": "force"})
     rewriter.move(("rate_Hz",), ("timing", "rate_Hz"))
     _loops(rewriter, "force_control", "loops")
-    solenoid = rewriter.drop("solenoid")
-    _magnet(rewriter, None)
-    if solenoid is not None:
-        found = {"name": "solenoid", "kind": "solenoid", "file": solenoid}
-        rewriter.put(("magnet", len(rewriter.get("magnet") or [])), found)
+    _magnet(rewriter)
+    if rewriter.get("solenoid") is not None:
+        place = ("magnet", len(rewriter.get("magnet") or []))
+        rewriter.put(place, {"name": "solenoid", "kind": "solenoid"})
+        rewriter.move(("solenoid",), (*place, "file"))
     rewriter.rename(("amplifier",), current_max_A="current_high_A")
     rewriter.move(("amplifier", "shunt_offset_A"), ("current_sensor", "offset_A"))
     if isinstance(lvdt := rewriter.get("lvdt"), dict):
         lvdt["kind"] = "lvdt"
     _plant(rewriter, "lvdt")
-    if not isinstance(control, dict):
-        return
     for key in ("force_max_N", "end_m"):
         rewriter.move(("force_control", key), ("control", key))
-    cases: list[tuple[KeyPath, str]] = [
-        (("force_control", "demand", number), "force")
-        for number in range(len(control.get("demand") or []))
-    ]
-    for old, kind in [*cases, (("force_control", "moving"), "moving")]:
-        if isinstance(table := rewriter.get(*old), dict):
-            rewriter.put(("case", len(rewriter.get("case") or [])), {"kind": kind, **table})
-    rewriter.drop("force_control", "demand")
-    rewriter.drop("force_control", "moving")
+    rewriter.each(("force_control", "demand"), "case", kind="force")
+    rewriter.add(("force_control", "moving"), "case", kind="moving")
     rewriter.rename(("force_control",), positions_m="gaps_m")
     rewriter.listed("force_control", "case", kind="held")
 

@@ -24,7 +24,9 @@ def rewrite_rig(source: PathLike, out: PathLike) -> None:
     file = TomlFile(source)
     text = Path(source).read_text(encoding="utf-8").splitlines()
     modernise(file, quiet=True)
-    notes = {key: parts_of(text[line - 1]) for key, line in file.lines.items()}
+    notes = {
+        key: parts_of(text[line - 1]) for line, key in {v: k for k, v in file.lines.items()}.items()
+    }
     head = [line for line in _head(text) if line.startswith("#")]
     with atomic_writer(out) as stream:
         stream.write("\n".join([*head, *_lines(file.content, notes)]) + "\n")
@@ -58,8 +60,13 @@ def _table(
     yield ""
     yield _noted(title, notes.get(place, ("", ""))[1])
     first = [key for key in ("name", "of", "kind", "mode") if key in table]
-    for key in [*first, *(key for key in table if key not in first)]:
+    listed = [key for key in table if (*place, key, 0) in notes]
+    for key in [*first, *(key for key in table if key not in (*first, *listed))]:
         yield from _entry((*place, key), table[key], notes)
+    for key in listed:
+        for number, row in enumerate(table[key]):
+            inner = f"[[{title.strip('[]')}.{key}]]"
+            yield from _table(inner, (*place, key, number), row, notes)
 
 
 def _entry(place: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:

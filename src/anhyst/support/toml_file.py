@@ -11,7 +11,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
 from anhyst.support.atomic import PathLike
@@ -125,11 +125,15 @@ class TomlFile:
 
     def add(self, key: KeyPath, text: str, code: str) -> None:
         """Note what is wrong at a key, and what to do; list elements by index from 0."""
-        place = key
-        while place and place not in self.lines:
-            place = place[:-1]
-        found = FileProblem(self.lines.get(place), dotted(key) or "file", text, code, place == key)
-        self.problems.append(found)
+        line = self.line(key)
+        written = key in self.lines or (*key, 0) in self.lines
+        self.problems.append(FileProblem(line, dotted(key) or "file", text, code, written))
+
+    def line(self, key: KeyPath) -> int | None:
+        """Return the line of a key, or of the table that lacks it; of a list its first table's."""
+        while key and not {key, (*key, 0)} & self.lines.keys():
+            key = key[:-1]
+        return self.lines.get(key, self.lines.get((*key, 0)))
 
     def collect(
         self,
@@ -278,11 +282,13 @@ def _advice(schema: type[Table], path: KeyPath, finding: Any) -> Advice:
 def _known(schema: type[Table], path: KeyPath) -> list[str]:
     """Keys of the table that a path through the schema leads to, its tags included."""
     here: list[type[BaseModel]] = [schema]
+    annotation: Any = None
     for part in path:
         if isinstance(part, str) and part.startswith(BRANCH):
-            here = [table for table in here if _answers_to(table, part)] or here
+            here = _tables(_tagged(annotation, part)) or here
         elif isinstance(part, str):
-            here = _tables(_fields(here[0])[part].annotation)
+            annotation = _fields(here[0])[part].annotation
+            here = _tables(annotation)
             if not here:
                 return []
     return list(_fields(here[0]))
@@ -293,10 +299,12 @@ def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in table.model_fields.items()}
 
 
-def _answers_to(table: type[BaseModel], tag: str) -> bool:
-    """Whether one of its keys can only be this word."""
-    word = (tag.removeprefix(BRANCH),)
-    return any(get_args(field.annotation) == word for field in table.model_fields.values())
+def _tagged(annotation: Any, tag: str) -> Any:
+    """Return what bears a tag inside an annotation, or None."""
+    inner = get_args(annotation)
+    if any(isinstance(one, Tag) and one.tag == tag for one in inner):
+        return annotation
+    return next((found for one in inner if (found := _tagged(one, tag)) is not None), None)
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:

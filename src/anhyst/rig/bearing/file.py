@@ -204,7 +204,7 @@ def _case_faults(file: RigFile) -> list[FileFault]:
     for number, gap in enumerate(step.also_gaps_m):
         check(step, ("also_gaps_m", number), "the reference", gap, gap)
     for number, height in enumerate(step.heights_m):
-        for gap in file.step_gaps_m:
+        for gap in (gap for gap in file.step_gaps_m if low < gap < high):
             lower, upper = step_ends(gap, height)
             if not check(step, ("heights_m", number), f"the step around {gap:g} m", upper, lower):
                 break
