@@ -234,11 +234,13 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
     names = [iron.name for iron in file.irons]
+    wanted = {one.iron for one in file.magnets if isinstance(one, MagnetTable)}
+    wanted -= {None, FROM_LOOPS}
     for number, name in enumerate(names):
         if name == FROM_LOOPS or name in names[:number]:
             text = f"'{name}' is taken; choose another name"
             yield FileFault(("iron", number, "name"), text, code="name-taken")
-        if all(getattr(magnet, "iron", None) != name for magnet in file.magnets):
+        if wanted <= {*names} and name not in wanted:
             text = f"no magnet is made of '{name}'; remove it, or name it in one"
             yield FileFault(("iron", number), text, code="not-used")
     called = [magnet.name for magnet in file.magnets]
