@@ -15,8 +15,8 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.measuring import HeldActuator
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import conditioning, measure_place
 

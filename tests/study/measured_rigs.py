@@ -14,8 +14,8 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import HeldBearing
+from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.measuring import HeldActuator
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import HeldRig, measure_place, straight
 from anhyst.support.arrays import FloatArray

@@ -12,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from anhyst.rig.force.file import Rig
+from anhyst.rig.measuring import Sensors
+from anhyst.rig.parts.magnet import Electromagnet
+from anhyst.rig.parts.solenoid import Solenoid
 from anhyst.support.arrays import FloatArray
 
 _PAST = 12
@@ -131,3 +134,19 @@ def run_open_loop(bench: ActuatorBench, reference: FloatArray) -> BenchRecording
         bench.step(before)
         before = wanted
     return bench.recording(before)
+
+
+class HeldActuator:
+    """A force rig whose armature is held."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+
+    def magnet(self) -> Solenoid | Electromagnet:
+        """Return what pulls, demagnetised."""
+        return self._rig.actuator()
+
+    def sensors(self, seed: list[int], sample: float) -> Sensors:
+        """Return what measures; the seed of the rig file is added, a sample is so many seconds."""
+        instruments = self._rig.instruments([0, *seed], sample)
+        return Sensors(instruments.current, instruments.force)
