@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from anhyst.rig.file import RigFile
-from anhyst.rig.reading import read_rig_file
+from anhyst.rig.kind_rules import read_rig_file
 from anhyst.support.kinds import RIGS
 from anhyst.support.toml_text import toml_key, toml_value
 from tests.refusals import refused

@@ -15,7 +15,7 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.rig.file import RigFile
-from anhyst.rig.reading import read_rig_file
+from anhyst.rig.kind_rules import read_rig_file
 from anhyst.support.errors import InputError, RenamedWarning
 from anhyst.support.kinds import RIGS, FileKind
 from anhyst.support.toml_text import toml_key, toml_value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 from anhyst.data.convert import Conversion, convert_measurement
-from anhyst.rig.reading import read_rig_file
+from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.rewriting import rewrite_rig
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,7 +18,9 @@ from anhyst.rig.case_table import (
     TrajectoryCase,
 )
 from anhyst.rig.file import RigFile
+from anhyst.rig.loop_files import identify_faults
 from anhyst.rig.magnet_table import CLOSES, FROM_LOOPS, OPENS, LikeTable, MagnetTable, SolenoidTable
+from anhyst.rig.old_files import modernise, rig_error
 from anhyst.rig.sensor_table import (
     CurrentSensorTable,
     FluxSensorTable,
@@ -35,8 +37,9 @@ from anhyst.rig.tables import (
     StackTable,
     TimingTable,
 )
+from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import NAMES, FileKind
-from anhyst.support.toml_file import FileFault, Table
+from anhyst.support.toml_file import FileFault, Table, read_toml
 
 ONE, SOME, ANY, MANY = (1, 1), (0, 1), (0, math.inf), (1, math.inf)
 """How many tables of a kind a rig has."""
@@ -274,3 +277,14 @@ def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[F
     if magnet.direction != OPENS:
         text = f"a second magnet pulls against the first, along {OPENS}; write that"
         yield FileFault((*place, "direction"), text, code="wrong-direction")
+
+
+def read_rig_file(path: PathLike, kinds: Collection[FileKind]) -> RigFile:
+    """Read the rig file of one of some kinds; files of older formats are read with a warning."""
+    file = read_toml(path, RigFile, kinds=kinds, prepare=modernise)
+    faults = rule_faults(file)
+    if file.given_loops is not None:
+        faults += identify_faults(file.loops)
+    if faults:
+        raise rig_error(path, faults)
+    return file

@@ -20,13 +20,13 @@ from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_dista
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable
+from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.parts.amplifier import Amplifier
 from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
 from anhyst.rig.parts.sensors import Converter, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
-from anhyst.rig.reading import read_rig_file
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from anhyst.rig.file import RigFile
+from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.piezo.stack import PiezoStage
-from anhyst.rig.reading import read_rig_file
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 

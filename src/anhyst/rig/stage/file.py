@@ -8,9 +8,9 @@ from pathlib import Path
 
 from anhyst.rig.bearing.file import BearingRig, plant_faults
 from anhyst.rig.file import RigFile
+from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
 from anhyst.rig.old_files import rig_error
-from anhyst.rig.reading import read_rig_file
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import FileFault
