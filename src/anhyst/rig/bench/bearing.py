@@ -24,9 +24,8 @@ from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
 from anhyst.rig.bench.lock_step import LockStepBench
-from anhyst.rig.bench.parameters import check_values
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
-from anhyst.rig.bench.settings import ControllerSettings, position_settings
+from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

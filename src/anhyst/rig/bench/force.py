@@ -14,9 +14,8 @@ from anhyst.link.process import run_host
 from anhyst.rig.bench.armature import Armature
 from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.lock_step import LockStepBench
-from anhyst.rig.bench.parameters import check_values
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
-from anhyst.rig.bench.settings import ControllerSettings, force_settings
+from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
 from anhyst.rig.force.bench import ActuatorStand, StandTick
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program

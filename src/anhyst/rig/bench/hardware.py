@@ -15,9 +15,9 @@ from anhyst.rig.bench.bearing import BEARING_COMMANDS
 from anhyst.rig.bench.board_line import BoardLine
 from anhyst.rig.bench.contact import Contact, Reach, block_in_force, open_contact
 from anhyst.rig.bench.force import FORCE_COMMANDS, check_demand
-from anhyst.rig.bench.parameters import check_values
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.rig.bench.search import Search
+from anhyst.rig.bench.settings import check_values
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

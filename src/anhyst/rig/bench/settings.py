@@ -146,3 +146,23 @@ def heartbeat_setting(rate: float) -> KnownSetting:
     low, high = SETTINGS[Setting.HEARTBEAT_TICKS].low / rate, 1e-3 * HEARTBEAT_MS
     doc = "without a sign of life for so long the controller goes to rest"
     return KnownSetting("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)
+
+
+def check_values(values: Mapping[str, float], parameters: Sequence[Parameter]) -> None:
+    """Refuse values that a bench cannot take."""
+    known = {one.name: one for one in parameters}
+    for name, value in values.items():
+        if name not in known:
+            raise InputError(
+                f"{name}: is no parameter of this bench; it has {', '.join(known)}",
+                code="unknown-parameter",
+                key=name,
+            )
+        one = known[name]
+        if not one.low <= value <= one.high:
+            raise InputError(
+                f"{name}: is {value:g} {one.unit}".rstrip()
+                + f"; choose a value from {one.low:g} to {one.high:g}",
+                code="out-of-range",
+                key=name,
+            )
