@@ -21,9 +21,9 @@ from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.position import position_control
 from anhyst.rig.bearing.recording import COLUMNS, MAGNETS, column, in_columns
 from anhyst.rig.bearing.setup import Setup
-from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.load_drive import LoadDrive
 from anhyst.rig.bench.lock_step import LockStepBench
+from anhyst.rig.bench.pace import Heartbeat
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.support.arrays import FloatArray

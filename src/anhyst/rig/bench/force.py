@@ -12,8 +12,8 @@ from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
 from anhyst.link.process import run_host
 from anhyst.rig.bench.armature import Armature
-from anhyst.rig.bench.heartbeat import Heartbeat
 from anhyst.rig.bench.lock_step import LockStepBench
+from anhyst.rig.bench.pace import Heartbeat
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
 from anhyst.rig.force.bench import ActuatorStand, StandTick

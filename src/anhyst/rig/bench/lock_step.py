@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from typing import Generic, Protocol, TypeVar
 
 from anhyst.link.client import ControllerLink
-from anhyst.rig.bench.heartbeat import Heartbeat
+from anhyst.rig.bench.pace import Heartbeat
 
 
 class _Bus(Protocol):
