@@ -9,8 +9,7 @@ from typing import Any
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import StageSetup
-from anhyst.rig.stage.make_setup import make_stage
+from anhyst.rig.stage.loop import StageSetup, make_stage
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.rig.tables import FrameTable
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage

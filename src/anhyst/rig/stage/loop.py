@@ -18,9 +18,12 @@ from anhyst._core import (
 )
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.allocation import Allocation
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bearing.recording import COLUMNS, in_columns
 from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
@@ -28,6 +31,7 @@ from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mis
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.setpoint import SetPoint
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import q31
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
@@ -262,3 +266,23 @@ def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
         "current_high": low + steps * step,
         "current_step": step,
     }
+
+
+def make_stage(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> StageSetup:
+    """Fit one variant to what is known and put it behind the controller."""
+    table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
+    try:
+        operating = Operating(
+            gap=rig.gap,
+            force=bias(rig, method),
+            rate=table.timing.rate_Hz,
+            gap_range=(min(measured), max(measured)),
+            force_max=table.tracking.force_max_N,
+            current_max=table.amplifier.current_high_A,
+        )
+        probe = calibrate_probe(rig.bearing) if method == "flux" else None
+        sources = Sources(operating, magnet.loops, magnet.model, probe)
+        compensator = make_compensator(method, sources, table.tracking.format)
+    except InputError as error:
+        raise error.at(rig.measured.text) from error
+    return StageSetup(rig, compensator)

@@ -16,8 +16,7 @@ from anhyst.data.writing import check_recording, write_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.recording import CURRENTS, MAGNETS, of_magnets
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, track
-from anhyst.rig.stage.make_setup import make_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.metrics import Interval, mean_interval, no_mean
 from anhyst.study.tracking.learning import learn
