@@ -2,7 +2,7 @@
 
 ``python make_loops.py --out DIR`` writes ``loops.csv`` as the sensor reads it, and without noise:
 ``unseen.csv``, random reversals at another pace, and ``rates.csv``, full cycles at rising rates. Run
-it again and the same bytes come out. The stage is that of ``anhyst.rig.piezo.stack``.
+it again and the same bytes come out. The stage is that of ``anhyst.rig.piezo.file``.
 """
 
 from __future__ import annotations
