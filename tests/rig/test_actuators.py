@@ -11,9 +11,8 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from anhyst.rig.parts import amplifier, sensors
-from anhyst.rig.parts.amplifier import Amplifier
 from anhyst.rig.parts.iron import CellIron, CellSteel
-from anhyst.rig.parts.sensors import Converter, Lag, Sensor
+from anhyst.rig.parts.sensors import Amplifier, Converter, Lag, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
 from anhyst.support.units import MU_0
 

@@ -23,9 +23,8 @@ from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTab
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
 from anhyst.rig.measurement_table import MeasurementTable
-from anhyst.rig.parts.amplifier import Amplifier
 from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
-from anhyst.rig.parts.sensors import Converter, Sensor
+from anhyst.rig.parts.sensors import Amplifier, Converter, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
