@@ -22,13 +22,6 @@ from anhyst.rig.case_table import (
     StepCase,
     TrajectoryCase,
 )
-from anhyst.rig.control_table import (
-    ControlEntry,
-    DisplacementTable,
-    ForceTable,
-    LevitationTable,
-    TrackingTable,
-)
 from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.magnet_table import LikeTable, MagnetEntry, MagnetTable, SolenoidTable
 from anhyst.rig.measurement_table import ExciteTable, LoopsTable, MeasurementTable
@@ -46,13 +39,18 @@ from anhyst.rig.tables import (
     AmplifierTable,
     BodyEntry,
     BodyTable,
+    ControlEntry,
+    DisplacementTable,
     FlexureTable,
+    ForceTable,
     FrameTable,
+    LevitationTable,
     LoadTable,
     SpreadTable,
     StackAmplifierTable,
     StackTable,
     TimingTable,
+    TrackingTable,
 )
 from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import Table

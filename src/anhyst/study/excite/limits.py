@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.measuring import HeldBearing
-from anhyst.rig.control_table import TrackingTable
 from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
 from anhyst.rig.measuring import HeldRig
+from anhyst.rig.tables import TrackingTable
 from anhyst.study.excite.winding import Winding
 
 SENSOR = 0.95
