@@ -18,8 +18,7 @@ from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorder
 from anhyst.data.formats import open_table
 from anhyst.rig.bench.bearing import BearingBench
-from anhyst.rig.bench.protocol import Signal
-from anhyst.rig.bench.subscription import Subscription
+from anhyst.rig.bench.protocol import Signal, Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.live.conftest import wait_for

@@ -11,8 +11,7 @@ import pytest
 
 from anhyst.control.states import Command
 from anhyst.rig.bench.pace import BEHIND_S, PacedBench
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal
-from anhyst.rig.bench.subscription import Subscription
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal, Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from tests.refusals import refused

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.dashboard.recorder import RecordingFile, start_recording
-from anhyst.rig.bench.protocol import Signal
-from anhyst.rig.bench.subscription import Subscription
+from anhyst.rig.bench.protocol import Signal, Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

@@ -23,8 +23,7 @@ from anhyst.dashboard.refusals import refusals
 from anhyst.dashboard.sets import ParameterSets
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.pace import PacedBench
-from anhyst.rig.bench.protocol import Bench
-from anhyst.rig.bench.subscription import Subscription
+from anhyst.rig.bench.protocol import Bench, Subscription
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from anhyst.link.client import ControllerLink
-from anhyst.rig.bench.protocol import Bench
-from anhyst.rig.bench.subscription import Subscription
+from anhyst.rig.bench.protocol import Bench, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.one_core import OneCore
 
