@@ -17,8 +17,7 @@ from anhyst.study.fleet.fleet import Fleet, fleet
 from anhyst.study.fleet.judge import RESULT, FleetSettings, judge
 from anhyst.study.fleet.members import Member, find_members
 from anhyst.study.fleet.pilots import decide
-from anhyst.study.fleet.quantities import coordinate_of
-from anhyst.study.fleet.spread import MagnetEstimate, spread_of
+from anhyst.study.fleet.spread import MagnetEstimate, coordinate_of, spread_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
 from tests.cli.command import anhyst

@@ -14,8 +14,7 @@ from anhyst.data.formats.text import write_csv
 from anhyst.study.fleet.judge import MODEL, FleetSettings, SharedTask, judge, share
 from anhyst.study.fleet.members import Member, find_members
 from anhyst.study.fleet.pilots import decide
-from anhyst.study.fleet.quantities import coordinate_of
-from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, spread_of
+from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, coordinate_of, spread_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult

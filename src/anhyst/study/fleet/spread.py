@@ -26,6 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
+from anhyst.identification.space import AROUND
+from anhyst.laws.law import Kernel
+from anhyst.laws.registry import LAWS
 from anhyst.support.arrays import FloatArray
 
 ROUNDS = 200
@@ -211,3 +214,12 @@ def _squares(
     return np.array(
         [a @ np.linalg.solve(s + prior, a) for a, s in zip(away, covariances, strict=True)]
     )
+
+
+def coordinate_of(law: str, quantity: str) -> Coordinate:
+    """Return the one that identification moves; of a law that says none, the logarithm."""
+    kernel = LAWS[law].kernel
+    numbers = (*(kernel.numbers if isinstance(kernel, Kernel) else ()), *AROUND)
+    found = {one.meaning: one.coordinate for one in numbers}
+    meaning = max((m for m in found if f"{quantity} ".startswith(f"{m} ")), key=len, default="")
+    return found.get(meaning, "log")
