@@ -14,9 +14,16 @@ from scipy.signal import cont2discrete
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
 from anhyst.rig.bearing.recording import COLUMNS, Recording
-from anhyst.study.bearing.linear import Chain, Compensation, CurrentLoop, LinearLoop, Point
+from anhyst.study.bearing.linear import (
+    BOUNDARIES,
+    Chain,
+    Compensation,
+    CurrentLoop,
+    LinearLoop,
+    Point,
+    zone,
+)
 from anhyst.study.bearing.sensitivity import Sensitivity, measure_sensitivity
-from anhyst.study.bearing.zones import BOUNDARIES, zone
 from anhyst.support.arrays import FloatArray
 
 RATE, STEPS = 20e3, 4
@@ -129,6 +136,6 @@ def test_zones_end_at_the_decibels_of_the_standard() -> None:
 
 
 def test_the_example_is_true() -> None:
-    result = doctest.testmod(importlib.import_module("anhyst.study.bearing.zones"))
+    result = doctest.testmod(importlib.import_module("anhyst.study.bearing.linear"))
     assert result.attempted > 0
     assert result.failed == 0

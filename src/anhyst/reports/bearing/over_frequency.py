@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.interface import MethodName
 from anhyst.reports.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
-from anhyst.study.bearing.zones import BOUNDARIES, zone
+from anhyst.study.bearing.linear import BOUNDARIES, zone
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.style import ALARM, new_figure, styled
 

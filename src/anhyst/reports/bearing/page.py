@@ -37,8 +37,8 @@ from anhyst.reports.bearing.tables import (
     step_tables,
 )
 from anhyst.rig.tables import SpreadTable
+from anhyst.study.bearing.linear import zone
 from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
-from anhyst.study.bearing.zones import zone
 from anhyst.study.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst.rig.bearing.recording import Recording
-from anhyst.study.bearing.zones import Zone, zone
+from anhyst.study.bearing.linear import Zone, zone
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import sine
 
