@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bearing.setup import with_gains
+from anhyst.study.bearing.responses import SINE_M
 from anhyst.study.bearing.sensitivity import Sensitivity
-from anhyst.study.bearing.sweep import SINE_M
 from anhyst.study.tuning.aims import LOST, MISSED, Aims
 from anhyst.study.tuning.trial import Condition, GainTrial, default_conditions, peak_of, run_trial
 from tests.study import bearings

@@ -14,7 +14,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.scenario import ReferenceStep, steps_up_and_down
+from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.metrics import (
     Interval,
@@ -24,6 +24,8 @@ from anhyst.study.bearing.metrics import (
     no_mean,
     step_figures,
 )
+from anhyst.study.bearing.sensitivity import Sensitivity, measure_sensitivity
+from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress
 
@@ -209,3 +211,31 @@ def as_rows(cells: Sequence[StepCell]) -> list[dict[str, Any]]:
 def default_seeds(rig: BearingRig) -> range:
     """Return the noise seeds that a rig file asks for."""
     return range(rig.settings.noise_seeds)
+
+
+SINE_M = 0.5e-6
+"""Amplitude of the swept sine, m."""
+
+
+class _LostError(Exception):
+    """What lies on its stop answers to no controller."""
+
+
+def sweep(
+    setup: Setup, gap: float, load: float, frequencies: FloatArray, seed: int
+) -> Sensitivity | None:
+    """Measure the sensitivity of a loop by a swept sine."""
+    rig = setup.rig
+    loop = SimulatedLoop(setup, seed)
+    loop.run(Script(rig, gap, load).lift_off(setup.controller).build())
+
+    def run(inject: FloatArray) -> Recording:
+        recording = loop.run(Script(rig, gap, load).hold(0.0, inject).build())
+        if len(recording) < inject.size or lost_at(rig, recording) is not None:
+            raise _LostError
+        return recording
+
+    try:
+        return measure_sensitivity(run, frequencies, SINE_M, rig.settings.timing.rate_Hz)
+    except _LostError:
+        return None

@@ -30,9 +30,8 @@ from anhyst.study.bearing.operating import (
     sweep_frequencies,
 )
 from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.study.bearing.responses import StepCell, as_rows, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, as_rows, compare, default_seeds, sweep
 from anhyst.study.bearing.sensitivity import Sensitivity
-from anhyst.study.bearing.sweep import sweep
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.bearing.responses import StepCell, compare, default_seeds, sweep
 from anhyst.study.bearing.sensitivity import Sensitivity
-from anhyst.study.bearing.sweep import sweep
 from anhyst.study.tuning.aims import Figures, worst_of
 from anhyst.study.tuning.trial import Condition, check_frequencies, peak_of
 from anhyst.support.jobs import all_of

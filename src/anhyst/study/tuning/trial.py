@@ -12,9 +12,8 @@ import numpy as np
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.setup import Setup
-from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
+from anhyst.study.bearing.responses import StepResult, StepRun, run_steps, sweep
 from anhyst.study.bearing.sensitivity import Sensitivity
-from anhyst.study.bearing.sweep import sweep
 from anhyst.study.tuning.aims import LOST, Aims, Figures, worst_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import spaced
