@@ -34,10 +34,10 @@ from anhyst.study.bearing.monte_carlo import (
     FIGURES,
     DriftedPlant,
     MonteCarlo,
+    fault_of,
     monte_carlo,
     percentile,
 )
-from anhyst.study.bearing.plant_row import fault_of
 from anhyst.study.bearing.ready import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.errors import Interrupted

@@ -7,9 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field, ValidationError
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile
@@ -21,7 +22,6 @@ from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
 from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.drift import Drift, draw_drift, drifted_bearing, drifted_rig
 from anhyst.study.bearing.metrics import step_figures
-from anhyst.study.bearing.plant_row import fault_of
 from anhyst.study.bearing.ready import make_ready
 from anhyst.study.bearing.responses import position_resolution
 from anhyst.support.atomic import PathLike
@@ -29,7 +29,49 @@ from anhyst.support.errors import Interrupted
 from anhyst.support.jobs import each
 from anhyst.support.progress import Progress
 from anhyst.support.resuming import ResultsFile
+from anhyst.support.toml_file import NotNegative, Number, Table, explain
 from anhyst.support.version import running_version
+
+
+class VariantRow(Table):
+    """What a plant did behind one controller; nothing but ``lost_s`` where it was lost."""
+
+    lost_s: NotNegative | None
+    overshoot_percent: list[NotNegative] | None = None
+    settling_s: list[NotNegative | None] | None = None
+    standstill_rms_m: NotNegative | None = None
+
+
+class PlantRow(Table):
+    """One plant behind every controller."""
+
+    plant: Annotated[int, Field(ge=0)]
+    drift: dict[str, Number]
+    variants: dict[str, VariantRow]
+
+
+def fault_of(row: Mapping[str, Any], variants: Sequence[str], heights: int) -> str | None:
+    """Say what keeps a line from being the result of a plant."""
+    try:
+        found = PlantRow.model_validate(row)
+    except ValidationError as error:
+        first: dict[str, Any] = {**error.errors(include_url=False)[0]}
+        what, _, _ = explain(first).text.partition(";")  # nobody mends such a line by hand
+        return f"{'.'.join(str(part) for part in first['loc'])}: {what}"
+    for name in variants:
+        run = found.variants.get(name)
+        if run is None:
+            return f"variants.{name}: is missing"
+        if run.lost_s is not None:
+            continue
+        for key in ("overshoot_percent", "settling_s"):
+            values = getattr(run, key)
+            if values is None or len(values) != heights:
+                return f"variants.{name}.{key}: must have {heights} values, one a step height"
+        if run.standstill_rms_m is None:
+            return f"variants.{name}.standstill_rms_m: is missing"
+    return None
+
 
 PERCENTILES = (5, 50, 95, 99)
 STANDSTILL_S = 0.25
