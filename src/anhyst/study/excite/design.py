@@ -14,8 +14,7 @@ import numpy as np
 
 from anhyst.data.history import DEMAGNETISED, History
 from anhyst.rig.measuring import straight
-from anhyst.study.excite.limits import Bound, Specimen
-from anhyst.study.excite.winding import MARGIN
+from anhyst.study.excite.limits import MARGIN, Bound, Specimen
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
