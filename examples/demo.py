@@ -55,8 +55,7 @@ from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.responses import compare, default_seeds
 from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.search import find_gains
-from anhyst.study.tracking.simulate import make_variants
+from anhyst.study.tracking.simulate import find_gains, make_variants
 from anhyst.study.verdict import TITLES, strongest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of

@@ -16,8 +16,7 @@ from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.search import find_gains
-from anhyst.study.tracking.simulate import OWN, make_variants, refuse_unstable
+from anhyst.study.tracking.simulate import OWN, find_gains, make_variants, refuse_unstable
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import minimize
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
@@ -17,11 +18,11 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.recording import CURRENTS, MAGNETS, of_magnets
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, make_stage, track
-from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.bearing.metrics import Interval, mean_interval, no_mean
 from anhyst.study.tracking.learning import learn
 from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
-from anhyst.study.tracking.search import find_gains
+from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
@@ -31,6 +32,42 @@ from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+RUNS = 30
+"""Of the search."""
+_UNITS = np.array([0.01, 50e-6, 5e-9])
+"""One of each in the first simplex: weight of the acceleration, jerk (s), snap (s2)."""
+_LOST = 1.0
+"""Cost of a run in which the loop was lost, m."""
+
+
+def gains_at(place: FloatArray) -> Feedforward:
+    """Return the gains at a place of the search; 0 is the mass of the file alone."""
+    acceleration, jerk, snap = (_UNITS * place).tolist()
+    return Feedforward(1.0 + acceleration, jerk, snap)
+
+
+def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
+    """Search the three gains that leave the smallest error, rms, on a set-point.
+
+    Nelder and Mead from the mass of the file alone; the noise is the same in every run.
+    """
+    table = setup.rig.settings.scan
+
+    def cost(place: FloatArray) -> float:
+        rms = measure(track(setup, motion, gains_at(place), seed=0), table.slit_s).rms_m
+        return min(rms, _LOST)
+
+    simplex = np.vstack([np.zeros(3), np.eye(3)])
+    found = minimize(
+        cost,
+        simplex[0],
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": RUNS, "maxiter": RUNS},
+    )
+    return gains_at(np.asarray(found.x))
+
 
 FIGURES = "figures.json"
 OWN: MethodName = "full"
