@@ -6,7 +6,6 @@ functions of :mod:`anhyst.reports.model.figures` give the figures themselves.
 
 from __future__ import annotations
 
-from anhyst.reports.model.page import write_report
-from anhyst.reports.model.plots import write_plots
+from anhyst.reports.model.page import write_plots, write_report
 
 __all__ = ["write_plots", "write_report"]

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
+from anhyst.data.loops import Loops
 from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.reports.model.evidence import gather, own_figures
+from anhyst.reports.model.figures import (
+    figure_between,
+    figure_loops,
+    figure_parameters,
+    figure_reduction,
+    figure_residuals,
+)
 from anhyst.reports.model.headline import headline
 from anhyst.reports.model.sections_fit import section_loops, section_measurement, section_residuals
 from anhyst.reports.model.sections_model import (
@@ -22,10 +31,12 @@ from anhyst.reports.model.sections_model import (
     section_reduction,
 )
 from anhyst.reports.model.subject import ModelSubject
+from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.page.blocks import Section
 from anhyst.support.page.page import render_page
+from anhyst.support.page.style import write_png
 
 
 def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, ...]:
@@ -100,3 +111,27 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
         kind="Hysteresis model",
         source="the model file",
     )
+
+
+def write_plots(
+    model: Model,
+    loopset: Loops,
+    fitted: Sequence[FloatArray | None],
+    folder: PathLike,
+) -> tuple[Path, ...]:
+    """Write the figures of a model as PNG files."""
+    place = Path(folder)
+    figures = {
+        "loops": figure_loops(loopset, fitted),
+        "residuals": figure_residuals(loopset, fitted),
+        "parameters": figure_parameters(model),
+        "between_gaps": figure_between(model, model.check_over_gap()),
+        "reduction": figure_reduction(model.reduction) if model.reduction else None,
+    }
+    place.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, figure in figures.items():
+        if figure is not None:
+            write_png(figure, place / f"{name}.png")
+            written.append(place / f"{name}.png")
+    return tuple(written)
