@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from anhyst.dashboard.curves import DrawnLoop
+from anhyst.dashboard.drift import DrawnLoop
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.run import listen_on, make_server

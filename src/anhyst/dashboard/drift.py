@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+from anhyst.data import Loops
+from anhyst.data.loops import Loop
+from anhyst.data.path import thinned
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.protocol import Signal
 from anhyst.study.watch.drift import LEARN, RUN_LENGTH, DriftWatch
@@ -72,3 +75,36 @@ def _place(names: Sequence[str], choice: Sequence[str]) -> int:
     raise InputError(
         f"watch: the bench has no signal {' or '.join(choice)}", code="no-such-signal", key="watch"
     )
+
+
+_POINTS = 200
+"""Of a loop, as it is drawn; a record may hold several."""
+
+_LOOPS = 60
+
+
+class DrawnLoop(NamedTuple):
+    """A loop as it is drawn."""
+
+    kind: str  # ``measured`` or ``model``
+    gap: float | None  # at which it was measured, m
+    current: list[float]  # A and N
+    force: list[float]
+
+
+def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ...]:
+    """Return loops of force over current, thinned; and those of a model along the same currents."""
+    if (loops.input.name, loops.output.name) != ("current", "force"):
+        return ()
+    found = []
+    for loop in loops.loops[:_LOOPS]:
+        found.append(_curve("measured", loop, loop.output))
+        if model is not None:
+            predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history)
+            found.append(_curve("model", loop, predicted.output))
+    return tuple(found)
+
+
+def _curve(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:
+    kept = thinned(loop.input, _POINTS * max(1, loop.reversals // 2))
+    return DrawnLoop(kind, loop.schedule_value, loop.input[kept].tolist(), force[kept].tolist())

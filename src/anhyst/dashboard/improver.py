@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.dashboard.board_job import BoardJob, Seat
-from anhyst.dashboard.curves import DrawnLoop, make_curves
+from anhyst.dashboard.drift import DrawnLoop, make_curves
 from anhyst.dashboard.job import Ended, Job, Work
 from anhyst.data.reading import read_loops
 from anhyst.link.blocks import GENERATION_AT, regenerate

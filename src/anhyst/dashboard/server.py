@@ -16,9 +16,9 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from anhyst.dashboard.curves import DrawnLoop
 from anhyst.dashboard.describe import describe, loops_of
 from anhyst.dashboard.desk import Desk
+from anhyst.dashboard.drift import DrawnLoop
 from anhyst.dashboard.frames import Outbox, encode
 from anhyst.dashboard.guard import Allowance, Guard
 from anhyst.dashboard.orders import BESIDE, parameters_of, perform

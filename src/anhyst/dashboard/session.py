@@ -12,8 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.permitted import Standing, next_step, standing
 from anhyst.control.states import Command
-from anhyst.dashboard.curves import DrawnLoop
-from anhyst.dashboard.drift import BenchWatch
+from anhyst.dashboard.drift import BenchWatch, DrawnLoop
 from anhyst.dashboard.drive import DrivenBench
 from anhyst.dashboard.generator import Wave
 from anhyst.dashboard.improver import Improver
