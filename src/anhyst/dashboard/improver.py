@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from anhyst.dashboard.board_job import BoardJob, Seat
 from anhyst.dashboard.drift import DrawnLoop, make_curves
-from anhyst.dashboard.job import Ended, Job, Work
+from anhyst.dashboard.job import BoardJob, Ended, Job, Seat, Work
 from anhyst.data.reading import read_loops
 from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.model.actuator import Model

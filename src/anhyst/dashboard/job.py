@@ -8,10 +8,12 @@ import threading
 from collections.abc import Callable, Mapping
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Protocol
 
+from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.one_core import spread
+from anhyst.support.progress import Progress
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.progress.Progress` and what else was given; of a module."""
@@ -78,3 +80,55 @@ def _run(says: Connection, work: Work, given: tuple[Any, ...]) -> None:
         says.send(dict(work(progress, *given)))
     except (InputError, NegativeResult) as error:
         says.send(str(error))
+
+
+_GO_S = 5.0
+"""For the controller to be stopped and its settings to be put back when the session ends, s."""
+
+
+class Seat(DrivenBoard, Protocol):
+    """A place at the controller that runs."""
+
+    def cancel(self) -> None:
+        """Let the next look at it raise, once: who measures then stops the controller."""
+        ...  # pragma: no cover
+
+    def close(self) -> None:
+        """Leave it."""
+        ...  # pragma: no cover
+
+
+class BoardJob:
+    """A measurement under way."""
+
+    def __init__(
+        self,
+        work: Callable[[Progress, Seat], Mapping[str, Any]],
+        seat: Callable[[], Seat],
+        ended: Ended,
+    ) -> None:
+        self.share = 0.0
+        self._work, self._ended = work, ended
+        self._seat = seat()
+        self._thread = threading.Thread(target=self._run, name="measuring", daemon=True)
+        self._thread.start()
+
+    def cancel(self) -> None:
+        """Let it end without a result, once the controller is stopped."""
+        self._seat.cancel()
+
+    def wait(self) -> None:
+        """Wait until it has left the controller; not in the thread of the bench."""
+        self._thread.join(_GO_S)
+
+    def _run(self) -> None:
+        def progress(done: float, total: float) -> None:
+            self.share = done / total
+
+        outcome: Mapping[str, Any] | str
+        try:
+            outcome = self._work(progress, self._seat)
+        except (InputError, NegativeResult) as error:
+            outcome = str(error)
+        self._seat.close()
+        self._ended(outcome)

@@ -23,7 +23,7 @@ _WAIT_S = 0.1
 class SessionSeat:
     """The bench of a session as who measures needs it: all is done between its chunks.
 
-    A :class:`anhyst.dashboard.board_job.Seat`.
+    A :class:`anhyst.dashboard.job.Seat`.
     """
 
     def __init__(self, session: LiveSession) -> None:
