@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,6 @@ from anhyst.data.read_options import ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.draft.bearing import draft_bearing
 from anhyst.draft.examples import NEXT, example_files
-from anhyst.draft.folder import check_new, put
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.machine import Machine, Wanted, machine_of
 from anhyst.draft.magnet import MeasuredMagnet, reach_of
@@ -20,7 +20,32 @@ from anhyst.draft.rules import Numbers, numbers_of
 from anhyst.draft.text import Draft
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.folder import whole_folder, write_texts
 from anhyst.support.progress import Progress
+
+
+def check_new(out: PathLike, names: Sequence[str]) -> None:
+    """Find out before the work whether files can be put into a folder."""
+    target = Path(out)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
+    for name in names:
+        if (target / name).exists():
+            raise InputError(
+                f"{target / name}: is there already; remove it or name another folder",
+                code="exists-already",
+            )
+
+
+def put(out: PathLike, texts: Mapping[str, str], copies: Mapping[str, Path]) -> None:
+    """Write texts and copies of files into a folder, all of them or none."""
+    check_new(out, [*texts, *{Path(name).parts[0] for name in copies}])
+    with whole_folder(out) as draft:
+        write_texts(draft, texts)
+        for name, source in copies.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, draft / name)
+
 
 RIG, CONTROLLER, LOOPS = "rig.toml", "controller.toml", "loops"
 """What is written; loops are copied into a folder, so that no file of theirs meets ours."""
