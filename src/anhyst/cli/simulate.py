@@ -10,9 +10,8 @@ import typer
 import anhyst
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
-from anhyst.cli.piezo import show_piezo
 from anhyst.cli.progress import progress_bar
-from anhyst.cli.stage import show_calibrations, show_tracking
+from anhyst.cli.stage import show_calibrations, show_piezo, show_tracking
 from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
