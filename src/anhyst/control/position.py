@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -293,3 +294,11 @@ def _rate(name: str, part: float) -> int:
             f"{name}: too small to be told from zero; raise it", code="rate-too-small", key=name
         )
     return code
+
+
+class Allocation(IntEnum):
+    """See ``core/include/anhyst/control/allocation.h``."""
+
+    SINGLE = 1
+    BY_HALVES = 2  # class A
+    CLASS_AB = 3

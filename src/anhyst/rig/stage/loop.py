@@ -20,9 +20,9 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.control.allocation import Allocation
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
+from anhyst.control.position import Allocation
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bearing.recording import COLUMNS, in_columns

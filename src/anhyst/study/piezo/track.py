@@ -20,8 +20,8 @@ from anhyst._core import FixedForceController, ForceController
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import Native
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.control.allocation import Allocation
 from anhyst.control.biquad import integrator, notch
+from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.data.writing import check_recording, write_recording
