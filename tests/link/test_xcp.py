@@ -24,8 +24,7 @@ from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
-from anhyst.link.xcp_frame import framed, split
-from anhyst.link.xcp_key import key_for
+from anhyst.link.xcp_frame import framed, key_for, split
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
 

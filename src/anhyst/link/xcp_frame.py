@@ -7,9 +7,10 @@ the sum of all words, as ``firmware/xcp/line.h`` says.
 from __future__ import annotations
 
 import struct
+import zlib
 from typing import NamedTuple
 
-from anhyst.control.xcp_map import PACKET
+from anhyst.control.xcp_map import PACKET, SECRET
 
 _HEAD = struct.Struct("<HH")
 _CHECKSUM_BYTES = 2
@@ -60,3 +61,11 @@ def _checksum(data: bytes) -> bytes:
     """Return the sum of words, low byte first."""
     total: int = sum(struct.unpack(f"<{len(data) // 2}H", data))
     return (total & 0xFFFF).to_bytes(_CHECKSUM_BYTES, "little")
+
+
+def key_for(seed: bytes, secret: int = SECRET) -> bytes:
+    """Return the key to a seed.
+
+    It keeps a tool that only looks on from writing by mistake; who reads this can write.
+    """
+    return zlib.crc32(seed, secret).to_bytes(4, "little")
