@@ -19,10 +19,9 @@ from anhyst.rig.bearing.plant import (
     noise_seed,
     plant_numbers,
 )
-from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.setup import Setup, make_position
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.jobs import all_of
 from tests.study import bearings

@@ -7,10 +7,9 @@ import numpy as np
 from anhyst._core import Plant, PlantLoop
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loops, make_bearing
-from anhyst.rig.bearing.position import make_position
 from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording, in_columns
 from anhyst.rig.bearing.scenario import Scenario
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.setup import Setup, make_position
 from anhyst.rig.holding import SignalBound, find_loss
 
 
