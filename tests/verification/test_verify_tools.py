@@ -144,7 +144,7 @@ def test_without_a_python_package_its_targets_do_not_run_and_the_others_do(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     only("cc", at=tmp_path, monkeypatch=monkeypatch)
-    monkeypatch.setattr("anhyst.compilation.tools.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("anhyst.compilation.toolchain.importlib.util.find_spec", lambda name: None)
     assert command(folder) == 0
     found = kept(folder)
     assert found["not_run"] == ["cortex-m4"]
@@ -158,7 +158,7 @@ def test_where_nothing_can_run_nothing_is_written_and_everything_missing_is_name
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     only(at=tmp_path, monkeypatch=monkeypatch)
-    monkeypatch.setattr("anhyst.compilation.tools.importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr("anhyst.compilation.toolchain.importlib.util.find_spec", lambda name: None)
     assert command(folder) == 2
     said = capsys.readouterr()
     assert said.out == ""

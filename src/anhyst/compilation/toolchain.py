@@ -2,16 +2,51 @@
 
 from __future__ import annotations
 
+import importlib.util
+import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from anhyst.compilation.tools import missing_modules
 from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """A tool that a target would need and that is not there."""
+
+    target: str  # who needs it
+    tool: str  # what it is: a program, a Python package, a library
+    install: str  # the command that brings it
+
+    def text(self) -> str:
+        """Say it in a few words."""
+        return f"{self.target}: {self.tool} ({self.install})"
+
+
+def missing_programs(target: str, packages: Mapping[str, str]) -> tuple[Missing, ...]:
+    """Return the programs that are not installed."""
+    return tuple(
+        Missing(target, name, f"apt install {package}")
+        for name, package in packages.items()
+        if shutil.which(name) is None
+    )
+
+
+def missing_modules(
+    target: str, names: Iterable[str], extra: str = "verify"
+) -> tuple[Missing, ...]:
+    """Return the Python packages of an extra that are not installed."""
+    return tuple(
+        Missing(target, name, f"pip install 'anhyst[{extra}]'")
+        for name in names
+        if importlib.util.find_spec(name) is None
+    )
+
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
 FREESTANDING = (

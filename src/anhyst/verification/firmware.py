@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 
-from anhyst.compilation.tools import Missing, missing_modules, missing_programs
+from anhyst.compilation.toolchain import Missing, missing_modules, missing_programs
 from anhyst.control.states import Command, Fault
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compilation.tools import Missing
+from anhyst.compilation.toolchain import Missing
 from anhyst.support.result import Result, columns_of
 from anhyst.verification.compare import Difference
 from anhyst.verification.elf import ProgramSizes

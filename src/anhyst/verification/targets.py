@@ -11,11 +11,13 @@ from pathlib import Path
 from anhyst.compilation.toolchain import (
     FREESTANDING,
     Build,
+    Missing,
     compile_c,
     compile_cortex_m,
+    missing_modules,
+    missing_programs,
     zig_cc,
 )
-from anhyst.compilation.tools import Missing, missing_modules, missing_programs
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.verification.bundle import PLAY, PORT_HEADER, Bundle
 from anhyst.verification.cortex_m import CortexProgram, build_counter

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from anhyst.compilation.tools import Missing
+from anhyst.compilation.toolchain import Missing
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import cores
