@@ -1,5 +1,7 @@
 """Times, amplifiers, bodies, load and stack of a rig file, and what varies between plants."""
 
+# ruff: noqa: N815 - keys of the file carry units
+
 from __future__ import annotations
 
 from typing import Annotated, Literal, Self

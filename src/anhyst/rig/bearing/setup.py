@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from anhyst._core import FixedPosition, LoopController, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController
@@ -12,9 +11,6 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.file import BearingRig
-
-if TYPE_CHECKING:
-    from anhyst.rig.bearing.setup import Setup
 
 
 @dataclass(frozen=True)
