@@ -18,8 +18,8 @@ from anhyst.compensate.plan import CompileRequest, find_limits
 from anhyst.compensate.play_map import PlayMap, one_play
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.core import SRC, core_files, read_core
-from anhyst.compilation.folder import check_folder, write_folder
 from anhyst.compilation.manifest import VERSION
+from anhyst.compilation.output import check_folder, write_folder
 from anhyst.compilation.parameters import ENTRIES_A_LINE
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
