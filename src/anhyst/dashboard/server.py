@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from enum import IntEnum
@@ -18,7 +19,6 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from anhyst.control.states import Fault, Phase, State
-from anhyst.dashboard.desk import Desk
 from anhyst.dashboard.drift import DrawnLoop
 from anhyst.dashboard.frames import Outbox, encode
 from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
@@ -31,6 +31,48 @@ from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.json_text import plain
+
+ASKED_S = 10.0
+"""After so long without an answer the desk goes to whoever asked, s."""
+
+
+class Desk:
+    """The one seat from which the bench is operated."""
+
+    def __init__(self) -> None:
+        self.operator = 0
+        self.asking = 0
+        self._asked = 0.0
+
+    def join(self, client: int) -> None:
+        """Let a browser come; whoever finds the desk empty sits down."""
+        if not self.operator:
+            self.operator = client
+
+    def leave(self, client: int) -> None:
+        """Let a browser go; whoever asked gets its place."""
+        if self.asking == client:
+            self.asking = 0
+        if self.operator == client:
+            self.operator, self.asking = self.asking, 0
+
+    def ask(self, client: int) -> None:
+        """Ask to take over; an empty desk is taken at once, and one question waits at a time."""
+        if not self.operator:
+            self.operator = client
+        elif client != self.operator and not self.asking:
+            self.asking, self._asked = client, time.monotonic()
+
+    def answer(self, client: int, hand_over: bool) -> None:
+        """Let the operator hand over, or stay; nobody else can."""
+        if client == self.operator and self.asking:
+            self.operator = self.asking if hand_over else self.operator
+            self.asking = 0
+
+    def wait(self) -> None:
+        """Hand over where the operator has not answered for too long."""
+        if self.asking and time.monotonic() - self._asked >= ASKED_S:
+            self.operator, self.asking = self.asking, 0
 
 
 def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
