@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
-from anhyst.dashboard.run import listen_on, make_server, settle
 from anhyst.dashboard.session import LiveSession
+from anhyst.dashboard.verb import listen_on, make_server, settle
 from anhyst.study.bench import open_bench
 from rows import ROOT, Row
 

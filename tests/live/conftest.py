@@ -17,8 +17,8 @@ import pytest
 from anhyst.dashboard.drift import DrawnLoop
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recorder import start_recording
-from anhyst.dashboard.run import listen_on, make_server
 from anhyst.dashboard.session import LiveSession
+from anhyst.dashboard.verb import listen_on, make_server
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
