@@ -19,7 +19,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
 from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import Of, export_fmu
-from anhyst.exchange.tables import export_tables
+from anhyst.exchange.verb import export_tables
 from anhyst.support.arrays import FloatArray
 from tests.cli.command import quick as run
 from tests.core.test_c_core import tool
