@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from anhyst.exchange.binaries import PLATFORMS
+from anhyst.exchange.fmu_file import PLATFORMS
 from anhyst.support.arrays import FloatArray
 
 fmpy = pytest.importorskip("fmpy")

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange.binaries import SAME_BITS
-from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
 from anhyst.exchange.sfunction import export_sfunction
 from anhyst.support.arrays import FloatArray
 from tests.cli.command import quick as run

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange.binaries import compile_all
-from anhyst.exchange.fmu_file import Of
+from anhyst.exchange.fmu_file import Of, compile_all
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import RATE, fmpy, needs_binary, slave

@@ -10,10 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from anhyst.data.formats.text import write_csv
-from anhyst.exchange.binaries import PLATFORMS_ALL
 from anhyst.exchange.compensator_part import Kind
 from anhyst.exchange.description import FmiVersion
-from anhyst.exchange.fmu_file import Of, export_fmu
+from anhyst.exchange.fmu_file import PLATFORMS_ALL, Of, export_fmu
 from anhyst.exchange.sfunction import export_sfunction
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
