@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 from anhyst.data.writing import check_recording
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_benefit import subject_of_benefit
 from anhyst.reports.bearing.from_plants import subject_of_plants
 from anhyst.reports.bearing.from_simulation import subject_of
-from anhyst.reports.piezo import write_picture
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.rig.piezo.file import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
@@ -22,16 +22,52 @@ from anhyst.study.bearing.monte_carlo import monte_carlo as run_plants
 from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
-from anhyst.study.piezo.track import PiezoTracking, track, write_tracking
+from anhyst.study.piezo.track import LEAD, TITLES, PiezoTracking, track, write_tracking
 from anhyst.study.tracking.monte_carlo import CalibrationStudy, calibrate_wrongly
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable, write_bytes
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import workers_of
 from anhyst.support.json_text import json_text
 from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
+
+
+def draw_tracking(found: PiezoTracking, cycle: float) -> Figure:
+    """Draw reference, voltage and deviation over the cycles that are judged."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 6.5), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
+    time = found.runs["full"].time
+    judged = time >= LEAD * cycle
+    upper.plot(time[judged], 1e6 * found.reference[judged], color="0.3")
+    upper.set_ylabel("reference [µm]")
+    for name, run in found.runs.items():
+        rms = 1e9 * run.errors.rms_m
+        label = f"{TITLES[name]}: {rms:.0f} nm rms"
+        lower.plot(time[judged], 1e9 * run.error[judged], color=LOOK[name], lw=1.0, label=label)
+    lower.set(xlabel="time [s]", ylabel="deviation [nm]")
+    lower.legend(loc="upper right", fontsize=9)
+    for ax in (upper, lower):
+        ax.grid(visible=True, alpha=0.25, lw=0.6)
+        ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def write_picture(found: PiezoTracking, cycle: float, path: Path) -> None:
+    """Write the picture as the ending of its name says."""
+    picture = BytesIO()
+    draw_tracking(found, cycle).savefig(picture, format=path.suffix[1:], dpi=120)
+    write_bytes(path, picture.getvalue())
+
 
 REPORT = "report.html"
 
