@@ -10,8 +10,7 @@ import pytest
 from anhyst.compensate.baselines import fit_ratio
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import Refused
-from anhyst.rig.bench.armature import Armature
-from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.bench.force import Armature, ForceBench
 from anhyst.rig.case_table import ForceCase
 from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import triangle
