@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import fields
@@ -10,23 +11,83 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import BusController, PlantLoop
+from anhyst._core import BusController, Plant, PlantLoop
 from anhyst.control.states import Command
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q30, Q31, wait_at_most
 from anhyst.link.process import start_host
 from anhyst.rig.bearing.board import position_code
+from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.recording import COLUMNS, MAGNETS, column, in_columns
 from anhyst.rig.bearing.setup import Setup, position_control
-from anhyst.rig.bench.load_drive import LoadDrive
 from anhyst.rig.bench.lock_step import LockStepBench
 from anhyst.rig.bench.pace import Heartbeat
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import sine
 from anhyst.support.errors import InputError
+
+
+class LoadDrive:
+    """What pulls at the armature: force, damping, stiffness, a disturbance."""
+
+    def __init__(self, rig: BearingRig, bearing: Plant) -> None:
+        load, mass = rig.settings.load, rig.settings.body.mass_kg
+        self.force = load.force_N
+        self._bearing = bearing
+        self._dt = rig.dt
+        self._since = 0  # tick of the disturbance's phase zero
+        self._values = {
+            "load_damping": load.damping_N_s_per_m,
+            "load_stiffness": load.stiffness_N_per_m,
+            "disturbance_force": 0.0,
+            "disturbance_frequency": 10.0,
+        }
+        # Rendered by a drive that is late: beyond a part of its bandwidth it would shake by itself.
+        damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
+        stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
+        most = rig.settings.timing.rate_Hz / 4.0
+        force = max(abs(load.force_N), mass * 9.81)
+        self._ranges = {
+            "load_damping": (-damping, damping, "N s/m", "damping that the load drive renders"),
+            "load_stiffness": (
+                -stiffness,
+                stiffness,
+                "N/m",
+                "stiffness that it renders about the operating gap",
+            ),
+            "disturbance_force": (0.0, force, "N", "amplitude of a sine on its force"),
+            "disturbance_frequency": (0.0, most, "Hz", "of this sine"),
+        }
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed, with the values in force."""
+        return tuple(
+            Parameter(name, unit, low, high, doc, self._values[name])
+            for name, (low, high, unit, doc) in self._ranges.items()
+        )
+
+    def apply(self, values: Mapping[str, float], tick: int) -> None:
+        """Put values in force from a tick on; what is no parameter of it is left alone."""
+        self._values |= {name: values[name] for name in self._values if name in values}
+        if "disturbance_frequency" in values:
+            self._since = tick
+        self._bearing.set_load(self._values["load_damping"], self._values["load_stiffness"])
+
+    def forces(self, first: int, ticks: int) -> FloatArray:
+        """Return what is commanded at some ticks from one on, N, shape (ticks,)."""
+        amplitude, frequency = (
+            self._values[f"disturbance_{one}"] for one in ("force", "frequency")
+        )
+        if amplitude == 0.0:
+            return np.full(ticks, self.force)
+        turns = frequency * self._dt * np.arange(first - self._since, first - self._since + ticks)
+        wave: FloatArray = self.force + amplitude * sine(turns)
+        return wave
+
 
 _ANSWER_S = 10.0
 """The longest that a controller may take for a tick, s of the clock on the wall."""
