@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from anhyst.dashboard.drift import DrawnLoop, make_curves
 from anhyst.dashboard.job import BoardJob, Ended, Job, Seat, Work
@@ -14,7 +14,6 @@ from anhyst.data.reading import read_loops
 from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bench.exchange import BlockHolder
 from anhyst.study.improve.steps import (
     LOOPS,
     MODEL,
@@ -28,6 +27,19 @@ from anhyst.study.improve.steps import (
 from anhyst.study.prepared import Improvable, PreparedBoard
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
+
+
+class BlockHolder(Protocol):
+    """A bench beyond :class:`anhyst.rig.bench.protocol.Bench`: it holds a parameter block."""
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        ...  # pragma: no cover
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Download another parameter block and put it in force between two ticks."""
+        ...  # pragma: no cover
+
 
 STEPS = ("measure", "identify", "compile", "swap")
 """In this order."""

@@ -21,7 +21,7 @@ _BusT = TypeVar("_BusT", bound=_Bus)
 class LockStepBench(Generic[_BusT]):
     """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
 
-    Holds a parameter block (:class:`anhyst.rig.bench.exchange.BlockHolder`); what a bench is made
+    Holds a parameter block (:class:`anhyst.dashboard.improver.BlockHolder`); what a bench is made
     of stands in its ``_open``, which ends with it.
     """
 
