@@ -10,9 +10,8 @@ import pytest
 
 from anhyst.data.reading import read_loops
 from anhyst.rig.measuring import HeldRig, Pull, Sensors
-from anhyst.study.excite.excite import Excitation, excite, measure
+from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
 from anhyst.study.excite.limits import Bound, Specimen, Winding
-from anhyst.study.excite.reading import read_specimen
 from tests.refusals import refused
 from tests.study.measured_rigs import INNER, WIDE, measured_rig
 

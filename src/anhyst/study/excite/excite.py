@@ -11,7 +11,11 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.sidecar import is_sidecar
+from anhyst.rig.bearing.file import read_bearing
+from anhyst.rig.force.file import read_rig
+from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, Sensors, straight, take
+from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,
     Record,
@@ -20,14 +24,44 @@ from anhyst.study.excite.design import (
     records,
     step_of,
 )
-from anhyst.study.excite.limits import Bound, Specimen
-from anhyst.study.excite.reading import read_specimen
+from anhyst.study.excite.limits import Bound, Specimen, bearing_specimen, force_specimen
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.progress import Progress
+from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import QUANTITIES
+
+
+@dataclass(frozen=True, slots=True)
+class ReadSpecimen:
+    """What is measured, and the files that say so."""
+
+    specimen: Specimen
+    reads: tuple[Path, ...]  # must not be written over
+
+
+def read_specimen(path: PathLike) -> ReadSpecimen:
+    """Read a rig file of a bearing, of a stage, or of force control."""
+    place = Path(path)
+    kind = take_kind(place, TAKES["excite"])
+    if kind is FileKind.FORCE:
+        rig = read_rig(place)
+        named = rig.settings.solenoid
+        files = [place] if named is None else [place, place.parent / named.file]
+        if named is None and rig.settings.magnet.from_loops:
+            files += rig.measured.files
+            rig = complete_rig(rig, rig.measured.read())
+        return ReadSpecimen(force_specimen(rig), tuple(files))
+    bearing = read_stage(place).bearing if kind is FileKind.STAGE else read_bearing(place)
+    files = [one for one in (place, bearing.model, bearing.flux_table) if one is not None]
+    if bearing.settings.magnet.from_loops:
+        files += bearing.measured.files
+        bearing = complete_rig(bearing, bearing.measured.read())
+    return ReadSpecimen(bearing_specimen(bearing), tuple(files))
+
 
 HEADROOM = 0.95
 """Share of the largest force at which the current is taken back."""
