@@ -17,10 +17,9 @@ from anhyst.data.writing import check_recording, write_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.recording import CURRENTS, MAGNETS, of_magnets
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, make_stage, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.bearing.metrics import Interval, mean_interval, no_mean
-from anhyst.study.tracking.learning import learn
 from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -32,6 +31,54 @@ from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+TRIALS = 8
+FILTER_HZ = 200.0
+"""Above it nothing is learnt."""
+_PADDING = 4096
+"""Ticks of zeros behind a trial, so that its end does not meet its begin."""
+
+
+def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[TrackedRun]:
+    """Repeat the test set-point and add after each trial what the model of the loop asks for."""
+    table = setup.rig.settings.scan
+    motion = motion_of(table, table.test_m_per_s2)
+    runs = [track(setup, motion, gains, seed=0)]
+    learnt = np.zeros(len(runs[0].reference))
+    while len(runs) < trials and runs[-1].loss is None:
+        learnt = _filtered(setup.rig, learnt, runs[-1].error)
+        runs.append(track(setup, motion, gains, seed=len(runs), learnt=learnt))
+    return runs
+
+
+def _filtered(rig: StageRig, learnt: FloatArray, error: FloatArray) -> FloatArray:
+    """Add the force that would have left no error, and keep what lies below the filter.
+
+    With the plant ``P = e^(-s late)/(m s^2)`` and the controller C an error e is gone after the
+    force ``e/P + C e``.
+    """
+    n, dt = error.size, rig.dt
+    frequency = np.fft.rfftfreq(n + _PADDING, dt)
+    s = 2j * math.pi * frequency
+    late = (rig.settings.timing.delay_ticks + 0.5) * dt
+    late += 1.0 / (2.0 * math.pi * rig.settings.amplifier.bandwidth_Hz)
+    filtered = 1.0 / (1.0 + (frequency / FILTER_HZ) ** 4)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        control = _pid_at(rig, np.exp(s * dt))
+    needed = rig.settings.body.mass_kg * s**2 * np.exp(s * late) + control
+    needed[0] = 0.0  # a constant force is what the integral finds
+    missing = np.fft.rfft(error, n + _PADDING)
+    whole = np.fft.rfft(learnt, n + _PADDING) + needed * missing
+    return np.ascontiguousarray(np.fft.irfft(filtered * whole, n + _PADDING)[:n])
+
+
+def _pid_at(rig: StageRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128]]) -> FloatArray:
+    """Return the PID over the frequency."""
+    c = pid(rig)
+    back = 1.0 / z
+    numerator = c["b0"] + c["b1"] * back + c["b2"] * back**2
+    return np.asarray(numerator / (1.0 + c["a1"] * back + c["a2"] * back**2))
 
 
 RUNS = 30
