@@ -16,9 +16,8 @@ from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.check import Check, check
 from anhyst.study.tuning.points import FIRMNESS, make_screen
-from anhyst.study.tuning.screen import Screen, refine, spread_over
+from anhyst.study.tuning.screen import Screen, Strategy, refine, spread_over
 from anhyst.study.tuning.space import GainSpace
-from anhyst.study.tuning.strategy import Strategy
 from anhyst.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
