@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from anhyst.study.tuning.worth import worth
+from anhyst.study.tuning.output import worth
 from anhyst.support.pays import FEEDBACK
 
 

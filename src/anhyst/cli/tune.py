@@ -105,8 +105,7 @@ def tune(
 
 
 def _show(found: Tuning, out: Path) -> None:
-    from anhyst.study.tuning.output import aims_text, heads, rows
-    from anhyst.study.tuning.worth import worth
+    from anhyst.study.tuning.output import aims_text, heads, rows, worth
 
     head = heads()[:-1]
     drawn = table(f"tuned for {aims_text(found.aims)}; then the least settling time", head)
