@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,9 +25,50 @@ from anhyst.verification.cortex_m import CortexProgram, build_counter
 from anhyst.verification.elf import read_image
 from anhyst.verification.firmware import TARGET as FIRMWARE
 from anhyst.verification.msp430 import Msp430Program
-from anhyst.verification.process import ProcessProgram
-from anhyst.verification.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET
+from anhyst.verification.protocol import BOX_BYTES, REQUEST_BYTES, WINDOW_OFFSET, Reply, Request
 from anhyst.verification.workshop import HARNESS, Variant, Workshop
+
+TIME_LIMIT = 1800.0
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessProgram:
+    """A command that answers requests."""
+
+    name: str  # target and build, for messages
+    command: tuple[str, ...]  # what to run
+
+    def run(self, requests: Sequence[Request]) -> list[Reply]:
+        """Answer one request after the other, from reset."""
+        said = b"".join(request.pack() + request.pack_rows() for request in requests)
+        try:
+            done = subprocess.run(
+                self.command, input=said, capture_output=True, timeout=TIME_LIMIT, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise NegativeResult(
+                f"target {self.name}: did not end within {TIME_LIMIT:.0f} s",
+                code="time-limit",
+                key=self.name,
+            ) from None
+        if done.returncode or len(done.stdout) != len(requests) * BOX_BYTES:
+            raise NegativeResult(
+                f"target {self.name}: {_reason(done.stderr, done.returncode)}",
+                code="target-failed",
+                key=self.name,
+            )
+        boxes = range(0, len(done.stdout), BOX_BYTES)
+        return [Reply.unpack(done.stdout[at : at + BOX_BYTES]) for at in boxes]
+
+
+def _reason(stderr: bytes, code: int) -> str:
+    lines = [line.strip() for line in stderr.decode(errors="replace").splitlines()]
+    for line in lines:
+        if "runtime error" in line or "ERROR" in line:
+            return line
+    said = next((line for line in reversed(lines) if line), "no reason given")
+    return f"the program ended with {code}: {said}"
+
 
 Order = Callable[[], Variant]
 """A build that has not been made yet."""
