@@ -14,9 +14,9 @@ from typing import Any
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.sensor_table import GapSensorTable

@@ -20,11 +20,10 @@ from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.rig.bearing.scenario import Scenario, Script
-from anhyst.rig.bearing.setup import Setup, position_control
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.ready import make_ready
 from anhyst.study.bearing.variations import changed

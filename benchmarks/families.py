@@ -22,10 +22,10 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit

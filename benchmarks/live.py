@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.control.states import Command, State
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.scenario import Scenario, Script, land_time
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.pace import PacedBench, Pacing
 from anhyst.study.bearing.on_board import build_firmware

@@ -22,11 +22,10 @@ from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
-from anhyst.rig.bearing.setup import Setup
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 from tests.core.test_c_core import tool
 from tests.refusals import says

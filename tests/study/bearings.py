@@ -19,12 +19,11 @@ from anhyst.control.controller_file import (
     write_controller,
 )
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.recording import HOVER, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.case_table import LoadCase
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable

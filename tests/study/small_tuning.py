@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.loop import Setup
 from anhyst.study.tuning.trial import Condition
 from tests.study import bearings
 

@@ -13,9 +13,8 @@ from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, RecorderSignal, StatusAnswer, TargetRequest
 from anhyst.link.recorder import read_recording, start_recording
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.scenario import DROP, Script, land_time
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.force.session import BOARDS
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, Injection, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board

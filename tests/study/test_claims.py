@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.interface import MethodName, NumberFormat
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing import responses
 from anhyst.study.bearing.experiments import ExperimentOutcome, ExperimentTrial, of_all, stand_still
 from anhyst.study.bearing.limit_cycle import LimitCycle

@@ -19,10 +19,10 @@ from anhyst.compensate.twin import twin_of
 from anhyst.identification.first_rise import first_rise
 from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit

@@ -16,6 +16,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
+from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.recording import (
     BREAKAWAY,
     COLUMNS,
@@ -27,7 +28,6 @@ from anhyst.rig.bearing.recording import (
     Recording,
 )
 from anhyst.rig.bearing.scenario import DROP, Scenario
-from anhyst.rig.bearing.setup import Setup, position_control
 from tests.study import bearings
 from tests.study.bearings import GAP
 

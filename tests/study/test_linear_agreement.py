@@ -15,12 +15,12 @@ from anhyst.control import Pidd2
 from anhyst.control.controller_file import read_controller
 from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import BearingRig, read_bearing
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.loop import SimulatedLoop as Running
 from anhyst.rig.bearing.make_setup import operating_point
 from anhyst.rig.bearing.plant import current_gains
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Script
-from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.linear import (
     Chain,
     Compensation,

@@ -11,6 +11,7 @@ import pytest
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
 from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
+from anhyst.rig.bearing.loop import Setup, make_position
 from anhyst.rig.bearing.plant import (
     current_loop,
     current_loops,
@@ -21,7 +22,6 @@ from anhyst.rig.bearing.plant import (
 )
 from anhyst.rig.bearing.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
-from anhyst.rig.bearing.setup import Setup, make_position
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.jobs import all_of
 from tests.study import bearings

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.rig.bearing.setup import with_gains
+from anhyst.rig.bearing.loop import with_gains
 from anhyst.study.bearing.responses import SINE_M
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.tuning.aims import LOST, MISSED, Aims

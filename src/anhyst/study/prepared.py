@@ -15,7 +15,7 @@ from anhyst.data import Loops
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.controller_check import pair_of
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.force.file import Rig

@@ -21,10 +21,9 @@ from anhyst.reports.bearing.subject import (
     grouped,
 )
 from anhyst.reports.bearing.tables import OVERSHOOT
-from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
 from anhyst.study.bearing import experiments

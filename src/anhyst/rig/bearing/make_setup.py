@@ -18,8 +18,8 @@ from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Setup, check_position
 from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
-from anhyst.rig.bearing.setup import Setup, check_position
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
 from anhyst.rig.loop_files import identify_loops
 from anhyst.support.errors import InputError

@@ -19,9 +19,9 @@ from anhyst.link.plant_bus import Q30, Q31, wait_at_most
 from anhyst.link.process import start_host
 from anhyst.rig.bearing.board import position_code
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.recording import COLUMNS, MAGNETS, column, in_columns
-from anhyst.rig.bearing.setup import Setup, position_control
 from anhyst.rig.bench.lock_step import LockStepBench
 from anhyst.rig.bench.pace import Heartbeat
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal

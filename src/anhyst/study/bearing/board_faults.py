@@ -11,8 +11,8 @@ from anhyst.link.blocks import regenerate
 from anhyst.link.client import Refused
 from anhyst.link.plant_bus import Reading
 from anhyst.rig.bearing.board import LevitatingFirmware
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
-from anhyst.rig.bearing.setup import Setup
 from anhyst.support.errors import NegativeResult
 
 Act = Callable[[LevitatingFirmware, int], bool]

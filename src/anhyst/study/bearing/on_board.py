@@ -20,10 +20,9 @@ from anhyst.model.writer import write_model
 from anhyst.rig.bearing.board import COLUMNS, BearingPlant, firmware_run
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import parts_of_run
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.recording import Recording
-from anhyst.rig.bearing.setup import Setup, position_control
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.arrays import FloatArray

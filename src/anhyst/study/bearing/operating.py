@@ -8,8 +8,8 @@ import numpy as np
 
 from anhyst._core import Coil
 from anhyst.rig.bearing.file import BearingRig, check_load, check_rate
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.plant import current_gains, make_magnet, static_map
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.old_files import rig_error
 from anhyst.study.bearing import linear
 from anhyst.study.bearing.slopes import Reversal, measure_reversal

@@ -12,10 +12,9 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
-from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.metrics import (
     Interval,
     deviation,

@@ -16,11 +16,10 @@ from anhyst.data.writing import check_recording, write_recording
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, check_plant, make_setups
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
-from anhyst.rig.bearing.setup import Setup
 from anhyst.rig.distance import PlantCheck
 from anhyst.study.bearing import experiments, linear
 from anhyst.study.bearing.operating import (

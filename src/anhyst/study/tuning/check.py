@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds, sweep
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.tuning.aims import Figures, worst_of

@@ -9,9 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from anhyst.rig.bearing.loop import SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.scenario import steps_up_and_down
-from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.tuning.aims import TITLES, Aims, text_of
 from anhyst.study.tuning.check import Check

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.setup import Setup
+from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.bearing.variations import changed

@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.setup import Setup, with_gains
+from anhyst.rig.bearing.loop import Setup, with_gains
 from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.check import Check, check

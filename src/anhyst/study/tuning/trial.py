@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.setup import Setup, make_position
+from anhyst.rig.bearing.loop import Setup, make_position
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps, sweep
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.tuning.aims import LOST, Aims, Figures, worst_of

@@ -11,8 +11,8 @@ from pathlib import Path
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import check_plant, make_setups
-from anhyst.rig.bearing.setup import Setup
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.simulate import compared
 from anhyst.study.tuning.aims import Aims
