@@ -14,7 +14,7 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.loop import Setup, with_gains
 from anhyst.study.bearing.drift import changed
 from anhyst.study.tuning.aims import Aims, Figures
-from anhyst.study.tuning.check import Check, check
+from anhyst.study.tuning.limits import Check, check
 from anhyst.study.tuning.points import FIRMNESS, make_screen
 from anhyst.study.tuning.screen import Screen, Strategy, refine, spread_over
 from anhyst.study.tuning.space import GainSpace
