@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
-from anhyst.rig.parts.duhem import DuhemSteel
+from anhyst.rig.parts.iron import DuhemSteel
 from anhyst.rig.parts.preisach import PreisachSteel
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0

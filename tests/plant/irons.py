@@ -11,8 +11,7 @@ from types import ModuleType
 import numpy as np
 
 from anhyst._core import Piece
-from anhyst.rig.parts.duhem import DuhemSteel
-from anhyst.rig.parts.iron import AnySteel
+from anhyst.rig.parts.iron import AnySteel, DuhemSteel
 from anhyst.rig.parts.preisach import PreisachSteel
 from anhyst.support.arrays import FloatArray
 from tests.plant.rigs import example_steel

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Coil, Piece
-from anhyst.rig.parts.duhem import DuhemSteel
-from anhyst.rig.parts.iron import AnySteel
+from anhyst.rig.parts.iron import AnySteel, DuhemSteel
 from anhyst.rig.parts.magnet import iron_magnet
 from anhyst.rig.parts.preisach import PreisachSteel
 from anhyst.support.units import MU_0

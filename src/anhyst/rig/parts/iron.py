@@ -1,6 +1,6 @@
 """Iron made of pinned cells, which is not a Jiles-Atherton material.
 
-Other families: :mod:`anhyst.rig.parts.preisach` and :mod:`anhyst.rig.parts.duhem`.
+Other families: :mod:`anhyst.rig.parts.preisach` and :mod:`anhyst.rig.parts.iron`.
 """
 
 from __future__ import annotations
@@ -132,3 +132,76 @@ class CellIron:
         """Forget everything, as after a field that alternated and died away."""
         self._cells = np.zeros_like(self._cells)
         self.field = 0.0
+
+
+_FIELDS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))
+"""Where the slope is looked at, in knees."""
+
+
+@dataclass(frozen=True, slots=True)
+class DuhemSteel:
+    """A steel whose field is that of a curve, and a part that goes with the way of the flux.
+
+    It keeps no turning points: small loops about a bias walk towards the curve, and a larger loop
+    wipes smaller ones out only as fast as it forgets all else.
+    """
+
+    coercivity: float  # half the width of a wide loop about zero, A/m; 0 is an iron without a loop
+    turning: float  # way, in T, on which this part turns round after a reversal, by a factor e
+    fading: float  # share of the coercive field that is gone at saturation, 0 to below 1
+    # two parts of the saturation, ``mu0*M`` in T: one that a sharp knee reaches, one that is
+    # approached slowly
+    saturation_sharp: float
+    knee_sharp: float  # fields of these knees, A/m
+    saturation_slow: float
+    knee_slow: float
+
+    def plant(self) -> Steel:
+        """Return it as the plant computes it."""
+        self._check()
+        return Steel(
+            {
+                "coercivity": self.coercivity,
+                "rate": 1.0 / self.turning,
+                "fading": self.fading,
+                "sharp": self.saturation_sharp,
+                "knee_sharp": self.knee_sharp,
+                "slow": self.saturation_slow,
+                "knee_slow": self.knee_slow,
+            }
+        )
+
+    def unpinned(self) -> Steel:
+        """Return, as the plant computes it, a steel that follows the same curve without a loop."""
+        return replace(self, coercivity=0.0).plant()
+
+    def curve(self, field: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return polarisation, T, of the curve at fields, A/m, and its slope."""
+        root = np.sqrt(field * field + self.knee_sharp**2)
+        slow = self.saturation_slow * 2.0 / np.pi
+        polarisation = self.saturation_sharp * field / root + slow * np.arctan(
+            field / self.knee_slow
+        )
+        slope = self.saturation_sharp * self.knee_sharp**2 / root**3
+        slope += slow * self.knee_slow / (field * field + self.knee_slow**2)
+        return polarisation, slope
+
+    def _check(self) -> None:
+        saturation = self.saturation_sharp + self.saturation_slow
+        turn = self.turning / saturation
+        if self.fading * (1.0 + 2.0 * turn + 2.0 * turn * turn) > 1.0:
+            raise InputError(
+                f"fading: {self.fading:g} with a turning of {self.turning:g} T lets small loops "
+                "give energy; lower one of them",
+                code="small-loops-give-energy",
+                key="fading",
+            )
+        polarisation, slope = self.curve(_FIELDS * self.knee_sharp)
+        falls = 2.0 * self.coercivity * self.fading / saturation**2
+        if np.max(falls * (polarisation - self.turning) * slope) > 0.9:
+            raise InputError(
+                f"coercivity: {self.coercivity:g} A/m fades too fast for a knee of "
+                f"{self.knee_sharp:g} A/m; lower it or fading, or raise knee_sharp",
+                code="fades-too-fast",
+                key="coercivity",
+            )
