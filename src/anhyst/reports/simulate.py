@@ -13,6 +13,7 @@ from anhyst.reports.bearing.from_benefit import subject_of_benefit
 from anhyst.reports.bearing.from_plants import subject_of_plants
 from anhyst.reports.bearing.from_simulation import subject_of
 from anhyst.reports.tracking import write_tracking_report
+from anhyst.rig.piezo.file import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.benefit import Benefit
 from anhyst.study.bearing.benefit import benefit as map_benefit
@@ -21,14 +22,7 @@ from anhyst.study.bearing.monte_carlo import monte_carlo as run_plants
 from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
-from anhyst.study.piezo.track import (
-    LEAD,
-    TITLES,
-    PiezoTracking,
-    read_piezo_rig,
-    track,
-    write_tracking,
-)
+from anhyst.study.piezo.track import LEAD, TITLES, PiezoTracking, track, write_tracking
 from anhyst.study.tracking.monte_carlo import CalibrationStudy, calibrate_wrongly
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable, write_bytes
