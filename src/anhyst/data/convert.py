@@ -20,8 +20,8 @@ from anhyst.data.formats.channels import (
     sections,
 )
 from anhyst.data.formats.columns import Texts
-from anhyst.data.frames import check_recording, write_sections
 from anhyst.data.table import read_columns
+from anhyst.data.writing import check_recording, write_sections
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress

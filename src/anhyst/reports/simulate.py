@@ -7,7 +7,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
-from anhyst.data.frames import check_recording
+from anhyst.data.writing import check_recording
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_benefit import subject_of_benefit
 from anhyst.reports.bearing.from_plants import subject_of_plants

@@ -12,7 +12,7 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data.frames import check_recording, write_recording
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run

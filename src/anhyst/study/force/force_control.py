@@ -13,8 +13,8 @@ from anhyst.compensate.baselines import fit_ratio, fit_single_valued
 from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
 from anhyst.data import Loops
-from anhyst.data.frames import check_format, write_recording
 from anhyst.data.table import read_columns
+from anhyst.data.writing import check_format, write_recording
 from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.actuator import Model

@@ -23,8 +23,8 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.control.biquad import integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
-from anhyst.data.frames import check_recording, write_recording
 from anhyst.data.history import History
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.holding import Loss, SignalBound, find_loss

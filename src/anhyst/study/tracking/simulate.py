@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
-from anhyst.data.frames import check_recording, write_recording
+from anhyst.data.writing import check_recording, write_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.recording import CURRENTS, MAGNETS, of_magnets
 from anhyst.rig.stage.file import StageRig, read_stage
