@@ -9,27 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.data.branches import smooth
 from anhyst.data.loops import Loops
 from anhyst.model.actuator import Model
 from anhyst.reports.bearing.look import INK, PALE, SHADE, legend_below, line_of, ordered
 from anhyst.reports.bearing.over_time import Recordings
+from anhyst.reports.model.curves import smooth_curve
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.style import new_figure, styled
-
-BINS = 60
-
-
-def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Average samples in bins of the input, and go on straight to both ends."""
-    x, y = smooth(drive, answer, BINS)
-    if x.size < 2:
-        return x, y
-    slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
-    ends = np.array([drive.min(), drive.max()])
-    outer = y[[0, -1]] + slopes * (ends - x[[0, -1]])
-    return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([outer[:1], y, outer[1:]])
-
 
 _SAMPLES = 400  # of an identified loop, one way
 
