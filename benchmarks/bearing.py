@@ -21,9 +21,9 @@ from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.drift import changed, with_iron
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.bearing.variations import changed, with_iron
 from rows import ROOT, Row
 
 FOLDER = ROOT / "examples" / "bearing"

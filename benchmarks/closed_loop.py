@@ -25,8 +25,8 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.study.bearing.drift import changed
 from anhyst.study.bearing.ready import make_ready
+from anhyst.study.bearing.variations import changed
 from anhyst.support.arrays import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row

@@ -29,8 +29,8 @@ from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
-from anhyst.study.bearing.drift import changed, with_iron
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.study.bearing.variations import changed, with_iron
 from anhyst.support.errors import InputError
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch

@@ -20,7 +20,7 @@ from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.drift import changed
+from anhyst.study.bearing.variations import changed
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from rows import ROOT, Row
 

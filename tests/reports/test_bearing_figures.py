@@ -36,7 +36,7 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.tables import DisturbanceTable
-from anhyst.study.bearing.drift import changed
+from anhyst.study.bearing.variations import changed
 from anhyst.support.units import QUANTITIES
 from tests.page import Page
 from tests.reports import bearing_reports

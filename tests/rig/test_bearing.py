@@ -20,8 +20,8 @@ from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import flux_table
 from anhyst.rig.bearing.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
-from anhyst.study.bearing.drift import changed
 from anhyst.study.bearing.operating import find_operating_point
+from anhyst.study.bearing.variations import changed
 from tests.study import bearings
 from tests.study.bearings import GAP
 

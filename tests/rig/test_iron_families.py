@@ -15,7 +15,8 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.parts.solenoid import Solenoid
-from anhyst.study.bearing.drift import Drift, changed, drifted_rig, with_iron
+from anhyst.study.bearing.drift import Drift, drifted_rig
+from anhyst.study.bearing.variations import changed, with_iron
 from tests.plant.irons import FOLDER, STEELS
 from tests.refusals import refused
 

@@ -27,8 +27,8 @@ from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.case_table import LoadCase
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable
-from anhyst.study.bearing.drift import changed, with_iron
 from anhyst.study.bearing.on_board import build_firmware
+from anhyst.study.bearing.variations import changed, with_iron
 from tests.once import made_once
 from tests.truths import truth
 

@@ -26,8 +26,8 @@ from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
-from anhyst.study.bearing.drift import changed, with_iron
 from anhyst.study.bearing.responses import compare
+from anhyst.study.bearing.variations import changed, with_iron
 from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP

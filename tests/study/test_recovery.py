@@ -11,7 +11,6 @@ from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.rig.bearing.scenario import DROP
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.drift import changed
 from anhyst.study.bearing.experiments import (
     BACK_M,
     LEAST_BAND_M,
@@ -20,6 +19,7 @@ from anhyst.study.bearing.experiments import (
     excess_band,
     recover,
 )
+from anhyst.study.bearing.variations import changed
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -20,11 +20,11 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.iron_table import NamedCells
-from anhyst.study.bearing.drift import with_iron
 from anhyst.study.bearing.linear import Quotient, quotient
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
+from anhyst.study.bearing.variations import with_iron
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress
