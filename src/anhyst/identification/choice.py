@@ -12,6 +12,7 @@ from anhyst.data import Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.between_gaps import bends
 from anhyst.identification.candidates import (
     ModelCandidate,
     cell_candidates,
@@ -111,8 +112,8 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     why = _why(contest, best, wanted, gaps)
     if unable := [one.gap_map for one in tried if one not in contest.entrants]:
         why += (
-            "; passed over, because it cannot be compiled, fails the acceptance test or starts far "
-            "from what was measured: "
+            "; passed over, because it cannot be compiled, fails the acceptance test, bends between "
+            "the gaps or starts far from what was measured: "
             f"{', '.join(dict.fromkeys(WRITTEN.get(name, name) for name in unable))}"
         )
     candidates: tuple[CandidateFit, ...] = ()
@@ -329,7 +330,8 @@ def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     worst = _COMPARABLE * min(contest.error(one) or 0.0 for one in every)
     while contest.entrants:
         best = contest.winner()
-        if len(every) == 1 or _passes(contest.fits[best].found, loopset):
+        able = _passes(contest.fits[best].found, loopset)
+        if len(every) == 1 or (able and not _bends(contest, best, loopset)):
             if (contest.error(best) or 0.0) <= worst:
                 return best
             break
@@ -337,6 +339,21 @@ def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     contest.entrants.clear()
     contest.entrants.extend(every)
     return contest.winner()
+
+
+def _bends(contest: Contest, one: ModelCandidate, loopset: Loops) -> bool:
+    """Whether a gap map bends between the gaps, where the same law under simpler maps does not."""
+    error = contest.finite_error(one)
+    if contest.by != "gap" or not error or loopset.schedule is None:
+        return False
+    simpler = [
+        (model_of(contest.fits[other].found, loopset), missed)
+        for other in contest.fits
+        if other.gap_map != one.gap_map and other.cells == one.cells and other.rank < one.rank
+        and all(other in refits for refits in contest.refits.values())
+        and (missed := contest.finite_error(other)) is not None
+    ]  # fmt: skip
+    return bends(model_of(contest.fits[one].found, loopset), error, simpler, loopset)
 
 
 def _passes(found: FoundModel, loopset: Loops) -> bool:
