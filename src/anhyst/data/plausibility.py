@@ -50,9 +50,8 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     the size of the current grows, and starts flat. Flux grows with its field, and energy is lost,
     not won.
 
-    Columns and signs of the force are judged by the largest loop of each gap, which a mistake shows
-    in before all others: in a small one remanence, offset and noise may be larger than what the
-    current adds.
+    Columns and signs of the force are judged by the largest loop of each gap: in a small one
+    remanence, offset and noise may be larger than what the current adds.
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
     answer = output_map(loopset.output)
@@ -176,10 +175,7 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
 
 
 def _initial_steepness(loop: Loop) -> float | None:
-    """Mean slope over the first tenth of a unipolar input, over that of the next two tenths.
-
-    The least that noise of the sensor leaves of it.
-    """
+    """Mean slope over the first tenth of a unipolar input, over that of the next two tenths, noise off."""
     size, answer = folded(loop, even=True)
     if is_bipolar(loop.input) and is_bipolar(answer):
         return None

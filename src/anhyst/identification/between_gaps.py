@@ -1,7 +1,7 @@
 """Where gap maps part between the gaps that were measured.
 
 A map with much freedom may meet the gaps left out by luck and bend between them. What a simpler map
-misses at gaps left out bounds what it misses between: where both part by more, it is the bend.
+misses at gaps left out bounds what it misses between them.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from anhyst.support.errors import InputError, NegativeResult
 
 _EXPLAINED = 2.0
 """Distance of two maps between the gaps, over what both miss at gaps left out, that these explain."""
-
-COMPARABLE = 3.0
+_COMPARABLE = 3.0
 """Cross-validation error over another's up to which a simpler map says where the other bends."""
 
 
@@ -32,18 +31,17 @@ def apart_between(one: Model, other: Model, loopset: Loops) -> float:
         loop = max(groups[low], key=lambda loop: float(np.ptp(loop.output)))
         history, gap = replace(loop.history, schedule=()), float(np.sqrt(low * high))
         try:
-            outputs = [
-                model.predict(loop.input, gap, history=history).output for model in (one, other)
-            ]
+            first = one.predict(loop.input, gap, history=history).output
+            second = other.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
-        off.append(float(np.mean(np.abs(outputs[0] - outputs[1]))))
+        off.append(float(np.mean(np.abs(first - second))))
     return max(off, default=0.0) / largest_output(loopset)
 
 
 def bends(model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops) -> bool:
     """Whether a model parts from all simpler maps by more than it and they miss at gaps left out."""
-    known = [(one, missed) for one, missed in simpler if missed <= COMPARABLE * error]
+    known = [(one, missed) for one, missed in simpler if missed <= _COMPARABLE * error]
     return bool(known) and all(
         apart_between(model, one, loops) > _EXPLAINED * (error + missed) for one, missed in known
     )

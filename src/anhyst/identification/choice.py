@@ -140,7 +140,6 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
 
 
 def _left_open(contest: Contest, best: ModelCandidate, loopset: Loops) -> float:
-    """Say how far laws that follow the only loop alike differ within it."""
     if len(loopset) > 1:
         return 0.0
     most = ALIKE**2 * contest.fits[best].found.cost
@@ -206,7 +205,7 @@ def _compare_cells(
     def search() -> dict[ModelCandidate, Fits]:
         found: dict[ModelCandidate, Fits] = {}
         for some in filter(None, (simpler, new)):
-            if not any(not leaves(fits.found) for fits in found.values()):
+            if all(leaves(fits.found) for fits in found.values()):
                 found |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
         return found
 

@@ -355,13 +355,10 @@ def _warnings(loops: Loops, outcome: _Outcome) -> list[str]:
             f"loops at one {loops.schedule.name} only: the model holds there and nowhere else"
         )
     if len(loops) == 1:
-        apart = outcome.left_open
-        warnings.append(
-            "one loop only: "
-            + (f"laws that follow it alike differ by {100.0 * apart:.2g} % of the largest output "
-               "within it, and " if apart else "")
-            + "how inner loops run is a guess of the law; measure smaller loops too"
-        )  # fmt: skip
+        size = f"{100.0 * outcome.left_open:.2g} % of the largest output"
+        alike = f"laws that follow it alike differ by {size} within it, and "
+        guess = "how inner loops run is a guess of the law; measure smaller loops too"
+        warnings.append("one loop only: " + (alike if outcome.left_open else "") + guess)
     samples = sum(loop.n for loop in loops.loops)
     if samples < FEWEST * quantities:
         warnings.append(

@@ -1,7 +1,6 @@
 """What one loop leaves open: how far fits that follow it alike differ on other runs.
 
-Along one loop every cell is switched at one field up and one down. How pinning, curves and interaction
-share in that shows only where the drive turns within the loop.
+How pinning, curves and interaction share in it shows only where the drive turns within the loop.
 """
 
 from __future__ import annotations
@@ -24,10 +23,7 @@ _SAMPLES = 40
 
 
 def left_open(chosen: Model, others: Sequence[Model], loopset: Loops) -> float:
-    """Return by how much other models differ at most from one where the drive turns within the loop.
-
-    Root of the mean square, in parts of the largest output; 0 where there is no other.
-    """
+    """Return how far (rms, of the largest output) others differ from one that is driven within it."""
     loop = loopset.loops[0]
     low, high = float(loop.input.min()), float(loop.input.max())
     ends = low + (high - low) * np.array(_TURNS)
