@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,21 @@ def test_swapped_current_and_force_are_refused(*, bipolar: bool) -> None:
     loop = magnet(noise=0.02, bipolar=bipolar)
     with refused("columns-swapped loop '1' at gap 0.3 mm"):
         inspect(changed(loop, loop.output, loop.input))
+
+
+@pytest.mark.parametrize(("seed", "offset"), [(4, 0.0), (18, 0.0), (3, -0.9)])
+def test_small_loops_do_not_decide_whether_columns_or_signs_are_wrong(
+    seed: int, offset: float
+) -> None:
+    """What remains of the flux, an offset and noise outweigh there what the current adds."""
+    whole = magnet(noise=0.1)
+    small = 0.1 * np.abs(np.sin(np.linspace(0.0, 4.0 * np.pi, 80)))
+    force = 10.0 * (0.5 * small + 0.08) ** 2
+    force += 0.1 * np.random.default_rng(seed).normal(size=80) + offset
+    assert whole.schedule is not None
+    inner = Loop("2", small, force, whole.schedule[:80], None, whole.history)
+    both = loopset(replace(whole, output=whole.output + offset), inner)
+    assert not any("swapped" in text for text in inspect(both).warnings)
 
 
 def test_saturated_and_tared_magnets_are_not_taken_for_swapped() -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from anhyst.data import Loop, Loops
 from anhyst.data.reading import read_loops
-from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.default import search_each_gap, search_one_gap
+from anhyst.identification import IdentifyResult, choice, contest, identify
+from anhyst.identification.bare import model_of
+from anhyst.identification.default import FoundModel, search_each_gap, search_one_gap
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
@@ -172,6 +173,27 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
     """Below its offset the true current is negative, and the gap order of what remains turns."""
     loops = loops_of(magnet(gap_map, gaps=GAPS[::3], in_0=in_0), noise=NOISE, samples=60)
     assert fit_of(identify(loops, gap_map=gap_map)).monotone is True
+
+
+@pytest.mark.parametrize("output", ["force", "flux_linkage"])
+def test_a_map_that_bends_between_the_gaps_is_not_taken(
+    output: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It meets every measured gap, so those left out alone would take it."""
+    loops = loops_of(magnet("reluctance", output), noise=0.1 * NOISE, samples=60)
+
+    def bent(found: FoundModel, loopset: Loops) -> Model:
+        model = model_of(found, loopset)
+        if found.space.gap_map != "leakage":
+            return model
+        rho = np.asarray(model.parameters["rho"]) * np.where(np.isin(model.nodes, GAPS), 1.0, 1.03)
+        return replace(model, parameters={**model.parameters, "rho": tuple(rho.tolist())})
+
+    monkeypatch.setattr(choice, "model_of", bent)
+    monkeypatch.setattr(contest, "better", lambda *_: True)  # luck at the gaps left out
+    assert identify(loops, law="effective-field").model.gap_map != "circuit"
+    monkeypatch.setattr(choice, "model_of", model_of)
+    assert identify(loops, law="effective-field").model.gap_map == "circuit"
 
 
 def test_a_force_that_grows_with_the_gap_fails() -> None:

@@ -16,7 +16,9 @@ from anhyst.data.branches import (
     separation,
 )
 from anhyst.data.loops import Loop, Loops
+from anhyst.data.noise import noise
 from anhyst.data.output_map import output_map
+from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 
 _SWAP_ADVICE = "are the columns of current and force swapped?"
@@ -35,6 +37,10 @@ _SAME = 1e-3
 """Scheduling values nearer to each other than this, relative, are more likely the same."""
 _FLAT = 0.3
 _STRONG = 0.8
+_OFFSET = 0.05
+"""Largest negative force, in parts of the largest of all loops, that may be an offset of the sensor."""
+_CERTAIN = 4.0
+"""Standard errors by which a slope must be too large to count as such."""
 
 
 def check_plausible(loopset: Loops) -> tuple[str, ...]:
@@ -43,15 +49,23 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     The attraction of an electromagnet grows with the square of the flux: force falls nowhere as
     the size of the current grows, and starts flat. Flux grows with its field, and energy is lost,
     not won.
+
+    Columns and signs of the force are judged by the largest loop of each gap: in a small one
+    remanence, offset and noise may be larger than what the current adds.
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
+    answer = output_map(loopset.output)
+    largest = [
+        max(group, key=lambda loop: float(np.ptp(loop.output)))
+        for group in loopset.by_schedule().values()
+    ]
     for loop in loopset.loops:
         name = loopset.describe(loop)
-        if (answer := output_map(loopset.output)).even:
+        if answer.even and any(loop is one for one in largest):
             _check_force_sign(loopset, loop, name)
             if loopset.input.name == "current":
                 warnings += _check_swap(loop, name)
-        elif answer.of_flux:
+        if answer.of_flux and not answer.even:
             _check_flux_sign(loopset, loop, name)
         warnings += _check_sense(loopset, loop, name)
         if not loop.reverses:
@@ -105,8 +119,10 @@ def _check_size(loopset: Loops) -> list[str]:
 
 def _check_force_sign(loopset: Loops, loop: Loop, name: str) -> None:
     low, high = float(loop.output.min()), float(loop.output.max())
+    if -low <= _OFFSET * largest_output(loopset):
+        return
     falls = correlation(loop.input**2, loop.output) < -0.5
-    if low < 0.0 and (falls or high <= 0.0 or -low > 5.0 * high):
+    if falls or high <= 0.0 or -low > 5.0 * high:
         drive, what = loopset.input.name, f"{low:.4g} to {high:.4g} {loopset.output.unit}"
         if is_negative(loop.input):
             raise InputError(
@@ -159,21 +175,23 @@ def _check_swap(loop: Loop, name: str) -> list[str]:
 
 
 def _initial_steepness(loop: Loop) -> float | None:
-    """Mean slope over the first tenth of a unipolar input, over that of the next two tenths."""
+    """Mean slope over the first tenth of a unipolar input, over that of the next two tenths, noise off."""
     size, answer = folded(loop, even=True)
     if is_bipolar(loop.input) and is_bipolar(answer):
         return None
     span = float(np.ptp(size))
     if float(size.min()) > 0.05 * float(size.max()):
         return None  # a record that does not start near zero does not show it
-    heights = []
+    heights, variances = [], []
     for level in (0.0, 0.1, 0.3):
         near = np.abs(size - size.min() - level * span) <= 0.02 * span
         if np.count_nonzero(near) < 2:
             return None
         heights.append(float(np.mean(answer[near])))
+        variances.append(noise(answer) ** 2 / np.count_nonzero(near))
     next_slope = (heights[2] - heights[1]) / 0.2
-    first_slope = (heights[1] - heights[0]) / 0.1
+    doubt = _CERTAIN * float(np.sqrt(variances[0] + variances[1]))
+    first_slope = (heights[1] - heights[0] - doubt) / 0.1
     if next_slope <= 0.02 * float(np.ptp(answer)):
         return None
     return first_slope / next_slope

@@ -38,6 +38,8 @@ class ModelCandidate:
             return law
         count = self.cells.populations
         text = f"{LAW_OF[self.cells.shape]}, {count} population{'s' if count > 1 else ''}"
+        if "omega" in self.held:
+            text += ", no interaction"
         return f"{text}, weights fitted" if self.polished else text
 
 
@@ -118,6 +120,11 @@ def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[Mod
         for count in range(1, POPULATIONS + 1)
         for shape in shapes
     ]
+
+
+def without_interaction(one: ModelCandidate) -> ModelCandidate:
+    """Name the same play cells without interaction; they are simpler by that number."""
+    return replace(one, held=one.held | {"omega"}, rank=one.rank - 1)
 
 
 def polished(one: ModelCandidate) -> ModelCandidate:

@@ -12,6 +12,7 @@ from anhyst.data import Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.between_gaps import bends
 from anhyst.identification.candidates import (
     ModelCandidate,
     cell_candidates,
@@ -20,6 +21,7 @@ from anhyst.identification.candidates import (
     polished,
     require_gaps,
     under,
+    without_interaction,
 )
 from anhyst.identification.cell_kernel import CellKernel, by_weights
 from anhyst.identification.cell_search import polish, remapped, search_cells
@@ -52,6 +54,7 @@ from anhyst.identification.fitting import Evaluation
 from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
+from anhyst.identification.one_loop import ALIKE, left_open
 from anhyst.identification.response import Local
 from anhyst.identification.run import SEARCHED, SearchRun
 from anhyst.identification.screening import starts
@@ -87,6 +90,8 @@ class ModelChoice:
     promised: CrossValidation | None = None
     candidates: tuple[CandidateFit, ...] = ()  # all that were compared, where laws were
     why_law: str = ""  # why this law; empty where none was compared
+    # how far laws that follow the only loop alike differ within it, in parts of the largest output
+    left_open: float = 0.0
 
 
 def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
@@ -107,12 +112,12 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     why = _why(contest, best, wanted, gaps)
     if unable := [one.gap_map for one in tried if one not in contest.entrants]:
         why += (
-            "; passed over, because it cannot be compiled, fails the acceptance test or starts far "
-            "from what was measured: "
+            "; passed over, because it cannot be compiled, fails the acceptance test, bends between "
+            "the gaps or starts far from what was measured: "
             f"{', '.join(dict.fromkeys(WRITTEN.get(name, name) for name in unable))}"
         )
     candidates: tuple[CandidateFit, ...] = ()
-    why_law = ""
+    why_law, apart = "", 0.0
     alone = contest.fits[best].found
     enough = _is_usable(alone, loopset) and not _leaves_something(alone, loopset)
     if run.cells and (run.only_cells or not enough):
@@ -120,6 +125,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
         best = _compare_cells(run, loopset, contest, best, tried)
         candidates = _listed(run, contest, best)
         why_law = _why_law(run, contest, best)
+        apart = _left_open(contest, best, loopset)
     else:
         maps = contest.errors_of_maps(best)
         run.total -= 4 if run.cells else 0
@@ -129,7 +135,17 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
         _promised(contest, loopset, gaps),
         candidates,
         why_law,
+        apart,
     )
+
+
+def _left_open(contest: Contest, best: ModelCandidate, loopset: Loops) -> float:
+    if len(loopset) > 1:
+        return 0.0
+    most = ALIKE**2 * contest.fits[best].found.cost
+    alike = [fits.found for fits in contest.fits.values() if fits.found.cost <= most]
+    models = [model_of(found, loopset) for found in alike]
+    return left_open(model_of(contest.fits[best].found, loopset), models, loopset)
 
 
 def _compared_maps(
@@ -184,10 +200,17 @@ def _compare_cells(
     leaves = partial(_leaves_something, loopset=loopset)
     may_be_chosen = partial(_is_usable, loopset=loopset)
     wide = contest.fits[base].wide
-    contest.fits.update(
-        run.step(partial(search_cells, wide, run.searched, new, run.seed, leaves, may_be_chosen))
-    )
-    new = [one for one in new if one in contest.fits]
+    simpler = [without_interaction(one) for one in new] if _may_do_without(run, base) else []
+
+    def search() -> dict[ModelCandidate, Fits]:
+        found: dict[ModelCandidate, Fits] = {}
+        for some in filter(None, (simpler, new)):
+            if all(leaves(fits.found) for fits in found.values()):
+                found |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
+        return found
+
+    contest.fits.update(run.step(search))
+    new = [one for one in (*simpler, *new) if one in contest.fits]
     run.step(partial(_leave_out, contest, loopset, new, by))
     best = replace(contest, entrants=new).winner()
     others = [under(best, one) for one in maps if best.gap_map != one.gap_map != "free"]
@@ -208,6 +231,15 @@ def _compare_cells(
     usable = [one for one in every if _is_usable(contest.fits[one].found, loopset)]
     contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
+
+
+def _may_do_without(run: SearchRun, base: ModelCandidate) -> bool:
+    """Whether cells are tried without interaction too: one loop hardly tells it from pinning.
+
+    Behind a gap the same number is its reluctance.
+    """
+    alone = len(run.searched.loops) == 1 and base.gap_map == "none"
+    return alone and run.form.power == 1 and "omega" not in base.held
 
 
 def _bears_weights(found: FoundModel) -> bool:
@@ -297,7 +329,8 @@ def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     worst = _COMPARABLE * min(contest.error(one) or 0.0 for one in every)
     while contest.entrants:
         best = contest.winner()
-        if len(every) == 1 or _passes(contest.fits[best].found, loopset):
+        able = _passes(contest.fits[best].found, loopset)
+        if len(every) == 1 or (able and not _bends(contest, best, loopset)):
             if (contest.error(best) or 0.0) <= worst:
                 return best
             break
@@ -305,6 +338,21 @@ def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     contest.entrants.clear()
     contest.entrants.extend(every)
     return contest.winner()
+
+
+def _bends(contest: Contest, one: ModelCandidate, loopset: Loops) -> bool:
+    """Whether a gap map bends between the gaps, where the same law under simpler maps does not."""
+    error = contest.finite_error(one)
+    if contest.by != "gap" or not error or loopset.schedule is None:
+        return False
+    simpler = [
+        (model_of(contest.fits[other].found, loopset), missed)
+        for other in contest.fits
+        if other.gap_map != one.gap_map and other.cells == one.cells and other.rank < one.rank
+        and all(other in refits for refits in contest.refits.values())
+        and (missed := contest.finite_error(other)) is not None
+    ]  # fmt: skip
+    return bends(model_of(contest.fits[one].found, loopset), error, simpler, loopset)
 
 
 def _passes(found: FoundModel, loopset: Loops) -> bool:

@@ -208,8 +208,8 @@ def mean_square_of(misses: Sequence[Miss]) -> float:
     return float(np.mean([square for miss in misses for square in miss.squares + miss.outer]))
 
 
-def better(simple: Sequence[Miss], complex_: Sequence[Miss]) -> bool:
-    """Whether the complex one is better by more than the scatter of the difference.
+def better(simple: Sequence[Miss], complex_: Sequence[Miss], errors: float = 1.0) -> bool:
+    """Whether the complex one is better by more than so many standard errors of the difference.
 
     The difference is taken loop by loop. Its standard error is that of all loops or, where the
     loops of a gap go together, that of the gaps. What is better in the loops that were fitted and
@@ -230,7 +230,7 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss]) -> bool:
     if everywhere and mean_square_of(complex_) < _THIRD * mean_square_of(simple):
         return True
     worse = mean_of(complex_) > _NO_WORSE * mean_of(simple)
-    return bool(float(every.mean()) > max(scatter, least) and not worse)
+    return bool(float(every.mean()) > max(errors * scatter, least) and not worse)
 
 
 def noise_at(loopset: Loops) -> list[float]:

@@ -251,6 +251,7 @@ class _Outcome:
     promised: CrossValidation | None = None
     candidates: tuple[CandidateFit, ...] = ()
     why_law: str = ""
+    left_open: float = 0.0
     steps: tuple[ReductionStep, ...] = ()
     per_gap: Model | None = None
     resumed: int = 0
@@ -339,6 +340,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome
         choice.promised,
         choice.candidates,
         choice.why_law,
+        choice.left_open,
     )
 
 
@@ -353,9 +355,10 @@ def _warnings(loops: Loops, outcome: _Outcome) -> list[str]:
             f"loops at one {loops.schedule.name} only: the model holds there and nowhere else"
         )
     if len(loops) == 1:
-        warnings.append(
-            "one loop only: how inner loops run is a guess of the law; measure smaller loops too"
-        )
+        size = f"{100.0 * outcome.left_open:.2g} % of the largest output"
+        alike = f"laws that follow it alike differ by {size} within it, and "
+        guess = "how inner loops run is a guess of the law; measure smaller loops too"
+        warnings.append("one loop only: " + (alike if outcome.left_open else "") + guess)
     samples = sum(loop.n for loop in loops.loops)
     if samples < FEWEST * quantities:
         warnings.append(
