@@ -93,7 +93,7 @@ def test_terminal_and_page_say_in_one_sentence_whether_it_is_worth_it(
         if row["variant"] in BASELINES
     }
     strongest = min(overshoot, key=lambda name: overshoot[name])
-    assert f"the strongest baseline without hysteresis model ({strongest})" in said
+    assert f"of '{strongest}'" in said
     assert "measured flux" in said
     title, sentence = said.split(": ", 1)
     assert f"{title[:1].upper()}{title[1:]}. {sentence[:1].upper()}{sentence[1:]}." in page.text

@@ -1,7 +1,6 @@
-"""Types of the binding. Arrays are float64, C-contiguous; anything else is refused, not converted.
+"""Types of the binding; arrays are float64 and C-contiguous, anything else is refused.
 
-Status 0 is success; `status_text` explains the other codes (core/include/anhyst/numeric/status.h), and
-`index` is the first sample without a result.
+Status 0 is success, `status_text` explains others; `index` is the first sample without a result.
 """
 
 from collections.abc import Mapping, Sequence

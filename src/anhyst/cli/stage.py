@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anhyst.cli.console import show, table
-from anhyst.study.verdict import Comparison, Judgement, judge
-from anhyst.support.pays import PIEZO
 
 if TYPE_CHECKING:
     from anhyst import CalibrationStudy, PiezoTracking, TrackingStudy
@@ -70,19 +68,9 @@ def show_calibrations(found: CalibrationStudy, out: Path) -> None:
     show(rows, f"{found.plants} plants of each kind; gains kept", f"written: {out}")
 
 
-WORTH_IT = 0.5
-"""Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
-
-
-def verdict(ratio: float) -> Judgement:
-    """Say whether compensation is worth it that leaves this part of the deviation."""
-    found = Comparison("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
-    return judge("compensation", [found], "measures", PIEZO)
-
-
 def show_piezo(found: PiezoTracking, out: Path) -> None:
     """Print how a piezo stage followed its triangle."""
-    from anhyst.study.piezo.track import TITLES
+    from anhyst.study.piezo.track import TITLES, verdict
 
     rows = table("deviation from the triangle", ("compensation", "worst nm", "rms nm"))
     for name, run in found.runs.items():

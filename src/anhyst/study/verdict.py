@@ -28,7 +28,7 @@ LISTED = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ComparedFigure:
     """A figure of a model beside that of a baseline; the smaller one is better."""
 
     title: str
@@ -57,10 +57,10 @@ class Comparison:
 
 def compare(
     title: str, baseline: str, mine: Interval, its: Interval, floor: float = 0.0
-) -> Comparison:
+) -> ComparedFigure:
     """Compare two means, beyond a floor and what noise of both, taken as independent, leaves open."""
     unsure = max(floor, math.hypot(mine.half_width, its.half_width))
-    return Comparison(title, baseline, mine.mean, its.mean, unsure)
+    return ComparedFigure(title, baseline, mine.mean, its.mean, unsure)
 
 
 def strongest(figures: Mapping[MethodName, Interval]) -> MethodName | None:
@@ -86,7 +86,7 @@ class Judgement:
         return f"{TITLES[self.level]}: {self.text}"
 
 
-def judge(own: str, comparisons: Sequence[Comparison], what: str, instead: str) -> Judgement:
+def judge(own: str, comparisons: Sequence[ComparedFigure], what: str, instead: str) -> Judgement:
     """Judge a model by what it was compared in; ``instead`` says where it would pay."""
     known = [one for one in comparisons if not math.isnan(one.ratio) or one.its == one.mine]
     if not known:
@@ -104,7 +104,7 @@ def judge(own: str, comparisons: Sequence[Comparison], what: str, instead: str) 
     return Judgement(level, text if level == "yes" else f"{text}; {instead}")
 
 
-def _listed(comparisons: Sequence[Comparison], count: int, what: str) -> str:
+def _listed(comparisons: Sequence[ComparedFigure], count: int, what: str) -> str:
     """Name figures with their parts of the baseline's, or count them."""
     if count > LISTED:
         names = " or ".join(dict.fromkeys(f"'{one.baseline}'" for one in comparisons))

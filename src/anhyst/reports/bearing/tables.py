@@ -12,7 +12,7 @@ from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import SETTLED, Interval
-from anhyst.study.verdict import Comparison, Judgement, compare, judge, strongest
+from anhyst.study.verdict import ComparedFigure, Judgement, compare, judge, strongest
 from anhyst.support.page.blocks import Cell, PageTable, table
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 from anhyst.support.pays import FEEDBACK
@@ -67,14 +67,14 @@ STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
 """Figure, title, unit as shown, factor to it, caption."""
 
 
-def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> Comparison:
+def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> ComparedFigure:
     """Compare the overshoots of two variants in a step, beyond the larger noise of both."""
     overshoot, noise = step.of(OVERSHOOT), step.of(NOISE)
     floor = max(noise[mine].mean, noise[baseline].mean)
     return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
 
 
-def difference_text(found: Comparison) -> str:
+def difference_text(found: ComparedFigure) -> str:
     """Write such as "54 % less"."""
     if found.less:
         return f"{number(100.0 * (1.0 - found.ratio), 2)}{NBSP}% less"

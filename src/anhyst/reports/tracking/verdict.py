@@ -10,7 +10,7 @@ from anhyst.compensate.methods import METHODS
 from anhyst.rig.stage.loop import AT_BIAS
 from anhyst.study.tracking.measures import BANDS_M
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
-from anhyst.study.verdict import Comparison, Judgement, compare, judge
+from anhyst.study.verdict import ComparedFigure, Judgement, compare, judge
 from anhyst.support.pays import STAGE
 
 _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}
@@ -36,7 +36,7 @@ def verdict(study: TrackingStudy) -> Judgement:
     return judge(OWN, _compared(study, held), "measures", STAGE)
 
 
-def _compared(study: TrackingStudy, names: Sequence[MethodName]) -> list[Comparison]:
+def _compared(study: TrackingStudy, names: Sequence[MethodName]) -> list[ComparedFigure]:
     """Compare every measure with the lowest one of some variants."""
     found = []
     for measure, title in _NAMES.items():

@@ -13,7 +13,7 @@ from anhyst.compensate.methods import MODELS
 from anhyst.rig.force.file import Rig
 from anhyst.rig.holding import SignalBound, find_loss
 from anhyst.study.force.trials import ForceOutcome
-from anhyst.study.verdict import Comparison, judge
+from anhyst.study.verdict import ComparedFigure, judge
 from anhyst.support.arrays import FloatArray
 from anhyst.support.pays import FORCE
 
@@ -159,7 +159,7 @@ def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> di
     judged = judge(
         "worst error of full",
         [
-            Comparison(stage, TITLES[against[stage]], found["full"], found[against[stage]], 0.0)
+            ComparedFigure(stage, TITLES[against[stage]], found["full"], found[against[stage]], 0.0)
             for stage, found in worst.items()
         ],
         "stages",

@@ -29,9 +29,11 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.rig.holding import Loss, SignalBound, find_loss
 from anhyst.rig.piezo.file import PiezoRig
+from anhyst.study.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.pays import PIEZO
 from anhyst.support.result import Result, columns_of
 from anhyst.support.units import QUANTITIES
 
@@ -322,3 +324,13 @@ def _lateness(rig: PiezoRig) -> float:
     stage = rig.stage
     rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
     return 1.5 / rig.settings.timing.rate_Hz + stage.amplifier + rounded
+
+
+WORTH_IT = 0.5
+"""Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
+
+
+def verdict(ratio: float) -> Judgement:
+    """Say whether compensation is worth it that leaves this part of the deviation."""
+    found = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
+    return judge("compensation", [found], "measures", PIEZO)
