@@ -1,7 +1,4 @@
-"""Types of the binding; arrays are float64 and C-contiguous, anything else is refused.
-
-Status 0 is success, `status_text` explains others; `index` is the first sample without a result.
-"""
+"""Types of the binding; status 0 is success, `index` the first sample without a result."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self, overload
