@@ -6,6 +6,7 @@ misses at gaps left out bounds what it misses between them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -29,7 +30,8 @@ def apart_between(one: Model, other: Model, loopset: Loops) -> float:
     off = []
     for low, high in pairwise(sorted(groups)):
         loop = max(groups[low], key=lambda loop: float(np.ptp(loop.output)))
-        history, gap = replace(loop.history, schedule=()), float(np.sqrt(low * high))
+        history = replace(loop.history, schedule=())
+        gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
             first = one.predict(loop.input, gap, history=history).output
             second = other.predict(loop.input, gap, history=history).output
