@@ -83,7 +83,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     (folder / "out").mkdir()
     done = anhyst("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert "Worth it against 'single-valued'" in done.stdout
+    assert "against 'single-valued': Worth it" in done.stdout
     head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
     assert {"t_s", "reference_m", "position_m", "error_m", "force_N"} <= set(head)
     figures = json.loads((folder / "out" / "figures.json").read_text())
