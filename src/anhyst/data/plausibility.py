@@ -55,9 +55,13 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
     answer = output_map(loopset.output)
+    gaps = {loop.schedule_value for loop in loopset.loops}  # None where it moves, or there is none
     largest = [
-        max(group, key=lambda loop: float(np.ptp(loop.output)))
-        for group in loopset.by_schedule().values()
+        max(
+            (loop for loop in loopset.loops if loop.schedule_value == gap),
+            key=lambda loop: float(np.ptp(loop.output)),
+        )
+        for gap in gaps
     ]
     for loop in loopset.loops:
         name = loopset.describe(loop)
