@@ -99,6 +99,13 @@ def test_one_gap_only_is_reported() -> None:
     assert "one gap only: nothing can be learned about others" in found.warnings
 
 
+def test_a_loop_whose_gap_moves_is_judged_like_others() -> None:
+    moving = replace(magnet(noise=0.02), schedule=np.linspace(3e-4, 3.2e-4, 1000))
+    assert inspect(loopset(moving)).schedule_values == ()
+    with refused("force-negative"):
+        inspect(loopset(replace(moving, output=-moving.output)))
+
+
 def test_force_of_flipped_sign_is_refused() -> None:
     loop = magnet(noise=0.02)
     with refused("force-negative loop '1' at gap 0.3 mm"):
