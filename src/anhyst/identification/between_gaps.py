@@ -42,7 +42,12 @@ def apart_between(one: Model, other: Model, loopset: Loops) -> float:
 
 
 def bends(model: Model, error: float, simpler: Sequence[tuple[Model, float]], loops: Loops) -> bool:
-    """Whether a model parts from all simpler maps by more than it and they miss at gaps left out."""
+    """Whether a model parts from all simpler maps by more than it and they miss at gaps left out.
+
+    One that holds at the measured gaps alone says nothing between them.
+    """
+    if model.fixed_gap_only:
+        return False
     known = [(one, missed) for one, missed in simpler if missed <= _COMPARABLE * error]
     return bool(known) and all(
         apart_between(model, one, loops) > _EXPLAINED * (error + missed) for one, missed in known
