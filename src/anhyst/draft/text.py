@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from anhyst.support.toml_text import toml_key, toml_value
-
-COLUMN = 38
-"""Where comments begin, if the value leaves room."""
+from anhyst.support.toml_text import toml_key, toml_value, with_comment
 
 SMALL = 1e-2
 """Numbers below it are written in milli, micro and nano."""
@@ -25,14 +22,14 @@ class Entry:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of it."""
-        note = f"# {self.says}" + (f"; guess: {self.guess}" if self.guess else "")
+        note = self.says + (f"; guess: {self.guess}" if self.guess else "")
         if _is_rows(self.value):
-            yield f"{self.key} = [".ljust(COLUMN) + note
+            yield with_comment(f"{self.key} = [", note)
             for row in self.value:  # type: ignore[attr-defined]
                 yield f"  {written(row)},"
             yield "]"
         else:
-            yield f"{self.key} = {written(self.value)}".ljust(COLUMN - 1) + f" {note}"
+            yield with_comment(f"{self.key} = {written(self.value)}", note)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +56,7 @@ class Draft:
         lines += _lines(self.entries)
         for section in self.sections:
             name = f"[[{section.name}]]" if section.one_of else f"[{section.name}]"
-            title = name.ljust(COLUMN - 1) + f" # {section.says}"
-            lines += ["", title, *_lines(section.entries)]
+            lines += ["", with_comment(name, section.says), *_lines(section.entries)]
         return "\n".join(lines) + "\n"
 
     def guesses(self) -> dict[str, str]:

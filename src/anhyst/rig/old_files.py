@@ -14,7 +14,7 @@ from typing import Any
 from anhyst.rig.magnet_table import OPENS
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import RenamedWarning
-from anhyst.support.toml_file import FileFault, TomlFile, TomlFileError
+from anhyst.support.toml_file import FileFault, TomlFile, TomlFileError, faults_error
 from anhyst.support.toml_text import Path as KeyPath
 
 
@@ -33,11 +33,7 @@ def modernise(file: TomlFile, quiet: bool = False) -> None:
 
 def rig_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
     """Say where in a rig file stands what its schema cannot see."""
-    file = TomlFile(path)
-    modernise(file, quiet=True)
-    for fault in faults:
-        file.add(*fault)
-    return file.error()
+    return faults_error(path, faults, lambda file: modernise(file, quiet=True))
 
 
 class _Rewriter:

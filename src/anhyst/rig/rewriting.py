@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from anhyst.rig.file import RigFile
@@ -12,21 +11,17 @@ from anhyst.rig.old_files import modernise
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.toml_file import TomlFile
 from anhyst.support.toml_text import Path as KeyPath
-from anhyst.support.toml_text import parts_of, toml_key, toml_value
-
-_COLUMN = 38
-"""Where comments begin, if the value leaves room."""
+from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
 
 
 def rewrite_rig(source: PathLike, out: PathLike) -> None:
     """Write a rig file in the format of today."""
     check_writable(out, [source])
     file = TomlFile(source)
-    text = Path(source).read_text(encoding="utf-8").splitlines()
+    text = file.text.splitlines()
     modernise(file, quiet=True)
-    notes = {
-        key: parts_of(text[line - 1]) for line, key in {v: k for k, v in file.lines.items()}.items()
-    }
+    last = {line: key for key, line in file.lines.items()}  # on a line with an inline table
+    notes = {key: parts_of(text[line - 1]) for line, key in last.items()}
     head = [line for line in _head(text) if line.startswith("#")]
     with atomic_writer(out) as stream:
         stream.write("\n".join([*head, *_lines(file.content, notes)]) + "\n")
@@ -82,7 +77,7 @@ def _entry(place: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]])
 
 
 def _noted(text: str, note: str) -> str:
-    return f"{text.ljust(_COLUMN - 1)} # {note}" if note else text
+    return with_comment(text, note) if note else text
 
 
 def _is_table(value: Any) -> bool:

@@ -87,7 +87,16 @@ class Judgement:
 
 
 def judge(own: str, comparisons: Sequence[ComparedFigure], what: str, instead: str) -> Judgement:
-    """Judge a model by what it was compared in; ``instead`` says where it would pay."""
+    """Judge a model against the strongest baselines; ``instead`` says where it would pay."""
+    found = weigh(own, comparisons, what)
+    if found.level == "unknown":
+        return found
+    text = f"{own} against the strongest baseline without hysteresis model, {found.text}"
+    return Judgement(found.level, text if found.level == "yes" else f"{text}; {instead}")
+
+
+def weigh(own: str, comparisons: Sequence[ComparedFigure], what: str) -> Judgement:
+    """Say in which figures a model is certainly less, more or alike, whatever it is compared with."""
     known = [one for one in comparisons if not math.isnan(one.ratio) or one.its == one.mine]
     if not known:
         return Judgement("unknown", f"{own} was compared with nothing")
@@ -100,8 +109,7 @@ def judge(own: str, comparisons: Sequence[ComparedFigure], what: str, instead: s
         for word, ones in (("less:", less), ("more:", more), ("alike within the noise:", alike))
         if ones
     ]
-    text = f"{own} against the strongest baseline without hysteresis model, {'; '.join(parts)}"
-    return Judgement(level, text if level == "yes" else f"{text}; {instead}")
+    return Judgement(level, "; ".join(parts))
 
 
 def _listed(comparisons: Sequence[ComparedFigure], count: int, what: str) -> str:

@@ -111,7 +111,7 @@ class TomlFile:
 
     def __init__(self, path: PathLike) -> None:
         self.path = path
-        text = _text(path)
+        self.text = text = _text(path)
         try:
             self.content: dict[str, Any] = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
@@ -237,9 +237,15 @@ def tag_by(key: str, default: str = "", **same: str) -> Callable[[Any], str]:
     return tag
 
 
-def faults_error(path: PathLike, faults: Iterable[FileFault]) -> TomlFileError:
-    """Say where in a file stands what its schema cannot see."""
+def faults_error(
+    path: PathLike,
+    faults: Iterable[FileFault],
+    prepare: Callable[[TomlFile], None] | None = None,
+) -> TomlFileError:
+    """Say where in a file, once it is prepared, stands what its schema cannot see."""
     file = TomlFile(path)
+    if prepare is not None:
+        prepare(file)
     for fault in faults:
         file.add(*fault)
     return file.error()

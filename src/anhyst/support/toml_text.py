@@ -52,6 +52,19 @@ def _string(text: str) -> str:
     return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+COLUMN = 38
+"""Where comments begin, if the value leaves room."""
+
+
+def with_comment(text: str, comment: str) -> str:
+    """Return a line of TOML with a comment at the usual column.
+
+    >>> with_comment("a = 1", "first")
+    'a = 1                                 # first'
+    """
+    return f"{text.ljust(COLUMN - 1)} # {comment}"
+
+
 def parts_of(line: str) -> tuple[str, str]:
     """Return the value of a line of TOML that is whole by itself, as written, and its comment.
 

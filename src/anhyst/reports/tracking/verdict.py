@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.rig.stage.loop import AT_BIAS
 from anhyst.study.tracking.measures import BANDS_M
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
-from anhyst.study.verdict import ComparedFigure, Judgement, compare, judge
+from anhyst.study.verdict import ComparedFigure, Judgement, compare, judge, weigh
 from anhyst.support.pays import STAGE
 
 _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}
@@ -18,8 +17,7 @@ _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "set
 
 def judged(study: TrackingStudy, baseline: MethodName) -> Judgement:
     """Compare the compensator with one baseline."""
-    found = judge(OWN, _compared(study, [baseline]), "measures", STAGE)
-    return replace(found, text=found.text.partition("model, ")[2].removesuffix(f"; {STAGE}"))
+    return weigh(OWN, _compared(study, [baseline]), "measures")
 
 
 def verdict(study: TrackingStudy) -> Judgement:

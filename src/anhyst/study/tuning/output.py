@@ -238,7 +238,7 @@ def markdown(tuning: Tuning) -> str:
 
 def figures_of(tuning: Tuning) -> dict[str, Any]:
     """Return what ``tuning.json`` holds; the same for the same input and seed."""
-    rig, simulate = tuning.rig.settings, tuning.rig.settings
+    rig = tuning.rig.settings
     return {
         "format": "anhyst-tuning",
         "rig": rig.name,
@@ -250,8 +250,8 @@ def figures_of(tuning: Tuning) -> dict[str, Any]:
         "supply_V": rig.amplifier.supply_V,
         "aims": tuning.aims.limits,
         "conditions": [{"gap_m": one.gap, "load_N": one.load} for one in tuning.conditions],
-        "steps_m": list(simulate.step.heights_m),
-        "noise_seeds": simulate.noise_seeds,
+        "steps_m": list(rig.step.heights_m),
+        "noise_seeds": rig.noise_seeds,
         "budget": tuning.budget,
         "seed": tuning.seed,
         "interrupted": tuning.interrupted,
