@@ -166,6 +166,25 @@ def test_loop_that_would_win_energy_is_warned_of() -> None:
     assert any("the wrong way round" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_of_a_loop_without_width_wins_no_energy(seed: int) -> None:
+    loop = magnet(width=0.0)
+    noise = 1.0 * np.random.default_rng(seed).normal(size=67)
+    few = Loop(
+        "1", loop.input[::15], loop.output[::15] + noise, np.full(67, 3e-4), None, loop.history
+    )
+    found = inspect(loopset(few))
+    assert not any("the wrong way round" in text for text in found.warnings)
+
+
+def test_offset_of_a_small_loop_to_both_sides_wins_no_energy() -> None:
+    current = 0.2 * np.sin(np.linspace(np.pi, 3.0 * np.pi, 400))
+    force = 100.0 * current**2
+    small = Loop("2", current + -0.01, force, np.full(400, 3e-4), None, History("settled"))
+    found = inspect(loopset(magnet(bipolar=True), small))
+    assert not any("the wrong way round" in text for text in found.warnings)
+
+
 def test_record_that_never_reverses_is_warned_of() -> None:
     rise = np.linspace(0.0, 2.0, 200)
     found = inspect(loopset(Loop("1", rise, rise**2, np.full(200, 3e-4))))

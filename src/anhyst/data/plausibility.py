@@ -40,7 +40,7 @@ _STRONG = 0.8
 _OFFSET = 0.05
 """Largest negative force, in parts of the largest of all loops, that may be an offset of the sensor."""
 _CERTAIN = 4.0
-"""Standard errors by which a slope must be too large to count as such."""
+"""Standard errors by which a slope, or what a cycle would win, must be too large to count as such."""
 
 
 def check_plausible(loopset: Loops) -> tuple[str, ...]:
@@ -50,8 +50,9 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     the size of the current grows, and starts flat. Flux grows with its field, and energy is lost,
     not won.
 
-    Columns and signs of the force are judged by the largest loop of each gap: in a small one
-    remanence, offset and noise may be larger than what the current adds.
+    Columns and signs of the force are judged by the largest loop of each gap, and so is the sense of
+    one that is driven to both sides: in a small one remanence, offset and noise may be larger than
+    what the current adds.
     """
     warnings = _check_schedule(loopset) + _check_size(loopset)
     answer = output_map(loopset.output)
@@ -71,7 +72,9 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
                 warnings += _check_swap(loop, name)
         if answer.of_flux and not answer.even:
             _check_flux_sign(loopset, loop, name)
-        warnings += _check_sense(loopset, loop, name)
+        even = is_even(loopset) and is_bipolar(loop.input)
+        if not even or any(loop is one for one in largest):
+            warnings += _check_sense(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
     return tuple(warnings)
@@ -207,14 +210,17 @@ def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:
         return []
     size, answer = folded(loop, even=is_even(loopset))
     height = float(np.ptp(answer))
-    total = weight = 0.0
+    total = weight = variance = 0.0
     for one, two in itertools.pairwise(branches(size)):
         found = separation(size, answer, one, two)
         if found is not None:
             share = float(np.ptp(found[0]))
             total += share * float(np.mean(found[1]))
             weight += share
-    if total < -0.005 * height * weight:
+            samples = min(part.stop - part.start for part in (one, two))
+            variance += 2.0 * (share * noise(answer)) ** 2 / samples
+    # What a narrow loop would win or lose may be the noise of the sensor.
+    if total < -max(0.005 * height * weight, _CERTAIN * float(np.sqrt(variance))):
         return [
             f"{name}: the loop runs the wrong way round (it would win energy): channels skewed, "
             "samples in reverse order, or a sign flipped"
