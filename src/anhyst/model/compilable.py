@@ -40,7 +40,10 @@ def obstacle(model: Model) -> str | None:
             "identify with --gap-map scaling or reluctance"
         )
     if np.any(np.atleast_1d(model.parameters["gamma"]) > 0.0):
-        return "gamma: eddy currents cannot be compiled; identify with gamma = 0"
+        return (
+            "gamma: eddy currents cannot be compiled yet; identify from the slowest loops alone, "
+            "with --rate off"
+        )
     return _jump(model)
 
 

@@ -295,7 +295,7 @@ def initial_state(
     model: ActuatorRecord, iron: IronOperator, history: History, schedule: float | None
 ) -> FloatArray:
     """Return the state of the iron before the first sample."""
-    state = np.zeros(model.operator_law.states)
+    state = np.zeros(model.states)
     remembered = history.kind == "conditioned" or model.operator_law.remembers
     if not history.turning_points or not remembered:
         return state
