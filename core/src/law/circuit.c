@@ -56,8 +56,8 @@ anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
                                      double laminated)
 {
-  if (layers < 2 || layers > ANHYST_LAYERS_MAX || !(surface > 0.0 && surface < 1.0) ||
-      !(laminated >= 0.0 && laminated < 1.0)) {
+  if (layers < 1 || layers > ANHYST_LAYERS_MAX || !(surface > 0.0 && surface <= 1.0) ||
+      (layers > 1 && surface == 1.0) || !(laminated >= 0.0 && laminated < 1.0)) {
     return ANHYST_BAD_PARAMETER;
   }
   iron->layers = layers;

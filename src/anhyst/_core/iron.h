@@ -64,8 +64,8 @@ public:
   void make_solid(int layers, double surface, double laminated)
   {
     if (anhyst_iron_layers_f64(&iron_, layers, surface, laminated) != ANHYST_OK) {
-      throw std::invalid_argument("layers: 2 to 16 of them, the share of the surface above 0 and "
-                                  "below 1, what is laminated 0 or above and below 1");
+      throw std::invalid_argument("layers: 1 to 16 of them, the share of the surface above 0 and "
+                                  "below 1 if there are more, what is laminated from 0 to below 1");
     }
   }
 

@@ -42,7 +42,7 @@ def obstacle(model: Model) -> str | None:
     if np.any(np.atleast_1d(model.parameters["gamma"]) > 0.0):
         return (
             "gamma: eddy currents cannot be compiled yet; identify from the slowest loops alone, "
-            "with --rate off"
+            "with --no-rate"
         )
     return _jump(model)
 

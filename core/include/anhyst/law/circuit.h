@@ -29,7 +29,7 @@ typedef struct {
   double interaction;     /* alpha, below 1 */
   double grain;           /* size of a state's numbers, that a tolerance is a part of */
   int layers;             /* 1: the field is the same throughout */
-  double surface;         /* share of the first layer in the section, above 0 and below 1 */
+  double surface;         /* share of the first layer in the section, above 0; 1 where it is all */
   double laminated;       /* share of the path in sheets, that follow at once; 0 up to below 1 */
 } anhyst_iron_f64;
 
@@ -62,7 +62,7 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
 anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells_f64 *cells,
                                        double interaction);
 
-/* Makes an iron solid: 2 to ANHYST_LAYERS_MAX layers. Its state is then the memories of all layers,
+/* Makes an iron solid: 1 (as it is made) to ANHYST_LAYERS_MAX layers. Its state is then the memories of all layers,
    the surface first, and that of what is laminated. Where no eddy field holds them apart, all layers
    have one field, and the iron is what it was. Returns ANHYST_OK or ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
