@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
 from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
@@ -122,10 +122,10 @@ def identify(
     began = time.perf_counter()
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
-    own, cells = _compared(loops, law, search)
 
-    def static(some: Loops) -> _Outcome:
+    def static(some: Loops, law: str = law, gap_map: str = gap_map) -> _Outcome:
         """Find the model of loops at one speed."""
+        own, cells = _compared(some, law, search)
         if _creeps(some, law, search):
             return _creeping(some)
         if LAWS[own].kernel is None:
@@ -183,7 +183,7 @@ def identify(
     line = told(left, loops, model)
     figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
-    warnings += [reason] if (reason := obstacle(model)) is not None else []
+    warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
     return IdentifyResult(
         model=model,
         loops=loops,
@@ -271,9 +271,13 @@ class _Outcome:
     why_rate: str = ""
 
 
-def _at_all_speeds(
-    loops: Loops, static: Callable[[Loops], _Outcome], speeds: Speeds | None
-) -> _Outcome:
+class _Static(Protocol):
+    """The way from loops at one speed to their model."""
+
+    def __call__(self, some: Loops, law: str = ..., gap_map: str = ...) -> _Outcome: ...
+
+
+def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Outcome:
     """Find the model at rest, and around it how late the iron answers."""
     if speeds is None:
         return static(loops)
@@ -285,8 +289,11 @@ def _at_all_speeds(
         return replace(static(loops), why_rate=late.why)
     at_rest = without_rate(late.model, outcome.model, speeds.slow)
     if at_rest is not None:
-        outcome = static(at_rest)
-        late = fit_rate(outcome.model, loops, speeds)
+        again = static(at_rest, outcome.model.law, outcome.model.gap_map)
+        better = fit_rate(again.model, loops, speeds)
+        if better.missed < late.missed:
+            late = better
+            outcome = replace(outcome, uncertainty=again.uncertainty)
     known = outcome.uncertainty.statements
     sure = replace(outcome.uncertainty, statements=(*known, late.statement))
     return replace(outcome, model=late.model, uncertainty=sure, why_rate=late.why)

@@ -74,11 +74,12 @@ class RateFit:
     model: Model  # with layers, or as it was where nothing is gained
     why: str  # a sentence
     std: float = 0.0  # standard deviation of ln(gamma)
+    missed: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
 
     @property
     def pays(self) -> bool:
         """Whether the model depends on rate."""
-        return bool(np.any(self.model.parameters["gamma"]))
+        return self.model.has_eddy_currents
 
     @property
     def statement(self) -> str:
@@ -200,7 +201,7 @@ class _Problem:
         law = model.operator_law
         self.groups: list[list[_Path]] = []
         self.gaps: list[list[float | None]] = []
-        for loops in speeds.fast:
+        for loops in (*speeds.fast, speeds.slow.loops):
             paths = []
             for loop in loops:
                 place = loop.schedule_value if model.fixed_gap_only else None
@@ -212,6 +213,8 @@ class _Problem:
                 paths.append(_Path(model, loop, irons[place], largest))
             self.groups.append(paths)
             self.gaps.append([loop.schedule_value for loop in loops])
+        self.slow = self.groups.pop()
+        self.gaps.pop()
         last = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
         drive = max(float(np.ptp(path.drive)) for path in last)
@@ -311,7 +314,7 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds) -> RateFit:
     why = (
         f"of what was left out of the fit {what} miss {100.0 * best:.2g} %, the static model {told}"
     )
-    return RateFit(made, why, std)
+    return RateFit(made, why, std, mean_missed([*problem.groups, problem.slow], rate))
 
 
 def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:

@@ -13,10 +13,10 @@ each node of the scheduling variable (:mod:`anhyst.model.gap_map` says what runs
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -215,7 +215,20 @@ class ActuatorRecord:
     def needs_time(self) -> bool:
         """Whether a run has to say when its samples were taken."""
         late = self.dynamics is not None and self.dynamics.needs_time
-        return late or bool(np.any(self.parameters["gamma"]))
+        return late or self.has_eddy_currents
+
+    @property
+    def has_eddy_currents(self) -> bool:
+        """Whether the iron itself answers late."""
+        return bool(np.any(self.parameters["gamma"]))
+
+    @property
+    def at_rest(self) -> Self:
+        """The model without what comes late: as it is where nothing changes fast."""
+        if self.dynamics is None and not self.has_eddy_currents:
+            return self
+        still = dict(self.parameters) | {"gamma": 0.0}
+        return replace(self, parameters=still, layers=None, dynamics=None)
 
     @cached_property
     def curves(self) -> Mapping[str, Curve]:
