@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "law/layers.h"
+#include "layers.h"
 
 /* Written so that NaN and infinity fail too. */
 static int iron_valid(const anhyst_iron_f64 *iron)

@@ -10,7 +10,7 @@
    Each left side rises with its S, so that these are the conditions of the minimum of a convex
    function of all S_j. Newton's way to it solves a tridiagonal system a step; a step is shortened
    where the slope along it has turned round. */
-#include "law/layers.h"
+#include "layers.h"
 
 #include <float.h>
 #include <math.h>
