@@ -16,6 +16,7 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/law/cell_sensitivity.c"
   "${ANHYST_CORE_DIR}/src/law/law_lag.c"
   "${ANHYST_CORE_DIR}/src/law/law_cells.c"
+  "${ANHYST_CORE_DIR}/src/law/layers.c"
   "${ANHYST_CORE_DIR}/src/law/circuit.c"
   "${ANHYST_CORE_DIR}/src/law/sensitivity.c"
   "${ANHYST_CORE_DIR}/src/law/batch_dispatch.c"

@@ -39,7 +39,6 @@ def folder(tmp_path: Path) -> Path:
             "no-fixed-point-form: 'jiles-atherton-1986'",
             id="law of 1986",
         ),
-        pytest.param({"gamma_A_s_per_m_T": "1.0"}, "no-fixed-point-form", id="eddy currents"),
         pytest.param(
             {"gap_map": '"free"', "k_A_per_m": "[300.0, 310.0]"},
             "no-fixed-point-form: 'free'",

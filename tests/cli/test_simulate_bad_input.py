@@ -353,10 +353,6 @@ def piezo(model: Model) -> Model:
     return replace(model, input=QUANTITIES["voltage"], output=QUANTITIES["displacement"])
 
 
-def with_eddy_currents(model: Model) -> Model:
-    return replace(model, parameters={**model.parameters, "gamma": 1.0})
-
-
 def of_1986(model: Model) -> Model:
     return replace(model, law="jiles-atherton-1986")
 
@@ -364,7 +360,6 @@ def of_1986(model: Model) -> Model:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        pytest.param(with_eddy_currents, "no-fixed-point-form", id="eddy currents"),
         pytest.param(of_1986, "no-fixed-point-form: 'jiles-atherton-1986'", id="law of 1986"),
     ],
 )

@@ -395,7 +395,6 @@ def test_unreachable_accuracy_names_its_cause(
     [
         ({"law": "jiles-atherton-1986"}, "no-fixed-point-form"),
         ({"valid": None}, "no-valid-range valid"),
-        ({"parameters": {"gamma": 0.1}}, "no-fixed-point-form"),
         ({"parameters": {"alpha": 0.05}}, "no-fixed-point-form"),
         (
             {"gap_map": "free", "parameters": {"k": (300.0, 310.0, 320.0)}},

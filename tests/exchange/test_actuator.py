@@ -13,6 +13,7 @@ from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import export_fmu
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import ValidRange
+from anhyst.model.layers import Layers
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
@@ -142,13 +143,15 @@ def test_an_actuator_without_a_gap_gives_its_output(fmu: Fmu, tmp_path: Path) ->
     assert compare(rod, fmu(rod, "actuator", "2.0"), tmp_path).max() > 1e-5
 
 
+@pytest.mark.parametrize("layers", [None, Layers(3, 0.1, 0.2)])
 def test_eddy_currents_and_creep_follow_the_time_of_a_step(
-    fmu: Fmu, file: Path, model: anhyst.Model, tmp_path: Path
+    fmu: Fmu, file: Path, model: anhyst.Model, tmp_path: Path, layers: Layers | None
 ) -> None:
     late = replace(
         model,
         parameters=dict(model.parameters) | {"gamma": 5.0},
         dynamics=Dynamics(times=(0.002, 0.05), shares=(0.03, 0.02)),
+        layers=layers,
     )
     found = compare(late, fmu(late, "actuator", "2.0"), tmp_path / "late")
     assert np.abs(found - compare(model, file, tmp_path / "at once")).max() > 1.0

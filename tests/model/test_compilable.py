@@ -62,7 +62,8 @@ def test_a_jump_at_the_smallest_gaps_is_reported_with_the_range_that_is_left() -
 
 def test_what_else_cannot_be_compiled_is_reported_with_the_switch_that_helps() -> None:
     assert "--gap-map scaling or reluctance" in str(obstacle(magnet("free")))
-    assert "identify with gamma = 0" in str(obstacle(magnet("none", gamma=0.5)))
+    assert "at_rest" in str(obstacle(magnet("none", gamma=0.5)))
+    assert obstacle(magnet("none", gamma=0.5).at_rest) == obstacle(magnet("none"))
     old = replace(magnet("none"), law="jiles-atherton-1986")
     assert "--law effective-field" in str(obstacle(old))
 

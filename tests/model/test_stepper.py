@@ -7,6 +7,7 @@ import pytest
 
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
+from anhyst.model.layers import Layers
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -16,7 +17,9 @@ LIMIT = 0.45
 STEP = 2.0**-10  # a power of two: differences of times are exact
 
 
-def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0) -> Model:
+def magnet(
+    gap_map: GapMap = "reluctance", gamma: float = 0.0, layers: Layers | None = None
+) -> Model:
     iron: dict[str, Parameter] = {"M_s": 1.3e6, "a": 400.0, "k": 300.0, "c": 0.15, "c_H": 9000.0}
     varying: dict[str, Parameter] = {"rho": (0.004, 0.008)}
     if gap_map == "free":
@@ -30,13 +33,18 @@ def magnet(gap_map: GapMap = "reluctance", gamma: float = 0.0) -> Model:
         schedule=QUANTITIES["gap"],
         nodes=GAPS,
         valid=ValidRange((0.0, 2.0), (0.0, 100.0), (GAPS[0], GAPS[-1])),
+        layers=layers,
     )
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.5])
+@pytest.mark.parametrize(
+    ("gamma", "layers"), [(0.0, None), (0.5, None), (0.5, Layers(3, 0.1, 0.2))]
+)
 @pytest.mark.parametrize("history", ["demagnetised", "conditioned:0,2,0", "settled"])
-def test_committing_a_limited_drive_is_predicting_it(gamma: float, history: str) -> None:
-    model, rng = magnet(gamma=gamma), np.random.default_rng(1)
+def test_committing_a_limited_drive_is_predicting_it(
+    gamma: float, layers: Layers | None, history: str
+) -> None:
+    model, rng = magnet(gamma=gamma, layers=layers), np.random.default_rng(1)
     demand = 40.0 * rng.random(200)
     gap = 0.45e-3 + 0.1e-3 * rng.random(200)
     stepper = model.stepper(gap[0], history)

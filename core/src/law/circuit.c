@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "layers.h"
+
 /* Written so that NaN and infinity fail too. */
 static int iron_valid(const anhyst_iron_f64 *iron)
 {
@@ -21,6 +23,9 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
   iron->shape = shape;
   iron->interaction = interaction;
   iron->grain = 1.0;
+  iron->layers = 1;
+  iron->surface = 1.0;
+  iron->laminated = 0.0;
   if (!iron_valid(iron)) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -42,7 +47,28 @@ anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells
   iron->shape = 1.0;
   iron->interaction = interaction;
   iron->grain = cells->scale;
+  iron->layers = 1;
+  iron->surface = 1.0;
+  iron->laminated = 0.0;
   return iron_valid(iron) ? ANHYST_OK : ANHYST_BAD_PARAMETER;
+}
+
+anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
+                                     double laminated)
+{
+  if (layers < 1 || layers > ANHYST_LAYERS_MAX || !(surface > 0.0 && surface <= 1.0) ||
+      (layers > 1 && surface == 1.0) || !(laminated >= 0.0 && laminated < 1.0)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  iron->layers = layers;
+  iron->surface = surface;
+  iron->laminated = laminated;
+  return ANHYST_OK;
+}
+
+int anhyst_memories_f64(const anhyst_iron_f64 *iron)
+{
+  return iron->layers > 1 ? iron->layers + 1 : 1;
 }
 
 static double flux_from(const anhyst_iron_f64 *iron, double x, double m)
@@ -52,6 +78,9 @@ static double flux_from(const anhyst_iron_f64 *iron, double x, double m)
 
 double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state)
 {
+  if (iron->layers > 1) { /* the laminated part carries the flux of all layers */
+    state += iron->layers;
+  }
   double x;
   double m;
   iron->law->read(iron->parameters, state, &x, &m);
@@ -61,18 +90,24 @@ double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *
 void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                        const anhyst_reaction_f64 *reaction)
 {
-  iron->law->accept(iron->parameters, state, &reaction->solution);
+  const int memories = anhyst_memories_f64(iron);
+  for (int i = 0; i < memories; i++) {
+    iron->law->accept(iron->parameters, &state[i], &reaction->solution[i]);
+  }
 }
 
 anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double drive,
                                  anhyst_reaction_f64 *reaction)
 {
+  if (iron->layers > 1) {
+    return anhyst_layers_forward_f64(iron, state, circuit, drive, reaction);
+  }
   const double load = circuit->gap_ratio + circuit->eddy * ANHYST_MU0;
   const double past = circuit->eddy > 0.0 ? circuit->eddy * anhyst_flux_of_f64(iron, state) : 0.0;
   const double omega = (load / (1.0 + load) - iron->interaction) * (iron->saturation / iron->shape);
   const double r = (drive + past) / ((1.0 + load) * iron->shape);
-  anhyst_solution_f64 *found = &reaction->solution;
+  anhyst_solution_f64 *found = reaction->solution;
   const anhyst_status status = iron->law->solve(iron->parameters, state, omega, r, found);
   if (status != ANHYST_OK) {
     return status;
@@ -87,9 +122,12 @@ anhyst_status anhyst_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memor
                                  const anhyst_circuit_f64 *circuit, double flux,
                                  anhyst_reaction_f64 *reaction)
 {
+  if (iron->layers > 1) {
+    return anhyst_layers_inverse_f64(iron, state, circuit, flux, reaction);
+  }
   const double omega = (1.0 - iron->interaction) * (iron->saturation / iron->shape);
   const double both = flux / ANHYST_MU0;
-  anhyst_solution_f64 *found = &reaction->solution;
+  anhyst_solution_f64 *found = reaction->solution;
   const anhyst_status status =
       iron->law->solve(iron->parameters, state, omega, both / iron->shape, found);
   if (status != ANHYST_OK) {
@@ -139,6 +177,30 @@ anhyst_status anhyst_record_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
   return ANHYST_OK;
 }
 
+/* The numbers of all memories, one after the other; returns how many there are. */
+static int leave(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state, double *numbers)
+{
+  const int memories = anhyst_memories_f64(iron);
+  const int each = iron->law->numbers(iron->parameters);
+  for (int i = 0; i < memories; i++) {
+    iron->law->leave(iron->parameters, &state[i], numbers + (ptrdiff_t)i * each);
+  }
+  return memories * each;
+}
+
+/* Guesses where repetitions lead to, memory by memory. */
+static void hasten(const anhyst_iron_f64 *iron, const double *const ends[3],
+                   anhyst_memory_f64 *state)
+{
+  const int memories = anhyst_memories_f64(iron);
+  const int each = iron->law->numbers(iron->parameters);
+  for (int i = 0; i < memories; i++) {
+    const ptrdiff_t at = (ptrdiff_t)i * each;
+    const double *const own[3] = {ends[0] + at, ends[1] + at, ends[2] + at};
+    iron->law->hasten(iron->parameters, own, &state[i]);
+  }
+}
+
 /* Whether every number of a state has returned. */
 static int returned(int count, const double *before, const double *after, double tol)
 {
@@ -155,11 +217,9 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  const anhyst_law_f64 *law = iron->law;
-  const int count = law->numbers(iron->parameters);
-  double ends[4][ANHYST_NUMBERS_MAX]; /* of the repetitions since the last guess */
+  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX]; /* since the last guess */
   int fresh = 0;
-  law->leave(iron->parameters, state, ends[0]);
+  const int count = leave(iron, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {
     const anhyst_status status =
         anhyst_record_f64(iron, state, inverse, n, given, rho, eddy, 0, 0, index);
@@ -168,14 +228,14 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
     }
     const double *before = ends[fresh];
     fresh = (fresh + 1) % 4;
-    law->leave(iron->parameters, state, ends[fresh]);
+    leave(iron, state, ends[fresh]);
     if (returned(count, before, ends[fresh], tol * iron->grain)) {
       return ANHYST_OK;
     }
-    if (fresh == 0 && law->hasten != 0) {
+    if (fresh == 0 && iron->law->hasten != 0) {
       const double *const last[3] = {ends[2], ends[3], ends[0]};
-      law->hasten(iron->parameters, last, state);
-      law->leave(iron->parameters, state, ends[0]);
+      hasten(iron, last, state);
+      leave(iron, state, ends[0]);
     }
   }
   return ANHYST_NOT_SETTLED;

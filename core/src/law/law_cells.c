@@ -16,6 +16,7 @@ static anhyst_status solve(const void *law, const anhyst_memory_f64 *state, doub
   if (status == ANHYST_OK) {
     found->x = found->next.cells.x;
     found->m = found->next.cells.m;
+    found->slope = found->next.cells.bend.slope;
   }
   return status;
 }

@@ -18,6 +18,7 @@ static anhyst_status solve(const void *law, const anhyst_memory_f64 *state, doub
   if (status == ANHYST_OK) {
     found->x = candidate.state.x;
     found->m = candidate.m;
+    found->slope = candidate.m_slope;
     found->next.lag = candidate.state;
   }
   return status;

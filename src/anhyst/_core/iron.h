@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "anhyst/law/circuit.h"
 #include "arrays.h"
@@ -19,12 +20,12 @@ public:
     const size_t n = given.shape(0);
     Out found = make_array(n);
     Out field = make_array(n);
-    anhyst_memory_f64 now{};
+    Memories now;
     size_t index = 0;
     anhyst_status status = enter(state, &now);
     if (status == ANHYST_OK) {
       nb::gil_scoped_release release;
-      status = anhyst_record_f64(&iron_, &now, inverse, n, given.data(), rho.data(), eddy.data(),
+      status = anhyst_record_f64(&iron_, now.data(), inverse, n, given.data(), rho.data(), eddy.data(),
                                  found.data(), field.data(), &index);
     }
     return nb::make_tuple(found, field, leave(now), static_cast<int>(status), index);
@@ -35,13 +36,13 @@ public:
   {
     same_length(given.shape(0), rho.shape(0), "rho");
     same_length(given.shape(0), eddy.shape(0), "eddy");
-    anhyst_memory_f64 now{};
+    Memories now;
     size_t index = 0;
     int cycles = 0;
     anhyst_status status = enter(state, &now);
     if (status == ANHYST_OK) {
       nb::gil_scoped_release release;
-      status = anhyst_settle_f64(&iron_, &now, inverse, given.shape(0), given.data(), rho.data(),
+      status = anhyst_settle_f64(&iron_, now.data(), inverse, given.shape(0), given.data(), rho.data(),
                                  eddy.data(), tol, max_cycles, &cycles, &index);
     }
     return nb::make_tuple(leave(now), cycles, static_cast<int>(status));
@@ -49,20 +50,32 @@ public:
 
   int check_state(const In &state) const
   {
-    anhyst_memory_f64 now{};
+    Memories now;
     return enter(state, &now);
   }
 
   double flux_of(const In &state) const
   {
-    anhyst_memory_f64 now{};
+    Memories now;
     enter(state, &now);
-    return anhyst_flux_of_f64(&iron_, &now);
+    return anhyst_flux_of_f64(&iron_, now.data());
   }
+
+  void make_solid(int layers, double surface, double laminated)
+  {
+    if (anhyst_iron_layers_f64(&iron_, layers, surface, laminated) != ANHYST_OK) {
+      throw std::invalid_argument("layers: 1 to 16 of them, the share of the surface above 0 and "
+                                  "below 1 if there are more, what is laminated from 0 to below 1");
+    }
+  }
+
+  int layers() const { return iron_.layers; }
 
   const anhyst_iron_f64 *get() const { return &iron_; }
 
 protected:
+  using Memories = std::vector<anhyst_memory_f64>;
+
   AnyIron() = default;
   AnyIron(const AnyIron &) = delete;
   AnyIron &operator=(const AnyIron &) = delete;
@@ -70,18 +83,29 @@ protected:
   anhyst_iron_f64 iron_{};
 
 private:
-  anhyst_status enter(const In &state, anhyst_memory_f64 *now) const
+  size_t numbers() const { return static_cast<size_t>(iron_.law->numbers(iron_.parameters)); }
+
+  anhyst_status enter(const In &state, Memories *now) const
   {
-    same_length(static_cast<size_t>(iron_.law->numbers(iron_.parameters)), state.shape(0),
-                "the state");
-    return iron_.law->enter(iron_.parameters, state.data(), now);
+    now->resize(static_cast<size_t>(anhyst_memories_f64(&iron_)));
+    same_length(numbers() * now->size(), state.shape(0), "the state");
+    for (size_t i = 0; i < now->size(); i++) {
+      const double *own = state.data() + i * numbers();
+      const anhyst_status status = iron_.law->enter(iron_.parameters, own, &(*now)[i]);
+      if (status != ANHYST_OK) {
+        return status;
+      }
+    }
+    return ANHYST_OK;
   }
 
-  Out leave(const anhyst_memory_f64 &now) const
+  Out leave(const Memories &now) const
   {
-    Out numbers = make_array(static_cast<size_t>(iron_.law->numbers(iron_.parameters)));
-    iron_.law->leave(iron_.parameters, &now, numbers.data());
-    return numbers;
+    Out left = make_array(numbers() * now.size());
+    for (size_t i = 0; i < now.size(); i++) {
+      iron_.law->leave(iron_.parameters, &now[i], left.data() + i * numbers());
+    }
+    return left;
   }
 };
 

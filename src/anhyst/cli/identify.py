@@ -116,6 +116,15 @@ DeadBand = Annotated[
 ]
 
 
+Rate = Annotated[
+    bool,
+    typer.Option(
+        help="Where loops run at several speeds, fit how late solid iron answers, or take all of "
+        "them for loops at rest."
+    ),
+]
+
+
 def identify(
     loops: LoopFiles,
     out: Out,
@@ -126,6 +135,7 @@ def identify(
     weights: WeightsOption = Weights.LOOPS,
     offsets: Offsets = True,
     dead_band: DeadBand = True,
+    rate: Rate = True,
     columns: Columns = None,
     sidecar: Sidecar = None,
     schedule: Schedule = None,
@@ -168,6 +178,7 @@ def identify(
             weights=weights.value,
             offsets=offsets,
             dead_band=dead_band,
+            rate=rate,
             progress=progress,
             checkpoint=checkpoint,
         )
@@ -270,6 +281,8 @@ def _show(result: IdentifyResult, out: Path) -> None:
         lines.append(str(reason))
     if chosen := model.provenance.settings.get("dead_band"):
         lines.append(f"dead band: {chosen}")
+    if late := model.provenance.settings.get("rate"):
+        lines.append(f"rate: {late}")
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)

@@ -178,7 +178,7 @@ def compile_model(
     check_folder(out)
     model = read_model(model_path)
     late = not_compiled(model)
-    model = replace(model, dynamics=None)
+    model = model.at_rest
     controller = None
     if controller_path is not None:
         controller = read_fitting(controller_path, request, model_path)
@@ -212,8 +212,13 @@ def compile_model(
 
 
 def not_compiled(model: Model) -> tuple[str, ...]:
-    """Say what of lag and creep is left to what stands around the compensator."""
+    """Say what comes late and is left to what stands around the compensator."""
     late, said = model.dynamics, []
+    if model.has_eddy_currents:
+        said.append(
+            "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
+            "are, and anhyst predict with column t_s says what that leaves"
+        )
     if late is not None and late.lag > 0.0:
         said.append(f"the lag of {late.lag:.3g} s is not compiled: give the demand so much earlier")
     if late is not None and late.times:

@@ -114,7 +114,7 @@ def compile_play(
         )
     CompileRequest("full", "q31", rate, name=name)  # the same rates and names
     check_folder(out)
-    model = read_model(model_path)
+    model = read_model(model_path).at_rest
     try:
         operating = _operating(model, rate)
         play = one_play(Sources(operating, model_loops(model, operating)), "fixed")

@@ -12,7 +12,7 @@ from anhyst.model.parameters import CIRCUIT
 from anhyst.support.errors import InputError
 
 _CORE = (
-    *("numeric/elementary.c", "law/langevin.c", "law/circuit.c"),
+    *("numeric/elementary.c", "law/langevin.c", "law/circuit.c", "law/layers.c"),
     *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
     *(f"law/{name}.c" for name in ("branch", "operator", "lag_exact", "lag_linear", "lag_1986")),
     *("law/solver.c", "law/law_lag.c"),
@@ -42,7 +42,7 @@ def actuator_part(model: Model) -> Part:
             code="law-not-in-core",
         )
     around, rows = _around(model)
-    defined = _law(model) | around | _creep(model)
+    defined = _law(model) | around | _creep(model) | _layers(model)
     files = {name: text.encode() for name, text in core_files(_CORE).items()}
     files |= {name: (WRAPPER / name).read_bytes() for name in ("actuator.c", "curve.c", "curve.h")}
     files["actuator_numbers.h"] = header("actuator_numbers", defined, rows).encode()
@@ -119,6 +119,16 @@ def _creep(model: Model) -> dict[str, object]:
         "ACTUATOR_CREEPS": len(times),
         "ACTUATOR_TIMES": row(times or (1.0,)),
         "ACTUATOR_SHARES": row(shares or (0.0,)),
+    }
+
+
+def _layers(model: Model) -> dict[str, object]:
+    if model.layers is None:
+        return {"ACTUATOR_MEMORIES": 1}
+    return {
+        "ACTUATOR_MEMORIES": model.layers.memories,
+        "ACTUATOR_SURFACE": model.layers.surface,
+        "ACTUATOR_LAMINATED": model.layers.laminated,
     }
 
 

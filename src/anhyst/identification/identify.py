@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
 from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
@@ -25,6 +26,7 @@ from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
+from anhyst.identification.rate import Speeds, fit_rate, speeds_of, without_rate
 from anhyst.identification.rest import rest_of
 from anhyst.identification.result import IdentifyResult
 from anhyst.identification.run import SEARCHED, SearchRun
@@ -65,6 +67,7 @@ def identify(
     weights: str = "loops",
     offsets: bool = True,
     dead_band: bool = True,
+    rate: bool = True,
     progress: Progress | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
 ) -> IdentifyResult:
@@ -93,6 +96,10 @@ def identify(
     dead_band : bool
         Whether the law is given the widest dead band ``r_d`` that the loops allow, so that small
         movements leave no trace in its memory; the search ``paper`` gives none.
+    rate : bool
+        Whether, where loops of a gap run at speeds three times apart and more, it is fitted how late
+        solid iron answers: layers of the law (docs/rate.md). The static model is then that of the
+        slow loops. Where a model at rest predicts as well, it is that of all loops.
     progress : callable or None
         Called with the number of stages done and the total.
     checkpoint : path-like or None
@@ -115,28 +122,33 @@ def identify(
     began = time.perf_counter()
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
-    own, cells = _compared(loops, law, search)
-    if _creeps(loops, law, search):
-        outcome = _creeping(loops)
-    elif LAWS[own].kernel is None:
-        outcome = _any_law(loops, own, gap_map, seed, weights, offsets=offsets)
-    else:
-        rest = rest_of(loops) if offsets and search == "default" else None
+
+    def static(some: Loops, law: str = law, gap_map: str = gap_map) -> _Outcome:
+        """Find the model of loops at one speed."""
+        own, cells = _compared(some, law, search)
+        if _creeps(some, law, search):
+            return _creeping(some)
+        if LAWS[own].kernel is None:
+            return _any_law(some, own, gap_map, seed, weights, offsets=offsets)
+        rest = rest_of(some) if offsets and search == "default" else None
         run = SearchRun(
-            form=form_of(loops.input, loops.output, own),
+            form=form_of(some.input, some.output, own),
             cells=cells,
             only_cells=law != AUTO,
-            records=records_of(loops, weights, rest),
+            records=records_of(some, weights, rest),
             seed=seed,
             held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
             progress=progress,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
-        outcome = _search(run, loops, gap_map, search)
-    freed = resolved(outcome.model, loops)
-    if not is_guessed(loops) or first_rise(freed, loops) <= FARTHEST:
-        outcome = replace(outcome, model=freed)
+        outcome = _search(run, some, gap_map, search)
+        freed = resolved(outcome.model, some)
+        usable = not is_guessed(some) or first_rise(freed, some) <= FARTHEST
+        return replace(outcome, model=freed) if usable else outcome
+
+    able = rate and search == "default" and not _creeps(loops, law, search)
+    outcome = _at_all_speeds(loops, static, speeds_of(loops) if able else None)
     warnings = [*odd, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {
         "search": search,
@@ -147,6 +159,7 @@ def identify(
         "gap_map_wanted": gap_map,
         "gap_map_reason": outcome.why,
         "dead_band": outcome.dead_band,
+        **({"rate": outcome.why_rate} if outcome.why_rate else {}),
     }
     common = {
         "name": _name(loops),
@@ -170,7 +183,7 @@ def identify(
     line = told(left, loops, model)
     figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
-    warnings += [reason] if (reason := obstacle(model)) is not None else []
+    warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
     return IdentifyResult(
         model=model,
         loops=loops,
@@ -255,6 +268,35 @@ class _Outcome:
     steps: tuple[ReductionStep, ...] = ()
     per_gap: Model | None = None
     resumed: int = 0
+    why_rate: str = ""
+
+
+class _Static(Protocol):
+    """The way from loops at one speed to their model."""
+
+    def __call__(self, some: Loops, law: str = ..., gap_map: str = ...) -> _Outcome: ...
+
+
+def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Outcome:
+    """Find the model at rest, and around it how late the iron answers."""
+    if speeds is None:
+        return static(loops)
+    outcome = static(speeds.slow)
+    if outcome.interrupted:
+        return outcome
+    late = fit_rate(outcome.model, loops, speeds)
+    if not late.pays:
+        return replace(static(loops), why_rate=late.why)
+    at_rest = without_rate(late.model, outcome.model, speeds.slow)
+    if at_rest is not None:
+        again = static(at_rest, outcome.model.law, outcome.model.gap_map)
+        better = fit_rate(again.model, loops, speeds)
+        if better.missed < late.missed:
+            late = better
+            outcome = replace(outcome, uncertainty=again.uncertainty)
+    known = outcome.uncertainty.statements
+    sure = replace(outcome.uncertainty, statements=(*known, late.statement))
+    return replace(outcome, model=late.model, uncertainty=sure, why_rate=late.why)
 
 
 def _creeps(loops: Loops, law: str, search: str) -> bool:

@@ -53,6 +53,7 @@ class IdentifyTable(Table):
     weights: Weights = "loops"
     offsets: bool = True
     dead_band: bool = True
+    rate: bool = True
     columns: Annotated[str, _readable("columns")] | None = None
     sidecar: str | None = None
     schedule: str | None = None
@@ -86,4 +87,5 @@ class IdentifyTable(Table):
             "weights": self.weights,
             "offsets": self.offsets,
             "dead_band": self.dead_band,
+            "rate": self.rate,
         }

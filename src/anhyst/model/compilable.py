@@ -39,8 +39,8 @@ def obstacle(model: Model) -> str | None:
             "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
             "identify with --gap-map scaling or reluctance"
         )
-    if np.any(np.atleast_1d(model.parameters["gamma"]) > 0.0):
-        return "gamma: eddy currents cannot be compiled; identify with gamma = 0"
+    if model.has_eddy_currents:
+        return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
     return _jump(model)
 
 

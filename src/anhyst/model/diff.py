@@ -152,6 +152,7 @@ def _settings(
         return {
             "law": model.law,
             "cells": str(model.cells) if model.cells else None,
+            "layers": str(model.layers) if model.layers else None,
             "gap_map": model.gap_map,
             "history": str(model.history),
             "schedule": schedule.column if schedule else None,

@@ -161,6 +161,8 @@ def _run_at_once(
             f"the schedule changes {len(runs) - 1} times; the iron of this model changes with it, "
             f"so each stretch starts again ({past})"
         )
+    if model.dynamics is not None and time is not None:
+        notes += too_fast(model.dynamics, drive, as_samples(time, "time", drive.size))
     if past.kind == "settled" and any(_is_open(given[run]) for run in runs):
         notes.append(
             f"the {kind} does not end where it starts; 'settled' repeats it with a straight return"
@@ -199,8 +201,7 @@ def _drive_late(
         circuit = model.circuit(at, np.zeros(drive.size))
         output = circuit.output(late.added(flux, time, slow).found)
     valid, flags = flag(model, "drive", drive, output, at, found.reachable)
-    notes = found.notes + too_fast(late, drive, time)
-    return replace(found, drive=drive, output=output, valid=valid, flags=flags, notes=notes)
+    return replace(found, drive=drive, output=output, valid=valid, flags=flags)
 
 
 def _demand_late(
@@ -222,8 +223,7 @@ def _demand_late(
     found = _run_at_once(model, "demand", at_once, schedule, time, past)
     drive = late.advanced(found.drive, time)
     valid, flags = flag(model, "demand", drive, demand, at, reachable & found.reachable)
-    notes = found.notes + too_fast(late, drive, time)
-    return replace(found, drive=drive, output=demand, valid=valid, flags=flags, notes=notes)
+    return replace(found, drive=drive, output=demand, valid=valid, flags=flags)
 
 
 def _slow_start(
@@ -295,7 +295,7 @@ def initial_state(
     model: ActuatorRecord, iron: IronOperator, history: History, schedule: float | None
 ) -> FloatArray:
     """Return the state of the iron before the first sample."""
-    state = np.zeros(model.operator_law.states)
+    state = np.zeros(model.states)
     remembered = history.kind == "conditioned" or model.operator_law.remembers
     if not history.turning_points or not remembered:
         return state
@@ -371,7 +371,7 @@ def as_history(history: History | str | None, model: ActuatorRecord) -> History:
 
 def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> FloatArray | None:
     """Return 1/dt of each sample, 1/s (0 for the first); None for a model without eddy currents."""
-    if not np.any(model.parameters["gamma"]):
+    if not model.has_eddy_currents:
         return None
     if time is None:
         raise InputError(

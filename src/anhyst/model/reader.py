@@ -26,6 +26,7 @@ from anhyst.model.fit_record import (
     ValidRange,
 )
 from anhyst.model.keys import VERSION, Names, meant, section_names
+from anhyst.model.layers import Layers
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.schema import (
@@ -272,6 +273,7 @@ class _Reader:
         except InputError as error:
             self.file.add(("history",), str(error), code=error.code)
         late = self._dynamics(table)
+        layers = self._layers(table)
         self._stop_if_wrong()
         model = kind(
             name=table.name,
@@ -293,6 +295,7 @@ class _Reader:
             provenance=_provenance(table),
             cells=cells,
             dynamics=late,
+            layers=layers,
         )
         try:
             for node in model.nodes if model.fixed_gap_only else (None,):
@@ -316,6 +319,16 @@ class _Reader:
             self.file.add(
                 ("dynamics",), str(error).removeprefix("model dynamics: "), code=error.code
             )
+            return None
+
+    def _layers(self, table: ModelTable) -> Layers | None:
+        if table.layers is None:
+            return None
+        try:
+            return Layers(**dict(table.layers))
+        except InputError as error:
+            text = str(error).removeprefix("model layers: ")
+            self.file.add(("layers", error.key), text, code=error.code)
             return None
 
     def _stop_if_wrong(self) -> None:

@@ -13,10 +13,10 @@ each node of the scheduling variable (:mod:`anhyst.model.gap_map` says what runs
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,7 @@ from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
 from anhyst.model.keys import Names, parameter_names
+from anhyst.model.layers import Layers
 from anhyst.model.parameters import (
     CIRCUIT,
     GapMap,
@@ -49,9 +50,16 @@ def _as_parameter(value: ArrayLike) -> Parameter:
 
 
 @lru_cache(maxsize=256)
-def _iron(law: Law, *parameters: float) -> IronOperator:
+def _iron(law: Law, layers: Layers | None, *parameters: float) -> IronOperator:
+    from anhyst._core import AnyIron
+
     try:
-        return law.iron(*parameters)
+        iron = law.iron(*parameters)
+        if layers is not None:
+            if not isinstance(iron, AnyIron):
+                raise ValueError(f"the core does not have law {law.name}, and layers run there")
+            iron.make_solid(layers.count, layers.surface, layers.laminated)
+        return iron
     except ValueError as error:
         raise InputError(
             f"model parameters: {error}", code="parameters-out-of-range", key="parameters"
@@ -91,6 +99,8 @@ class ActuatorRecord:
         The cells of a law that has some, in place of the parameters that describe them.
     dynamics : Dynamics or None
         Lag and creep; None for what answers at once.
+    layers : Layers or None
+        How solid iron is cut into layers; None where the field is the same throughout.
 
     Raises
     ------
@@ -114,6 +124,7 @@ class ActuatorRecord:
     provenance: Provenance = field(default_factory=Provenance)
     cells: CellWeights | None = None
     dynamics: Dynamics | None = None
+    layers: Layers | None = None
 
     def __post_init__(self) -> None:
         given = {name: _as_parameter(value) for name, value in self.parameters.items()}
@@ -165,6 +176,11 @@ class ActuatorRecord:
         """The law, with its cells if the model gives them."""
         return law_of(self.law, self.cells)
 
+    @property
+    def states(self) -> int:
+        """Numbers that the iron remembers; all are zero where it is demagnetised."""
+        return self.operator_law.states * (self.layers.memories if self.layers else 1)
+
     @cached_property
     def keys(self) -> Names:
         """Names of the parameters in a file, bare and with their unit."""
@@ -199,7 +215,20 @@ class ActuatorRecord:
     def needs_time(self) -> bool:
         """Whether a run has to say when its samples were taken."""
         late = self.dynamics is not None and self.dynamics.needs_time
-        return late or bool(np.any(self.parameters["gamma"]))
+        return late or self.has_eddy_currents
+
+    @property
+    def has_eddy_currents(self) -> bool:
+        """Whether the iron itself answers late."""
+        return bool(np.any(self.parameters["gamma"]))
+
+    @property
+    def at_rest(self) -> Self:
+        """The model without what comes late: as it is where nothing changes fast."""
+        if self.dynamics is None and not self.has_eddy_currents:
+            return self
+        still = dict(self.parameters) | {"gamma": 0.0}
+        return replace(self, parameters=still, layers=None, dynamics=None)
 
     @cached_property
     def curves(self) -> Mapping[str, Curve]:
@@ -307,7 +336,7 @@ class ActuatorRecord:
         at = np.array([self.schedule_or_default(schedule) if self.fixed_gap_only else 0.0])
         law = self.operator_law
         values = (float(self.over_schedule(spec.name, at)[0]) for spec in law.parameters)
-        return _iron(law, *values)
+        return _iron(law, self.layers, *values)
 
     def circuit(self, schedule: FloatArray | None, eddy_rate: FloatArray) -> Circuit:
         """Return what surrounds the iron, sample by sample.

@@ -83,6 +83,14 @@ class DynamicsTable(Table):
     fastest: FiniteFloat = 0.0
 
 
+class LayersTable(Table):
+    """``[layers]``: how solid iron is cut."""
+
+    count: int
+    surface: FiniteFloat
+    laminated: FiniteFloat = 0.0
+
+
 class ValidTable(Table):
     """``[valid]``: smallest and largest measured values."""
 
@@ -190,6 +198,7 @@ class ModelTable(Table):
     parameters: dict[str, Any]
     cells: CellsTable | None = None
     dynamics: DynamicsTable | None = None
+    layers: LayersTable | None = None
     valid: ValidTable | None = None
     fit: FitTable | None = None
     uncertainty: UncertaintyTable | None = None

@@ -11,6 +11,7 @@ from anhyst.laws.registry import LAWS
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
 from anhyst.model.keys import FORMAT, VERSION, column
+from anhyst.model.layers import Layers
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike, atomic_writer
@@ -46,6 +47,10 @@ DYNAMICS = """
 # What comes late: the lag from the input to the output; creep, slow parts with these time constants
 # that add these shares of what the actuator does at once; and the rate of cycles up to which the
 # model was seen to hold, 0 where that is not known.
+"""
+LAYERS = """
+# Solid iron: layers of the law, the first at the surface with this share of the section, between
+# which the field diffuses (gamma above); and the share of the path in sheets, which follow at once.
 """
 FIT = """
 # How far the model is from the measurement it was found from: mean absolute, root mean square and
@@ -96,6 +101,7 @@ def model_text(model: ActuatorRecord) -> str:
         "\n[parameters]" + PARAMETERS_HEAD + _parameters(model),
         _cells(model.cells) if model.cells else "",
         _dynamics(model.dynamics) if model.dynamics else "",
+        _layers(model.layers) if model.layers else "",
         _valid(model),
     ]
     if model.fit:
@@ -173,6 +179,15 @@ def _dynamics(late: Dynamics) -> str:
         "fastest_Hz": float(late.fastest),
     }
     return f"{DYNAMICS}[dynamics]\n{_keys(table)}"
+
+
+def _layers(layers: Layers) -> str:
+    table = {
+        "count": layers.count,
+        "surface": float(layers.surface),
+        "laminated": float(layers.laminated),
+    }
+    return f"{LAYERS}[layers]\n{_keys(table)}"
 
 
 def _valid(model: ActuatorRecord) -> str:

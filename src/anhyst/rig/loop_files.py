@@ -79,5 +79,5 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fi
 def identify_loops(
     loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
 ) -> Model:
-    """Identify a model as a rig file wants it."""
-    return identify(loops, **options.searching(gap_map), progress=progress).model
+    """Identify a model as a rig file wants it, at rest as its compensators are."""
+    return identify(loops, **options.searching(gap_map), progress=progress).model.at_rest

@@ -7,7 +7,6 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +120,7 @@ def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     wanted = manifest["model"]["sha256"]
     for place in (one for folder in folders for one in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(place.read_bytes()).hexdigest() == wanted:
-            return replace(read_model(place), dynamics=None)
+            return read_model(place).at_rest
     places = " or ".join(str(folder) for folder in folders)
     raise InputError(
         f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "

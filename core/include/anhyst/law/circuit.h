@@ -14,7 +14,13 @@
 extern "C" {
 #endif
 
-/* A material in physical units; what it points to must outlive it. */
+/* Layers of a solid iron, at most. */
+#define ANHYST_LAYERS_MAX 16
+/* Memories of an iron, at most: of each layer, and of what is laminated. */
+#define ANHYST_MEMORIES_MAX (ANHYST_LAYERS_MAX + 1)
+
+/* A material in physical units; what it points to must outlive it. One of several layers is solid:
+   its field diffuses from the surface inwards (layers.c). */
 typedef struct {
   const anhyst_law_f64 *law;
   const void *parameters; /* of the law */
@@ -22,17 +28,22 @@ typedef struct {
   double shape;           /* unit of the effective field in the law, A/m */
   double interaction;     /* alpha, below 1 */
   double grain;           /* size of a state's numbers, that a tolerance is a part of */
+  int layers;             /* 1: the field is the same throughout */
+  double surface;         /* share of the first layer in the section, above 0; 1 where it is all */
+  double laminated;       /* share of the path in sheets, that follow at once; 0 up to below 1 */
 } anhyst_iron_f64;
 
 /* The circuit around the iron at one sample. All zero: the drive is the field itself. */
 typedef struct {
   double gap_ratio; /* rho: reluctance of the gap over that of an air-filled iron path, >= 0 */
-  double eddy;      /* gamma/dt, A/(m T): opposing field per change of flux density, >= 0 */
+  /* gamma/dt, A/(m T): field, from the surface to the middle of what is solid, that opposes each
+     change of flux density, >= 0 */
+  double eddy;
 } anhyst_circuit_f64;
 
 /* A solution that has not been committed. */
 typedef struct {
-  anhyst_solution_f64 solution;
+  anhyst_solution_f64 solution[ANHYST_MEMORIES_MAX]; /* of the memories */
   double drive; /* c_H*I, or the applied field, A/m */
   double field; /* in the iron, A/m */
   double flux;  /* flux density B, T */
@@ -51,7 +62,16 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
 anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells_f64 *cells,
                                        double interaction);
 
-/* Flux density of a state, T. */
+/* Makes an iron solid: 1 (as it is made) to ANHYST_LAYERS_MAX layers. Its state is then the memories of all layers,
+   the surface first, and that of what is laminated. Where no eddy field holds them apart, all layers
+   have one field, and the iron is what it was. Returns ANHYST_OK or ANHYST_BAD_PARAMETER. */
+anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
+                                     double laminated);
+
+/* Memories that a state of the iron consists of. */
+int anhyst_memories_f64(const anhyst_iron_f64 *iron);
+
+/* Flux density of a state, T. Here and below a state is the first of its memories. */
 double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state);
 
 /* Takes a solution over into the state from which it was found. */
@@ -59,7 +79,8 @@ void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                        const anhyst_reaction_f64 *reaction);
 
 /* Drive given: x + (R/(1+R) - alpha)*M = (drive + eddy*B0)/(1+R), R = rho + eddy*mu0; backward
-   Euler for the eddy field gamma*dB/dt. The state is not touched; status as anhyst_solve. */
+   Euler for the eddy field gamma*dB/dt. Solid iron: the equations of layers.c, to 1e-12 of the
+   fields in them. The state is not touched; status as anhyst_solve. */
 anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double drive,
                                  anhyst_reaction_f64 *reaction);

@@ -23,6 +23,7 @@ typedef union {
 typedef struct {
   double x; /* effective field */
   double m; /* magnetisation, both in units of the law */
+  double slope; /* dm/dx where it stands, along the way there */
   union {
     anhyst_state_f64 lag;
     anhyst_cells_candidate_f64 cells;

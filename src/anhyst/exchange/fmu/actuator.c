@@ -34,7 +34,7 @@ typedef struct {
 } tables_of;
 
 typedef struct {
-  anhyst_memory_f64 memory;
+  anhyst_memory_f64 memory[ACTUATOR_MEMORIES];
   double flux; /* of the iron, without creep, T */
   double slow[ACTUATOR_CREEPS + 1];
   int begun;
@@ -42,14 +42,13 @@ typedef struct {
 
 #if ACTUATOR_HAS_CELLS
 
-static int build(void *tables)
+static int build_law(tables_of *made)
 {
   static const double threshold[] = ACTUATOR_THRESHOLDS;
   static const double width[] = ACTUATOR_WIDTHS;
   static const double weight[] = ACTUATOR_WEIGHTS;
   static const anhyst_cell_weights_f64 given = {ACTUATOR_CELLS, ACTUATOR_CURVES, threshold,
                                                 width,          weight,          ACTUATOR_SHAPE};
-  tables_of *made = (tables_of *)tables;
   size_t pieces = 0;
   if (anhyst_cells_lay_f64(&made->cells, &given, ANHYST_CELLS_AIM, &pieces) != ANHYST_OK) {
     return -1;
@@ -68,9 +67,8 @@ static void drop(void *tables) { free(((tables_of *)tables)->rows); }
 
 #else
 
-static int build(void *tables)
+static int build_law(tables_of *made)
 {
-  tables_of *made = (tables_of *)tables;
   if (ACTUATOR_STEP == ANHYST_STEP_EXACT &&
       anhyst_branch_build_f64(&made->branch, ACTUATOR_PINNING / ACTUATOR_WIDTH) != ANHYST_OK) {
     return -1;
@@ -85,6 +83,22 @@ static int build(void *tables)
 static void drop(void *tables) { (void)tables; }
 
 #endif
+
+static int build(void *tables)
+{
+  tables_of *made = (tables_of *)tables;
+  if (build_law(made) != 0) {
+    return -1;
+  }
+#if ACTUATOR_MEMORIES > 1
+  return anhyst_iron_layers_f64(&made->iron, ACTUATOR_MEMORIES - 1, ACTUATOR_SURFACE,
+                                ACTUATOR_LAMINATED) == ANHYST_OK
+             ? 0
+             : -1;
+#else
+  return 0;
+#endif
+}
 
 /* There are no pointers in its state. */
 static void relink(const void *tables, void *state)
@@ -182,12 +196,12 @@ static const char *tick(const void *tables, void *state, double *values, double 
   }
   circuit.gap_ratio = around.rho;
   circuit.eddy = around.gamma * (1.0 / seconds);
-  status = anhyst_forward_f64(&made->iron, &now->memory, &circuit,
+  status = anhyst_forward_f64(&made->iron, now->memory, &circuit,
                               around.turns * (values[DRIVE] - around.drive_zero), &reaction);
   if (status != ANHYST_OK) {
     return why_not(status);
   }
-  anhyst_accept_f64(&made->iron, &now->memory, &reaction);
+  anhyst_accept_f64(&made->iron, now->memory, &reaction);
   added = creep(now, seconds, slow);
   for (i = 0; i < ACTUATOR_CREEPS; i++) {
     now->slow[i] = slow[i];

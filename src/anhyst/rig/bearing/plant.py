@@ -155,6 +155,12 @@ def law_of(rig: BearingRig) -> Model:
     """Return the identified law that makes a rig's force."""
     assert rig.model is not None
     model = read_model(rig.model)
+    if model.layers is not None:
+        raise InputError(
+            f"{rig.model}: a virtual magnet of a law has no layers; take out its [layers]",
+            code="layers-not-in-plant",
+            key="model",
+        )
     if model.fixed_gap_only or not model.needs_schedule or model.power != 2:
         raise InputError(
             f"{rig.model}: a bearing needs a model of force over current whose gap may move; "

@@ -1,0 +1,154 @@
+"""Solid iron: a model of layers against the same model at rest, on magnets that are not layers.
+
+``python benchmarks/solid.py FILE.png`` draws docs/img/rate.png. The model at rest is what is identified
+from the slow loops alone. Gaps and speeds that are compared were not fitted.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from anhyst.data import Loop
+from anhyst.identification import identify
+from anhyst.identification.rate import speeds_of
+from anhyst.model.actuator import Model
+from rows import ROOT, Row
+from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
+
+REACH = {"1 Hz": (0.12, 0.6), "20 Hz": (0.35, 1.2), "100 Hz": (0.9, 3.0), "random": (0.4, 2.5)}
+"""Mean and worst deviation to reach, % of the largest force."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One magnet: mean and worst deviation, % of the largest force, at rest and with layers."""
+
+    number: int
+    at_rest: dict[str, tuple[float, float]]
+    layers: dict[str, tuple[float, float]]
+    slow: float  # rms of the slow loops with layers, in parts of that at rest
+    seconds: float
+    chosen: str
+
+
+def judge(number: int) -> Judged:
+    """Identify a magnet and run both models over what was not fitted."""
+    magnet = solid_magnet(number)
+    loops = magnet.measured()
+    speeds = speeds_of(loops)
+    assert speeds is not None
+    began = time.process_time()
+    model = identify(loops).model
+    seconds = time.process_time() - began
+    still = identify(speeds.slow).model
+    largest = max(float(np.max(loop.output)) for loop in loops.loops)
+    between = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
+    records = {f"{rate:g} Hz": magnet.cycle(rate, between) for rate in (1.0, 20.0, 100.0)}
+    records["random"] = magnet.random((magnet.gaps[0], magnet.gaps[-1]))
+    found = {
+        one: {name: _missed(one, loop, largest) for name, loop in records.items()}
+        for one in (still, model)
+    }
+    assert model.fit is not None
+    assert still.fit is not None
+    with_layers = [one.rms for one in model.fit.loops if one.label.startswith(f"{SPEEDS[0]:g} ")]
+    slow = float(np.sqrt(np.mean(np.square(with_layers))) / still.fit.rms)
+    chosen = f"{model.law}, {model.gap_map}, layers {model.layers}"
+    return Judged(number, found[still], found[model], slow, seconds, chosen)
+
+
+def _missed(model: Model, loop: Loop, largest: float) -> tuple[float, float]:
+    history = "demagnetised" if loop.label == "random" else "settled"
+    made = model.predict(loop.input, loop.schedule, loop.time, history).output
+    off = 100.0 * np.abs(made - loop.output) / largest
+    return float(off.mean()), float(off.max())
+
+
+def rows() -> list[Row]:
+    """Judge all magnets, those that were looked at and the others apart."""
+    judged = [judge(number) for number in range(COUNT)]
+    lines = []
+    for title, odd in (("looked at", 0), ("not looked at", 1)):
+        half = [one for one in judged if one.number % 2 == odd]
+        for name, (mean, worst) in REACH.items():
+            lines.append(
+                Row(
+                    f"solid iron, {name}, magnets {title}: mean / worst, % of F_max",
+                    f"<= {mean:g} / {worst:g}",
+                    "; ".join(
+                        f"{one.layers[name][0]:.2f} / {one.layers[name][1]:.2f} "
+                        f"(at rest {one.at_rest[name][0]:.2f} / {one.at_rest[name][1]:.2f}"
+                        f"{', rings' if one.number >= RINGS_FROM else ''})"
+                        for one in half
+                    ),
+                    all(
+                        one.layers[name][0] <= mean and one.layers[name][1] <= worst for one in half
+                    ),
+                )
+            )
+        lines.append(
+            Row(
+                f"slow loops with layers over at rest, rms, magnets {title}",
+                "<= 1.2",
+                "; ".join(f"{one.slow:.2f} ({one.chosen})" for one in half),
+                all(one.slow <= 1.2 for one in half),
+            )
+        )
+    most = max(one.seconds for one in judged)
+    told = f"median {np.median([one.seconds for one in judged]):.1f} s, worst {most:.1f} s"
+    lines.append(Row("identify, nine records", "<= 10 s", told, most <= 10.0, most))
+    return lines
+
+
+def draw(path: Path, magnet: SolidMagnet) -> None:
+    """Draw loops at three speeds with the model, and where the flux is at the fastest."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    model = identify(magnet.measured()).model
+    gap = magnet.gaps[0]
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.8), layout="constrained")
+    for rate, colour in zip((0.5, 20.0, 100.0), ("0.6", "tab:blue", "tab:red"), strict=True):
+        loop = magnet.cycle(rate, gap)
+        made = model.predict(loop.input, gap, loop.time, "settled").output
+        left.plot(loop.input, loop.output, color=colour, lw=2.5, alpha=0.5, label=f"{rate:g} Hz")
+        left.plot(loop.input, made, color=colour, lw=1.0)
+    left.set(xlabel="current, A", ylabel="force, N")
+    left.legend(title="wide: magnet, thin: model")
+    _draw_layers(right, model, magnet.cycle(50.0, gap), gap)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_layers(axes: object, model: Model, loop: Loop, gap: float) -> None:
+    """Draw the field of each layer over two cycles, the surface first."""
+    from matplotlib.axes import Axes
+
+    assert isinstance(axes, Axes)
+    assert model.layers is not None
+    assert loop.time is not None
+    step = float(loop.time[1])
+    drive = np.tile(loop.input, 3)
+    stepper = model.stepper(gap, "demagnetised")
+    fields = []
+    for amperes in drive:
+        stepper.commit(float(amperes), gap, step)
+        memories = stepper.state.reshape(model.layers.memories, -1)
+        fields.append(memories[:-1, 0])
+    clock = 1e3 * step * np.arange(loop.n)
+    for layer, field in enumerate(np.array(fields)[-loop.n :].T):
+        name = "surface" if layer == 0 else "middle" if layer == model.layers.count - 1 else None
+        shade = 0.7 * layer / model.layers.count
+        axes.plot(clock, field, color=(shade, shade, 0.8), lw=1.4, label=name)
+    axes.set(xlabel="time, ms", ylabel="field in the layer, A/m (model's gauge)", title="50 Hz")
+    axes.legend()
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/img/rate.png", solid_magnet(0))

@@ -1,0 +1,333 @@
+"""The fit of solid iron: how many layers, and how late the middle is, from loops of several speeds.
+
+The static model is that of the slow loops and is held: at rest a model of layers is the static one.
+What is fitted to the fast loops is ``gamma``, the share of the surface and that of sheets; how many
+layers there are, and whether any, is decided by speeds, or else gaps, that are left out (docs/rate.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.special import expit, logit
+
+from anhyst._core import AnyIron
+from anhyst.data import Loop, Loops
+from anhyst.data.verdict import largest_output
+from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Dynamics, rate_of
+from anhyst.model.layers import Layers
+from anhyst.model.predict import as_history, initial_state
+from anhyst.support.arrays import FloatArray
+
+APART = 3.0
+"""A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
+change of the input a second: loops that are merely smaller differ in one of these."""
+
+COUNTS = (1, 2, 3, 4)
+"""Layers that are tried; 1 is a lag of the flux."""
+
+WORTH = 0.9
+"""What is missed of what was left out, in parts of that with fewer layers, from which on more are not
+taken."""
+
+SAMPLES = 120
+"""Of a loop, that are fitted, at most."""
+
+SETTLED, MOST_CYCLES = 1e-6, 40
+"""A cycle is closed for a fit when its state returns this well, in parts of the law's scale."""
+
+TRIED = np.geomspace(0.003, 3.0, 8)
+"""Values of ``gamma`` that a fit may start from, in parts of the one whose field, at the rate of the
+fastest loops, is as large as the drive."""
+
+SHEETS = 0.2
+"""Share of the path in sheets that a fit starts from."""
+
+PEELED = 0.3
+"""Root mean square of what rate does to the slow loops, in parts of what the static model leaves of
+them, from which on the static model is identified once more, without it."""
+
+_REFUSED = 1e3  # deviation of a set that the core has no answer for
+
+
+@dataclass(frozen=True, eq=False)
+class Speeds:
+    """Loops told apart by how fast they run."""
+
+    slow: Loops  # at every gap the slowest, and all that are not clearly faster
+    fast: tuple[tuple[Loop, ...], ...]  # the others in groups of about one rate, the slowest first
+
+    @property
+    def fastest(self) -> float:
+        """Rate of the fastest loops, Hz."""
+        return max(rate_of(loop.input, loop.time) for loop in self.fast[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class RateFit:
+    """What fast loops say."""
+
+    model: Model  # with layers, or as it was where nothing is gained
+    why: str  # a sentence
+    std: float = 0.0  # standard deviation of ln(gamma)
+    missed: float = np.inf  # root mean square of all loops, by the geometric mean of their speeds
+
+    @property
+    def pays(self) -> bool:
+        """Whether the model depends on rate."""
+        return self.model.has_eddy_currents
+
+    @property
+    def statement(self) -> str:
+        """How sure it is, as a sentence."""
+        fastest = self.model.dynamics.fastest if self.model.dynamics else 0.0
+        return (
+            f"gamma, how late the middle of the iron is, is known to {100.0 * self.std:.2g} %; it was "
+            f"measured up to {fastest:.3g} Hz, beyond nothing is known"
+        )
+
+
+def speeds_of(loops: Loops) -> Speeds | None:
+    """Tell slow loops from fast ones; None where all are about as fast, or no times are known."""
+    if any(loop.time is None for loop in loops.loops):
+        return None
+    paces = [_pace(loop) for loop in loops.loops]
+    fast = [
+        any(
+            other.schedule_value == loop.schedule_value
+            and min(pace[0] / past[0], pace[1] / past[1]) >= APART
+            for other, past in zip(loops.loops, paces, strict=True)
+        )
+        for loop, pace in zip(loops.loops, paces, strict=True)
+    ]
+    if not any(fast):
+        return None
+    groups: list[list[Loop]] = []
+    quick = (loop for loop, one in zip(loops.loops, fast, strict=True) if one)
+    for loop in sorted(quick, key=lambda one: _pace(one)[0]):
+        if groups and _pace(loop)[0] < APART * _pace(groups[-1][0])[0]:
+            groups[-1].append(loop)
+        else:
+            groups.append([loop])
+    slow = (loop for loop, one in zip(loops.loops, fast, strict=True) if not one)
+    return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
+
+
+def _pace(loop: Loop) -> tuple[float, float]:
+    """Return how fast a loop runs: its rate, Hz, and the change of its input a second."""
+    assert loop.time is not None
+    seconds = float(loop.time[-1] - loop.time[0])
+    return rate_of(loop.input, loop.time) or 0.5 / seconds, float(
+        np.sum(np.abs(np.diff(loop.input))) / seconds
+    )
+
+
+@dataclass(frozen=True)
+class _Rate:
+    """What is fitted: ``ln(gamma)``, and of several layers the logits of both shares."""
+
+    count: int
+    theta: tuple[float, ...]
+
+    @property
+    def gamma(self) -> float:
+        """Of the model, A s/(m T)."""
+        return float(np.exp(self.theta[0]))
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Share of the surface in the section, and of sheets in the path."""
+        if self.count == 1:
+            return 1.0, 0.0
+        surface, laminated = expit(np.array(self.theta[1:]))
+        return float(surface), float(laminated)
+
+    def layers(self) -> Layers | None:
+        """Return them as a model has them."""
+        return Layers(self.count, *self.shares) if self.count > 1 else None
+
+
+class _Path:
+    """One loop on its way through the iron."""
+
+    def __init__(self, model: Model, loop: Loop, iron: AnyIron, largest: float) -> None:
+        assert loop.time is not None
+        every = 1 + (loop.n - 1) // SAMPLES
+        ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
+        kept = np.unique(np.concatenate([np.arange(0, loop.n, every), ends]))
+        steps = np.diff(loop.time[kept])
+        steps = np.maximum(
+            steps, 1e-3 * float(np.median(steps))
+        )  # clocks of few digits stand still
+        self.settled = loop.history.kind == "settled"
+        first = 1.0 / float(np.median(steps)) if self.settled else 0.0
+        self.rate = np.concatenate([[first], 1.0 / steps])
+        place = None if loop.schedule is None else loop.schedule[kept]
+        self.circuit = model.circuit(place, np.zeros(kept.size))
+        self.drive = self.circuit.magnetomotive(loop.input[kept])
+        self.measured = loop.output[kept]
+        self.largest = largest
+        self.iron = iron
+        start = None if loop.schedule is None else float(loop.schedule[0])
+        past = as_history(loop.history, model)
+        self.state = initial_state(model, iron, past, start)
+
+    def missed(self, rate: _Rate) -> FloatArray:
+        """Return what is missed of the output, in parts of the largest."""
+        self.iron.make_solid(rate.count, *rate.shares)
+        eddy = rate.gamma * self.rate
+        memories = rate.count + 1 if rate.count > 1 else 1
+        state = np.tile(self.state, memories)
+        around = self.drive, self.circuit.rho, eddy
+        if self.settled:
+            state = self.iron.settle(*around, state, False, MOST_CYCLES, SETTLED)[0]
+        flux, _, _, status, _ = self.iron.forward(*around, state)
+        self.iron.make_solid(1, 1.0, 0.0)
+        if status:
+            return np.full(self.measured.size, _REFUSED)
+        missed: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
+        return missed
+
+
+class _Problem:
+    """Fast loops in groups, around a static model."""
+
+    def __init__(self, model: Model, speeds: Speeds, largest: float) -> None:
+        irons: dict[float | None, AnyIron] = {}
+        law = model.operator_law
+        self.groups: list[list[_Path]] = []
+        self.gaps: list[list[float | None]] = []
+        for loops in (*speeds.fast, speeds.slow.loops):
+            paths = []
+            for loop in loops:
+                place = loop.schedule_value if model.fixed_gap_only else None
+                if place not in irons:
+                    at = model.parameters_at(place if place is not None else _any_place(model))
+                    made = law.iron(*(at[spec.name] for spec in law.parameters))
+                    assert isinstance(made, AnyIron)
+                    irons[place] = made
+                paths.append(_Path(model, loop, irons[place], largest))
+            self.groups.append(paths)
+            self.gaps.append([loop.schedule_value for loop in loops])
+        self.slow = self.groups.pop()
+        self.gaps.pop()
+        last = self.groups[-1]
+        density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
+        drive = max(float(np.ptp(path.drive)) for path in last)
+        self.scale = drive / (2.0 * np.pi * speeds.fastest * density)
+
+    def left_out(self) -> list[tuple[list[list[_Path]], list[list[_Path]]]]:
+        """Return what is fitted and what is left out: each speed, or of one speed each gap."""
+        if len(self.groups) > 1:
+            parts = [[group] for group in self.groups]
+        else:
+            places = sorted({gap for gap in self.gaps[0] if gap is not None})
+            parts = [
+                [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == place]]
+                for place in places
+            ]
+        if len(parts) < 2:
+            return [(self.groups, self.groups)]
+        return [
+            ([group for other in parts if other is not part for group in other], part)
+            for part in parts
+        ]
+
+    def fit(
+        self, groups: Sequence[Sequence[_Path]], count: int, start: _Rate | None = None
+    ) -> tuple[_Rate, float]:
+        """Fit some loops; return what was found and the deviation of ``ln(gamma)``."""
+        if start is None:
+            shares = () if count == 1 else (float(logit(1.0 / count)), float(logit(SHEETS)))
+            tried = [_Rate(count, (float(np.log(g * self.scale)), *shares)) for g in TRIED]
+            start = min(tried, key=lambda one: mean_missed(groups, one))
+
+        def residuals(theta: FloatArray) -> FloatArray:
+            rate = _Rate(count, tuple(theta.tolist()))
+            rows = [
+                path.missed(rate) / np.sqrt(path.measured.size * len(group))
+                for group in groups
+                for path in group
+            ]
+            return np.concatenate(rows)
+
+        bound = np.array([50.0, 6.0, 6.0][: len(start.theta)])
+        begin = np.array(start.theta)
+        begin[1:] = np.clip(begin[1:], -5.9, 5.9)
+        end = least_squares(
+            residuals, begin, bounds=(-bound, bound), diff_step=1e-3, xtol=1e-4, ftol=1e-5,
+            max_nfev=15,
+        )  # fmt: skip
+        spare = max(1, end.fun.size - end.x.size)
+        inverse = np.linalg.pinv(end.jac.T @ end.jac)
+        std = float(np.sqrt(2.0 * end.cost / spare * inverse[0, 0]))
+        return _Rate(count, tuple(end.x.tolist())), std
+
+
+def _any_place(model: Model) -> float | None:
+    return model.nodes[0] if model.nodes else None
+
+
+def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
+    """Return the root mean square that is missed, by the geometric mean of the groups."""
+    logs = []
+    for group in groups:
+        still = rate or _Rate(1, (-np.inf,))
+        squares = np.concatenate([path.missed(still) ** 2 for path in group])
+        logs.append(0.5 * np.log(float(np.mean(squares))))
+    return float(np.exp(np.mean(logs)))
+
+
+def fit_rate(model: Model, loops: Loops, speeds: Speeds) -> RateFit:
+    """Fit layers to fast loops around a static model, which is held."""
+    problem = _Problem(model, speeds, largest_output(loops))
+    folds = problem.left_out()
+    best = still = float(np.exp(np.mean([np.log(mean_missed(out, None)) for _, out in folds])))
+    chosen: tuple[_Rate, float] | None = None
+    for count in COUNTS:
+        whole, std = problem.fit(problem.groups, count)
+        logs = []
+        for rest, out in folds:
+            part = problem.fit(rest, count, whole)[0] if rest is not problem.groups else whole
+            logs.append(np.log(mean_missed(out, part)))
+        missed = float(np.exp(np.mean(logs)))
+        if missed < WORTH * best:
+            best, chosen = missed, (whole, std)
+    told = f"{100.0 * still:.2g} % of the largest output"
+    if chosen is None:
+        return RateFit(
+            model, f"fast loops gain nothing from layers: the static model misses {told}"
+        )
+    rate, std = chosen
+    late = replace(model.dynamics or Dynamics(), fastest=speeds.fastest)
+    made = replace(
+        model,
+        parameters={**model.parameters, "gamma": rate.gamma},
+        layers=rate.layers(),
+        dynamics=late,
+    )
+    what = "a lag of the flux" if rate.count == 1 else f"{rate.count} layers"
+    why = (
+        f"of what was left out of the fit {what} miss {100.0 * best:.2g} %, the static model {told}"
+    )
+    return RateFit(made, why, std, mean_missed([*problem.groups, problem.slow], rate))
+
+
+def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
+    """Take what rate does to slow loops off them; None where that is too little to matter."""
+    left, done, mended = [], [], []
+    for loop in slow.loops:
+        late, still = (
+            one.predict(loop.input, loop.schedule, loop.time, loop.history).output
+            for one in (model, static)
+        )
+        left.append(np.mean((loop.output - still) ** 2))
+        done.append(np.mean((late - still) ** 2))
+        mended.append(replace(loop, output=loop.output - (late - still)))
+    if np.mean(done) <= PEELED**2 * np.mean(left):
+        return None
+    return slow.with_loops(mended)

@@ -1,0 +1,134 @@
+"""Loops at several speeds: how late solid iron answers is found, and is not invented."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from anhyst.data import Loop, Loops
+from anhyst.identification import identify
+from anhyst.identification.rate import fit_rate, speeds_of
+from anhyst.identification.result import IdentifyResult
+from anhyst.model.actuator import Model
+from anhyst.model.fit_record import ValidRange
+from anhyst.model.layers import Layers
+from anhyst.model.parameters import Parameter
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import QUANTITIES
+
+GAPS = (3e-4, 5e-4)
+SPEEDS = (0.5, 5.0, 50.0)
+TOP = 4.0
+SAMPLES = 200
+
+IRON = {"M_0": 4e4, "a_0": 400.0, "M_1": 9e5, "a_1": 90.0, "k_1": 60.0, "s_1": 2.0}
+AROUND: dict[str, Parameter] = {"c_H": 1250.0, "rho": (2.7e-3, 4.4e-3), "c_out": 170.0}
+
+
+def truth(gamma: float = 5.0) -> Model:
+    """Return a magnet of solid iron, or with gamma = 0 of sheets."""
+    return Model(
+        name="magnet",
+        input=QUANTITIES["current"],
+        output=QUANTITIES["force"],
+        parameters={**IRON, **AROUND, "gamma": gamma},
+        law="play-cells",
+        gap_map="reluctance",
+        schedule=QUANTITIES["gap"],
+        nodes=GAPS,
+        valid=ValidRange((0.0, TOP), (0.0, 300.0), GAPS),
+        layers=Layers(3, 0.1, 0.15) if gamma else None,
+    )
+
+
+def triangle(samples: int) -> FloatArray:
+    return TOP * (1.0 - np.abs(2.0 * np.arange(samples) / samples - 1.0))
+
+
+@cache
+def measured(gamma: float = 5.0, noise: float = 3e-4) -> Loops:
+    """Return settled triangles at every speed and gap."""
+    rng, model, loops = np.random.default_rng(3), truth(gamma), []
+    for gap in GAPS:
+        for rate in SPEEDS:
+            drive, time = triangle(SAMPLES), np.arange(SAMPLES) / (SAMPLES * rate)
+            force = model.predict(drive, gap, time, "settled").output
+            force = force + noise * 300.0 * rng.normal(size=SAMPLES)
+            loops.append(Loop(f"{rate:g} Hz", drive, force, np.full(SAMPLES, gap), time))
+    return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+
+
+def found(loops: Loops, *, rate: bool = True) -> IdentifyResult:
+    return identify(loops, law="play-cells", gap_map="reluctance", rate=rate)
+
+
+def missed(model: Model, rate: float, gap: float) -> float:
+    """Return the largest deviation from the truth over a triangle, in parts of the largest force."""
+    drive, time = triangle(400), np.arange(400) / (400 * rate)
+    force = [one.predict(drive, gap, time, "settled").output for one in (truth(), model)]
+    return float(np.abs(force[0] - force[1]).max() / force[0].max())
+
+
+def test_loops_are_fast_that_are_faster_in_cycles_and_in_the_input() -> None:
+    speeds = speeds_of(measured())
+    assert speeds is not None
+    assert {loop.label for loop in speeds.slow.loops} == {"0.5 Hz"}
+    assert [len(group) for group in speeds.fast] == [2, 2]
+    assert 45.0 < speeds.fastest < 55.0
+
+
+def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
+    loops = measured()
+    slow = [loop for loop in loops.loops if loop.label == "0.5 Hz"]
+    inner = [replace(one, label="inner", input=0.2 * one.input, output=0.04 * one.output)
+             for one in slow]  # fmt: skip
+    steady = [replace(one, time=0.2 * one.time) for one in inner if one.time is not None]
+    assert speeds_of(loops.with_loops([*slow, *inner])) is None
+    assert speeds_of(loops.with_loops([*slow, *steady])) is None
+    assert speeds_of(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+
+
+def test_what_was_fitted_at_three_speeds_holds_between_them_at_a_gap_between() -> None:
+    result = found(measured())
+    model, gap = result.model, 3.9e-4
+    assert model.layers is not None
+    static = model.at_rest
+    assert missed(model, 20.0, gap) < 0.01
+    assert missed(static, 20.0, gap) > 0.03
+    assert missed(model, 1.0, gap) < 0.01
+    assert model.fit is not None
+    assert model.fit.worst < 0.015 * model.fit.largest_output
+    assert not any("compiled" in text for text in result.warnings)
+
+
+def test_sheets_measured_at_three_speeds_get_no_layers() -> None:
+    loops = measured(gamma=0.0)
+    speeds = speeds_of(loops)
+    assert speeds is not None
+    still = truth(gamma=0.0)
+    end = fit_rate(still, loops, speeds)
+    assert not end.pays
+    assert end.model is still
+
+
+def test_layers_are_found_from_one_fast_speed_by_gaps_left_out() -> None:
+    loops = measured()
+    some = loops.with_loops(loop for loop in loops.loops if loop.label != "5 Hz")
+    speeds = speeds_of(some)
+    assert speeds is not None
+    end = fit_rate(truth().at_rest, some, speeds)
+    assert end.pays
+    assert 0.0 < end.std < 0.2
+    assert missed(end.model, 20.0, 3.9e-4) < 0.01
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0])
+def test_the_truth_itself_is_matched_from_its_static_part(rate: float) -> None:
+    loops = measured()
+    speeds = speeds_of(loops)
+    assert speeds is not None
+    end = fit_rate(truth().at_rest, loops, speeds)
+    assert missed(end.model, rate, 3.9e-4) < 0.02
