@@ -121,8 +121,8 @@ def stage() -> list[Row]:
     rig = read_piezo_rig(ROOT / "examples" / "piezo" / "rig.toml")
     found = track(rig)
     texts = ", ".join(
-        f"{name} {1e9 * run.errors.rms_m:.0f} nm rms, {1e9 * run.errors.worst_m:.0f} worst"
-        for name, run in found.runs.items()
+        f"{name} {1e9 * one.rms_m:.0f} nm rms, {1e9 * one.worst_m:.0f} worst"
+        for name, one in found.errors.items()
     )
     return [
         Row(

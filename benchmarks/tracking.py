@@ -134,7 +134,7 @@ def formats(rig: StageRig, magnet: IdentifiedMagnet, study: TrackingStudy) -> li
 
     def error(format_: str, substeps: int) -> np.ndarray:
         other = changed(rig, {"timing.substeps": substeps, "control.format": format_})
-        return track(make_stage(other, magnet, "full"), motion, gains, 1).error
+        return track(make_stage(other, magnet, "full"), motion, gains, 1)["error_m"]
 
     own = rig.settings.timing.substeps
     real = error("f64", own)

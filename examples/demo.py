@@ -48,8 +48,9 @@ from anhyst.reports.bearing.tables import judge_steps
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setups
 from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import StageSetup, TrackedRun, track
+from anhyst.rig.stage.loop import StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.ready import make_ready, read_files
@@ -316,7 +317,7 @@ class Tracked:
     """A variant on the test set-point: measures of every noise seed, and the run of the first."""
 
     measures: list[Measures]
-    shown: TrackedRun
+    shown: Recording
 
     def of(self, name: str) -> Interval:
         """Return a measure over the seeds."""
@@ -331,7 +332,7 @@ def follow(setup: StageSetup) -> Tracked:
     runs = [
         track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
     ]
-    return Tracked([measure(run, table.slit_s) for run in runs], runs[0])
+    return Tracked([measure(run, motion, table.slit_s) for run in runs], runs[0])
 
 
 def stage(out: Path) -> Piece:
@@ -363,7 +364,7 @@ def stage(out: Path) -> Piece:
         for name in ("single-valued", "play", "full"):
             run = found[name].shown
             label = "anhyst" if name == "full" else BASELINE[name]
-            ax.plot(1e3 * run["t_s"], 1e6 * run.error, label=label, **line_of(name))
+            ax.plot(1e3 * run["t_s"], 1e6 * run["error_m"], label=label, **line_of(name))
         title = "stage: feedforward exposes it"
         ax.set(title=title, xlabel="time [ms]", ylabel="position error [um]")
 

@@ -10,7 +10,7 @@ import pytest
 from anhyst.data.formats import WRITERS
 from anhyst.data.table import read_columns
 from anhyst.data.writing import check_format, check_recording, write_recording
-from anhyst.rig.bearing.recording import COLUMNS, Recording
+from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, split_header
 
@@ -19,7 +19,7 @@ def recording(rows: int = 50) -> Recording:
     table = np.random.default_rng(2).normal(size=(rows, len(COLUMNS)))
     table[:, COLUMNS.index("t_s")] = np.arange(rows) / 20e3
     table[:, COLUMNS.index("state")] = 67.0
-    return Recording(table)
+    return Recording.of_table(table)
 
 
 @pytest.mark.parametrize("rows", [1, 50])

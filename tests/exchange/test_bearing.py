@@ -13,8 +13,8 @@ from anhyst.control.states import Phase, State
 from anhyst.exchange.fmu_file import export_fmu
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setups
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.ready import make_ready, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave

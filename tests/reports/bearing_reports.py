@@ -23,8 +23,8 @@ from anhyst.reports.bearing.over_runs import (
 from anhyst.reports.bearing.over_time import StepPanel
 from anhyst.reports.bearing.subject import FigureTable, Tracking, grouped
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.recording import COLUMNS, Recording
 from anhyst.rig.bearing.scenario import ReferenceStep
+from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.responses import StepCell
@@ -74,7 +74,7 @@ def response(overshoot: float, seed: int) -> Recording:
     }
     for name, column in values.items():
         table[:, COLUMNS.index(name)] = column
-    return Recording(table)
+    return Recording.of_table(table)
 
 
 def cells() -> list[StepCell]:

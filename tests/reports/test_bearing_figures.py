@@ -33,8 +33,8 @@ from anhyst.reports.bearing.over_runs import (
 from anhyst.reports.bearing.over_time import figure_forces, figure_steps
 from anhyst.reports.bearing.page import render
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.magnet_table import OPENS, LikeTable
+from anhyst.rig.recording import Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.variations import changed
 from anhyst.support.units import QUANTITIES

@@ -18,7 +18,7 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, lost_at
 from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import flux_table
-from anhyst.rig.bearing.recording import HOVER, READY, Recording
+from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.variations import changed

@@ -67,11 +67,11 @@ def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: F
         rows.append(bench.advance(1))
     found = np.concatenate(rows)
     for name, values in (
-        ("command", wanted.reference),
-        ("current", wanted.current),
-        ("force", wanted.force),
-        ("gap_read", wanted.read_gap),
-        ("force_read", wanted.read_force),
+        ("command", wanted["command_A"]),
+        ("current", wanted["current_A"]),
+        ("force", wanted["force_N"]),
+        ("gap_read", wanted["gap_read_m"]),
+        ("force_read", wanted["force_read_N"]),
     ):
         assert (column(bench, found, name) == values).all(), name
     assert (found[:, 0] == np.arange(UP + 1, UP + 1 + len(found))).all()

@@ -113,11 +113,11 @@ def test_a_reference_flows_one_tick_later(rig: Rig) -> None:
     bench = ActuatorBench(rig, np.full(5, 1e-3), [3], unknown_past=False)
     reference = np.array([0.5, 0.5, 0.0, 0.0, 0.0])
     record = run_open_loop(bench, reference)
-    assert record.reference.tolist() == reference.tolist()
-    assert record.current[:2].tolist() == [0.0, 0.0]
-    assert record.current[2] > 0.0
-    assert record.current[3] > record.current[2]
-    assert record.current[4] < record.current[3]
+    assert record["command_A"].tolist() == reference.tolist()
+    assert record["current_A"][:2].tolist() == [0.0, 0.0]
+    assert record["current_A"][2] > 0.0
+    assert record["current_A"][3] > record["current_A"][2]
+    assert record["current_A"][4] < record["current_A"][3]
 
 
 def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: Rig) -> None:
@@ -127,11 +127,11 @@ def test_two_benches_of_one_seed_are_the_same_and_noise_is_not_the_truth(rig: Ri
         run_open_loop(ActuatorBench(rig, gap, [seed], unknown_past=True), reference)
         for seed in (1, 1, 2)
     )
-    assert one.read_force.tolist() == two.read_force.tolist()
-    assert one.force.tolist() != other.force.tolist()  # another unknown past
-    assert one.gap.tolist() == gap.tolist()
-    assert one.read_gap.tolist() == read_gaps(rig, gap, [1]).tolist()
-    apart = one.read_force[5:] - one.force[5:]
+    assert one["force_read_N"].tolist() == two["force_read_N"].tolist()
+    assert one["force_N"].tolist() != other["force_N"].tolist()  # another unknown past
+    assert one["gap_m"].tolist() == gap.tolist()
+    assert one["gap_read_m"].tolist() == read_gaps(rig, gap, [1]).tolist()
+    apart = one["force_read_N"][5:] - one["force_N"][5:]
     assert 0.0 < np.abs(apart).max() < 3.0
 
 
@@ -141,5 +141,5 @@ def test_the_start_up_sequence_makes_the_past_forgotten(rig: Rig) -> None:
     for seed in (1, 2, 3):
         bench = ActuatorBench(rig, gap, [seed], unknown_past=True)
         bench.condition([1.2, 0.0])
-        forces.append(run_open_loop(bench, reference).force)
+        forces.append(run_open_loop(bench, reference)["force_N"])
     assert np.ptp(forces, axis=0).max() < 1e-9

@@ -17,7 +17,8 @@ from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.recording import (
+from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.recording import (
     BREAKAWAY,
     COLUMNS,
     DESCEND,
@@ -27,7 +28,6 @@ from anhyst.rig.bearing.recording import (
     SET_DOWN,
     Recording,
 )
-from anhyst.rig.bearing.scenario import DROP, Scenario
 from tests.study import bearings
 from tests.study.bearings import GAP
 
@@ -154,6 +154,6 @@ def test_a_single_step_of_the_encoder_is_noticed() -> None:
     recording = bearings.run_plant(setup, bearings.lifted(setup))
     table = recording.table.copy()
     table[8000, COLUMNS.index("gap_read_m")] += 50e-9
-    assert differs_at(setup, Recording(table)) == 8000
+    assert differs_at(setup, Recording.of_table(table)) == 8000
     other = bearings.single("simplified")
     assert differs_at(Setup(setup.rig, setup.controller, other.compensator), recording) is not None

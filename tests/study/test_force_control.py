@@ -127,11 +127,11 @@ def test_figures_tell_truth_and_noise_apart(run: ForceControl) -> None:
         counts = slice(outcome.trial.demand.lead_in, None)
         for name, one in trial["controllers"].items():
             recording = outcome.recordings[name]
-            error = (recording.force - outcome.trial.demand.force)[counts]
+            error = (recording["force_N"] - outcome.trial.demand.force)[counts]
             assert one["true"]["worst_N"] == pytest.approx(np.abs(error).max())
             assert one["true"]["worst_percent"] == pytest.approx(np.abs(error).max() / 0.4)
             assert one["true"]["rms_N"] == pytest.approx(np.sqrt(np.mean(error**2)))
-            read = (recording.read_force - outcome.trial.demand.force)[counts]
+            read = (recording["force_read_N"] - outcome.trial.demand.force)[counts]
             assert one["read"]["mean_N"] == pytest.approx(np.abs(read).mean())
             assert one["read"]["worst_N"] != one["true"]["worst_N"]
 
@@ -144,7 +144,7 @@ def test_everything_is_written(run: ForceControl) -> None:
         assert (run.out / scope / "full" / "controller" / "manifest.json").is_file()
     table = np.genfromtxt(run.out / "positions_1.30mm_wide.csv", delimiter=",", names=True)
     outcome = next(one for one in run.outcomes if one.trial.name == "positions_1.30mm_wide")
-    assert table["F_full_N"] == pytest.approx(outcome.recordings["full"].force, abs=1e-5)
+    assert table["F_full_N"] == pytest.approx(outcome.recordings["full"]["force_N"], abs=1e-5)
     assert table["t_s"][outcome.trial.demand.lead_in] == 0.0
     assert {one.trial.demand.name for one in run.outcomes} == {"wide", "file"}
 

@@ -19,8 +19,8 @@ from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.loop import SimulatedLoop as Running
 from anhyst.rig.bearing.make_setup import operating_point
 from anhyst.rig.bearing.plant import current_gains
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import (
     Chain,
     Compensation,

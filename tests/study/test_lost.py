@@ -15,9 +15,9 @@ from anhyst.cli.stage import show_tracking as show_stage
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import verdict, verdicts
-from anhyst.rig.force.bench import BenchRecording
 from anhyst.rig.force.demand import with_lead_in
 from anhyst.rig.holding import Loss, SignalBound, find_loss
+from anhyst.rig.recording import Recording
 from anhyst.rig.stage.loop import Feedforward, track
 from anhyst.study.force.results import lost_in
 from anhyst.study.force.trials import ForceOutcome, ForceTrial
@@ -90,11 +90,11 @@ def test_an_unstable_stage_exits_with_1(
 
 def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
     made = stages.setup("full", crossover_Hz=6000.0)
-    run = track(made, stages.unseen(made.rig), Feedforward())
-    assert len(run.table) == len(run.reference)
-    assert np.isfinite(run.error).all()
+    motion = stages.unseen(made.rig)
+    run = track(made, motion, Feedforward())
+    assert np.isfinite(run["error_m"]).all()
     assert run.loss is not None
-    assert measure(run, 0.01) == LOST
+    assert measure(run, motion, 0.01) == LOST
     with pytest.raises(NegativeResult):
         tracking.refuse_unstable(made)
 
@@ -154,7 +154,6 @@ def test_a_force_off_by_the_largest_of_the_rig_is_lost(spoilt: float, losses: in
     demand = with_lead_in("ramp", np.linspace(0.0, 30.0, 50), 500.0)
     force = demand.force.copy()
     force[-5] += spoilt
-    rest = np.zeros_like(force)
-    recording = BenchRecording(rest, rest, force, rest, rest, rest, rest)
+    recording = Recording({"force_N": force, "current_A": np.zeros_like(force)})
     outcome = ForceOutcome(ForceTrial("end", demand, 1e-3, "unknown", 0), {"full": recording})
     assert len(lost_in([outcome], 40.0)) == losses

@@ -8,8 +8,8 @@ import pytest
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command, Phase, State
 from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
-from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.rig.bearing.scenario import DROP
+from anhyst.rig.recording import BREAKAWAY, FAULT, HOVER, in_column
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.experiments import (
     BACK_M,

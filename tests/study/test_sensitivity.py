@@ -13,7 +13,7 @@ from scipy.signal import cont2discrete
 
 from anhyst._core import Controller
 from anhyst.control import Pidd2, design
-from anhyst.rig.bearing.recording import COLUMNS, Recording
+from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import (
     BOUNDARIES,
     Chain,
@@ -68,7 +68,7 @@ def bearing(noise: float = 0.0, stick: float = 0.0) -> Callable[[Row], Recording
             for _ in range(STEPS):
                 state = over @ state + held[:, 0] * waiting
             waiting = current
-        return Recording(table)
+        return Recording.of_table(table)
 
     return run
 

@@ -15,10 +15,11 @@ from anhyst._core import allocate
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
+from anhyst.rig.recording import moving
 from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
 from anhyst.rig.stage.loop import Feedforward, pid, track
 from anhyst.rig.tables import SpreadTable
-from anhyst.study.tracking.measures import Measures, cruises, measure, moving, settling
+from anhyst.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst.support.pays import STAGE
 from tests.study import stages
 
@@ -65,7 +66,7 @@ def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
 def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None:
     made = stages.setup("full", stray_m=20e-6)
     run = track(made, stages.unseen(made.rig), Feedforward())
-    position = run["gap_m"] + run.frame[:-1]
+    position = run["position_m"]
     assert np.ptp(position) > 5e-3
     assert 5e-6 < np.ptp(run["gap_m"]) < 25e-6
     pushed = np.cumsum(-run["force_N"]) * run.dt / 10.0
@@ -95,7 +96,9 @@ def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
 def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> None:
     def error(format_: str, substeps: int) -> np.ndarray:
         made = stages.setup("full", substeps, format=format_)
-        return track(made, stages.unseen(made.rig), stages.study().tried["full"].gains, 1).error
+        return track(made, stages.unseen(made.rig), stages.study().tried["full"].gains, 1)[
+            "error_m"
+        ]
 
     real = error("f64", 8)
     assert np.abs(error("fixed", 8) - real).max() <= 10e-9
@@ -115,7 +118,9 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
     motion, forward = stages.unseen(made.rig), stages.study().tried["full"].gains
 
     def average(errors: CalibrationErrors) -> float:
-        return measure(track(replace(made, errors=errors), motion, forward, 1), SLIT).average_m
+        return measure(
+            track(replace(made, errors=errors), motion, forward, 1), motion, SLIT
+        ).average_m
 
     right = average(CalibrationErrors())
     assert average(CalibrationErrors(gap_zero=2e-6)) > 2.0 * right
@@ -132,15 +137,16 @@ def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
 
 def test_measures_say_what_they_say() -> None:
     made = stages.setup("full")
-    run = track(made, stages.unseen(made.rig), stages.study().tried["full"].gains, 1)
-    scans = cruises(run)
+    motion = stages.unseen(made.rig)
+    run = track(made, motion, stages.study().tried["full"].gains, 1)
+    scans = cruises(motion, run.dt)
     assert len(scans) == 2
-    whole = measure(run, SLIT)
-    mean, spread = moving(run.error, 200)
-    assert mean[1000] == pytest.approx(np.mean(run.error[1000:1200]), abs=1e-18)
-    assert spread[1000] == pytest.approx(np.std(run.error[1000:1200]), rel=1e-3)
-    assert settling(run, 1.0) == [0.0, 0.0]
-    assert settling(run, 0.0) == pytest.approx([0.03, 0.03])
+    whole = measure(run, motion, SLIT)
+    mean, spread = moving(run["error_m"], 200)
+    assert mean[1000] == pytest.approx(np.mean(run["error_m"][1000:1200]), abs=1e-18)
+    assert spread[1000] == pytest.approx(np.std(run["error_m"][1000:1200]), rel=1e-3)
+    assert settling(run, motion, 1.0) == [0.0, 0.0]
+    assert settling(run, motion, 0.0) == pytest.approx([0.03, 0.03])
     assert whole.peak_m >= whole.average_m
     assert isinstance(whole, Measures)
 
@@ -208,4 +214,4 @@ def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
     place = table.opened.find("error_m")
     place = table.opened.find("error") if place is None else place
     assert place is not None
-    assert np.array_equal(np.asarray(table.columns[place]), found.tried["full"].shown.error)
+    assert np.array_equal(np.asarray(table.columns[place]), found.tried["full"].shown["error_m"])

@@ -73,10 +73,8 @@ def show_piezo(found: PiezoTracking, out: Path) -> None:
     from anhyst.study.piezo.track import TITLES, verdict
 
     rows = table("deviation from the triangle", ("compensation", "worst nm", "rms nm"))
-    for name, run in found.runs.items():
-        rows.add_row(
-            TITLES[name], f"{1e9 * run.errors.worst_m:.0f}", f"{1e9 * run.errors.rms_m:.0f}"
-        )
+    for name, one in found.errors.items():
+        rows.add_row(TITLES[name], f"{1e9 * one.worst_m:.0f}", f"{1e9 * one.rms_m:.0f}")
     lost = [f"lost: {one}" for one in found.lost_in]
     ratio = (
         f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio).sentence}"

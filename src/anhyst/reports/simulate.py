@@ -22,7 +22,7 @@ from anhyst.study.bearing.monte_carlo import monte_carlo as run_plants
 from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
-from anhyst.study.piezo.track import LEAD, TITLES, PiezoTracking, track, write_tracking
+from anhyst.study.piezo.track import TITLES, PiezoTracking, track
 from anhyst.study.tracking.monte_carlo import CalibrationStudy, calibrate_wrongly
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable, write_bytes
@@ -40,20 +40,20 @@ if TYPE_CHECKING:
 LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 
-def draw_tracking(found: PiezoTracking, cycle: float) -> Figure:
+def draw_tracking(found: PiezoTracking) -> Figure:
     """Draw reference, voltage and deviation over the cycles that are judged."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
-    time = found.runs["full"].time
-    judged = time >= LEAD * cycle
-    upper.plot(time[judged], 1e6 * found.reference[judged], color="0.3")
+    judged = slice(found.judged_from, None)
+    full = found.runs["full"]
+    time = full["t_s"][judged]
+    upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
     upper.set_ylabel("reference [µm]")
     for name, run in found.runs.items():
-        rms = 1e9 * run.errors.rms_m
-        label = f"{TITLES[name]}: {rms:.0f} nm rms"
-        lower.plot(time[judged], 1e9 * run.error[judged], color=LOOK[name], lw=1.0, label=label)
+        label = f"{TITLES[name]}: {1e9 * found.errors[name].rms_m:.0f} nm rms"
+        lower.plot(time, 1e9 * run["error_m"][judged], color=LOOK[name], lw=1.0, label=label)
     lower.set(xlabel="time [s]", ylabel="deviation [nm]")
     lower.legend(loc="upper right", fontsize=9)
     for ax in (upper, lower):
@@ -62,10 +62,10 @@ def draw_tracking(found: PiezoTracking, cycle: float) -> Figure:
     return figure
 
 
-def write_picture(found: PiezoTracking, cycle: float, path: Path) -> None:
+def write_picture(found: PiezoTracking, path: Path) -> None:
     """Write the picture as the ending of its name says."""
     picture = BytesIO()
-    draw_tracking(found, cycle).savefig(picture, format=path.suffix[1:], dpi=120)
+    draw_tracking(found).savefig(picture, format=path.suffix[1:], dpi=120)
     write_bytes(path, picture.getvalue())
 
 
@@ -272,8 +272,8 @@ class _Task:
             check_writable(picture)
         found = track(rig)
         if self.written:
-            write_tracking(found, self.out)
-            write_picture(found, 1.0 / rig.settings.moved.frequency_Hz, picture)
+            found.save(self.out)
+            write_picture(found, picture)
         return found
 
     def _must_end(self, suffix: str, what: str) -> None:

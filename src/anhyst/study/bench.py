@@ -31,11 +31,8 @@ from anhyst.study.prepared import Prepared, PreparedBearing, PreparedBoard, Prep
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, refuse_other
-from anhyst.support.progress import Progress
+from anhyst.support.progress import Progress, in_parts
 from anhyst.support.toml_file import take_kind
-
-_WORK = 3.0
-"""Parts of the work: reading, model and code, the firmware's start."""
 
 
 def open_bench(
@@ -43,8 +40,9 @@ def open_bench(
 ) -> BearingBench | ForceBench:
     """Open the virtual bench of a rig."""
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:  # a firmware runs on without it
-        bench = prepare_bench(rig_path, controller_path, Path(place), progress).open()
-    _report(progress, _WORK)
+        parts = in_parts(progress, (2.0, 1.0))
+        bench = prepare_bench(rig_path, controller_path, Path(place), next(parts)).open()
+    next(parts)(1, 1)
     return bench
 
 
@@ -148,32 +146,29 @@ def prepare_bench(
 def _bearing(
     rig_path: PathLike, controller_path: PathLike | None, place: Path, progress: Progress | None
 ) -> PreparedBearing:
+    parts = in_parts(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller)
-    _report(progress, 1.0)
+    next(parts)(1, 1)
     known = ready.knowledge()
     setup, firmware = build_firmware(ready.rig, controller, known, "host", place)
-    _report(progress, 2.0)
+    next(parts)(1, 1)
     return PreparedBearing(setup, known.model, firmware)
 
 
 def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> PreparedForce:
+    parts = in_parts(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
     rig = complete_rig(rig, loops)
-    _report(progress, 1.0)
+    next(parts)(1, 1)
     program = prepare(
         "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "host", place / "full"
     )
-    _report(progress, 2.0)
+    next(parts)(1, 1)
     return PreparedForce(rig, loops, program)
 
 
 def is_force_rig(path: PathLike) -> bool:
     """Whether a rig file is of force control or of a bearing; no other has a virtual bench."""
     return take_kind(path, (FileKind.BEARING, FileKind.FORCE)) is FileKind.FORCE
-
-
-def _report(progress: Progress | None, done: float) -> None:
-    if progress is not None:
-        progress(done, _WORK)

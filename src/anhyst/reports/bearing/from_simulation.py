@@ -22,10 +22,10 @@ from anhyst.reports.bearing.subject import (
 )
 from anhyst.reports.bearing.tables import OVERSHOOT
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.operating import has_constants

@@ -21,8 +21,8 @@ from anhyst.reports.bearing.look import (
     ordered,
     thinned,
 )
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import ReferenceStep
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.metrics import SETTLED, Interval
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.numbers import number

@@ -13,7 +13,7 @@ from anhyst.reports.bearing.over_frequency import Response
 from anhyst.reports.bearing.over_runs import BenefitCell, Spread, TuningPicture
 from anhyst.reports.bearing.over_time import StepPanel
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.metrics import Interval
 from anhyst.study.bearing.responses import StepCell

@@ -122,7 +122,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
         _forces(above, rig, outcome)
         _deviations(middle, rig, outcome, _COMPARED)
         recording = outcome.recordings["full"]
-        time, gap = _curve(rig, outcome, 1e3 * recording.gap)
+        time, gap = _curve(rig, outcome, 1e3 * recording["gap_m"])
         below.plot(time, gap, color=MEASURED, lw=1.0)
         above.set_title(f"{outcome.trial.demand.name}, armature moving")
         below.set_xlabel("time (s)")
@@ -141,8 +141,8 @@ def _forces(ax: Axes, rig: Rig, outcome: ForceOutcome) -> None:
     """
     curves = (
         ("demand", outcome.trial.demand.force, DEMAND, 4.0, "-"),
-        ("constant ratio", outcome.recordings["ratio"].read_force, FALLING, 0.9, "-"),
-        ("measured, full", outcome.recordings["full"].read_force, RISING, 1.4, "-"),
+        ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING, 0.9, "-"),
+        ("measured, full", outcome.recordings["full"]["force_read_N"], RISING, 1.4, "-"),
         ("simulated program, full", outcome.simulated["full"], SIMULATED, 0.8, (0, (4, 3))),
     )
     for label, force, colour, width, dashes in curves:
@@ -154,7 +154,7 @@ def _deviations(
 ) -> None:
     worst = []
     for name in names:
-        deviation = outcome.recordings[name].force - outcome.trial.demand.force
+        deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
         label = f"error, {TITLES[name]}"
         ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
@@ -164,7 +164,7 @@ def _deviations(
 
 
 def _worst(rig: Rig, outcome: ForceOutcome, name: str) -> float:
-    deviation = outcome.recordings[name].force - outcome.trial.demand.force
+    deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
     largest = np.abs(deviation[outcome.trial.demand.lead_in :]).max()
     return float(100.0 * largest / rig.settings.force.force_max_N)
 

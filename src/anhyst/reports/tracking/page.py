@@ -21,8 +21,9 @@ from anhyst.reports.bearing.look import (
     verdict_note,
 )
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
-from anhyst.rig.stage.loop import TrackedRun
-from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S, moving
+from anhyst.rig.recording import Recording, moving
+from anhyst.rig.stage.setpoint import SetPoint, motion_of
+from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
@@ -46,22 +47,22 @@ _BEFORE_S = 5e-3
 
 
 @styled
-def figure_scan(tried: Mapping[MethodName, TriedVariant], slit: float) -> Figure:
+def figure_scan(tried: Mapping[MethodName, TriedVariant], motion: SetPoint, slit: float) -> Figure:
     """Draw set-point, error, moving average and force error over the last scan."""
     figure = new_figure(9.6)
     axes = figure.subplots(4, 1, sharex=True, height_ratios=(1.1, 2, 2, 1.6))
     first = next(iter(tried.values())).shown
-    begin, length, _ = first.motion.pulses[-1]
-    part = slice(round((begin - _BEFORE_S) / first.dt), len(first.reference))
+    begin, length, _ = motion.pulses[-1]
+    part = slice(round((begin - _BEFORE_S) / first.dt), len(first))
     time = 1e3 * (first["t_s"][part] - begin)
-    _, acceleration, _, _ = first.motion.at(first["t_s"][part])
+    _, acceleration, _, _ = motion.at(first["t_s"][part])
     axes[0].plot(time, acceleration, color=INK, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
     for name, one in tried.items():
         run = one.shown
-        axes[1].plot(*thinned(time, 1e9 * run.error[part]), label=name, **line_of(name))
+        axes[1].plot(*thinned(time, 1e9 * run["error_m"][part]), label=name, **line_of(name))
         axes[2].plot(*thinned(*_average(run, slit, begin)), **line_of(name))
-        axes[3].plot(*thinned(time, run.force_error[part]), **line_of(name))
+        axes[3].plot(*thinned(time, run["force_error_N"][part]), **line_of(name))
     axes[1].set_ylabel("error [nm]")
     axes[2].set_ylabel(f"mean over {1e3 * slit:g} ms [nm]")
     axes[3].set_ylabel("force error [N]")
@@ -75,10 +76,10 @@ def figure_scan(tried: Mapping[MethodName, TriedVariant], slit: float) -> Figure
     return figure
 
 
-def _average(run: TrackedRun, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
+def _average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
     """Return the moving mean in the middle of its window, ms and nm."""
     ticks = round(slit / run.dt)
-    mean, _ = moving(run.error, ticks)
+    mean, _ = moving(run["error_m"], ticks)
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
     shown = time >= -1e3 * _BEFORE_S
     return time[shown], 1e9 * mean[shown]
@@ -202,7 +203,8 @@ def _comparison(study: TrackingStudy) -> PageTable:
 
 def _scan(study: TrackingStudy) -> Section:
     names = ", ".join(study.tried)
-    figure = figure_scan(study.tried, study.rig.settings.scan.slit_s)
+    scan = study.rig.settings.scan
+    figure = figure_scan(study.tried, motion_of(scan, scan.test_m_per_s2), scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
         "over the slit, and true force less what was demanded a delay earlier. Error and mean are "

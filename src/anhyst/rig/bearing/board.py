@@ -18,8 +18,8 @@ from anhyst.link.plant_bus import Q31, PlantBus, Reading
 from anhyst.link.process import run_host, run_qemu
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
-from anhyst.rig.bearing.recording import MAGNETS, of_magnets
 from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.recording import MAGNETS, of_magnets
 from anhyst.support.arrays import FloatArray
 from anhyst.support.progress import Progress
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.loop import Setup, lost_at
-from anhyst.rig.bearing.recording import BREAKAWAY, FAULT, HOVER, READY, RISE, RUN, Recording
 from anhyst.rig.bearing.scenario import Scenario, Script, land_time, steps_up_and_down
+from anhyst.rig.recording import BREAKAWAY, FAULT, HOVER, READY, RISE, RUN, Recording
 
 _RESTLESS = 0.01
 """Part of the travel: an armature that moves by more in its hover, rms, is not held."""

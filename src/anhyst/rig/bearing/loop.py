@@ -14,9 +14,9 @@ from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loops, make_bearing
-from anhyst.rig.bearing.recording import DESCEND, FAULT, RISE, Recording, in_columns
 from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.holding import SignalBound, find_loss
+from anhyst.rig.recording import DESCEND, FAULT, RISE, Recording, in_columns
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class SimulatedLoop:
         table = self._loop.run(
             scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
         )
-        return Recording(in_columns(self._loop, table))
+        return Recording.of_table(in_columns(self._loop, table))
 
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:

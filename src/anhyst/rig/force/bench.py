@@ -6,7 +6,6 @@ n + 1. The armature is moved from outside, so the gap of every tick is given.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from anhyst.rig.force.file import Rig
 from anhyst.rig.measuring import Sensors
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.solenoid import Solenoid
+from anhyst.rig.recording import Recording
 from anhyst.support.arrays import FloatArray
 
 _PAST = 12
@@ -29,17 +29,11 @@ class BenchReading(NamedTuple):
     current: float
 
 
-@dataclass(frozen=True)
-class BenchRecording:
-    """What happened on the bench; all arrays of shape (n,), one value a tick."""
-
-    reference: FloatArray  # what the controller asked for at the tick, A
-    current: FloatArray  # what flowed at the tick, A
-    force: FloatArray  # true force, N
-    gap: FloatArray  # true gap, m
-    read_gap: FloatArray  # the same as the sensors said
-    read_force: FloatArray
-    read_current: FloatArray
+RECORDED = (
+    *("t_s", "command_A", "current_A", "force_N", "gap_m", "gap_read_m", "force_read_N"),
+    "current_read_A",
+)
+"""Columns of a bench."""
 
 
 class StandTick(NamedTuple):
@@ -88,6 +82,7 @@ class ActuatorBench:
     def __init__(self, rig: Rig, gap: FloatArray, seed: list[int], unknown_past: bool) -> None:
         self._stand = ActuatorStand(rig, seed)
         self._gap = gap.tolist()
+        self._dt = rig.dt
         self._rows: list[tuple[float, ...]] = []
         self._begin: int | None = None
         if unknown_past:
@@ -114,10 +109,12 @@ class ActuatorBench:
         self._rows.append((reference, at.current, at.force, gap, *at.reading))
         return at.reading
 
-    def recording(self, last: float) -> BenchRecording:
+    def recording(self, last: float) -> Recording:
         """Return what happened since :meth:`begin`."""
         table = np.array(self._rows[self._begin :])
-        return BenchRecording(np.append(table[1:, 0], last), *table[:, 1:].T)
+        values = (np.append(table[1:, 0], last), *table[:, 1:].T)
+        clock = self._dt * np.arange(len(table), dtype=np.float64)
+        return Recording(dict(zip(RECORDED, (clock, *values), strict=True)))
 
 
 def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
@@ -126,7 +123,7 @@ def read_gaps(rig: Rig, gap: FloatArray, seed: list[int]) -> FloatArray:
     return np.array([sensor.read(one) for one in gap.tolist()])
 
 
-def run_open_loop(bench: ActuatorBench, reference: FloatArray) -> BenchRecording:
+def run_open_loop(bench: ActuatorBench, reference: FloatArray) -> Recording:
     """Put out currents that were computed before."""
     bench.begin()
     before = 0.0

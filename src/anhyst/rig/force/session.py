@@ -10,9 +10,10 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
 from anhyst.link.process import Running, run_host, run_qemu
-from anhyst.rig.force.bench import ActuatorBench, BenchRecording
+from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import Demand
 from anhyst.rig.force.programs import ONE, Program, Session
+from anhyst.rig.recording import Recording
 from anhyst.support.errors import NegativeResult
 
 BOARDS = ("host", "qemu-mps2")
@@ -56,7 +57,7 @@ class _Plant:
 
 def run_firmware(
     program: Program, bench: ActuatorBench, demand: Demand, board: str, demagnetised: bool
-) -> tuple[BenchRecording, Session]:
+) -> tuple[Recording, Session]:
     """Run a demand through a firmware: one command over the link at every tick."""
     plant = _Plant(bench, program)
     codes = program.demand_codes(demand.force)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -25,8 +24,8 @@ from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
 from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.bearing.recording import COLUMNS, in_columns
 from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
+from anhyst.rig.recording import CURRENTS, MAGNETS, Recording, in_columns, of_magnets
 from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mistaken
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.setpoint import SetPoint
@@ -37,7 +36,6 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
-_COLUMN = {name: place for place, name in enumerate(COLUMNS)}
 _STRAY_HZ, _STRAY_LATE = 3.0, 5e-3
 _COMMAND_NONE = 0
 
@@ -60,36 +58,6 @@ class StageSetup:
     # number format of PID and allocation; other than f64 only with a compensator of the same
     law: NumberFormat = "f64"
     errors: CalibrationErrors = CALIBRATED  # by which the plant is not what was calibrated
-
-
-@dataclass(frozen=True)
-class TrackedRun:
-    """A motion as it went."""
-
-    motion: SetPoint
-    dt: float  # time between ticks, s
-    table: FloatArray  # the loop's record; shape (n, columns)
-    frame: FloatArray  # place of the magnets, m; shape (n + 1,)
-    reference: FloatArray  # wanted position, m; shape (n,)
-    late: float  # ticks after which a demanded force is looked for
-    loss: Loss | None  # where the loop was lost, if it was
-
-    def __getitem__(self, name: str) -> FloatArray:
-        """Return a column of the loop's record."""
-        return self.table[:, _COLUMN[name]]
-
-    @cached_property
-    def error(self) -> FloatArray:
-        """Wanted less true position, m."""
-        n = len(self.table)
-        return np.asarray(self.reference[:n] - self["gap_m"] - self.frame[:n])
-
-    @cached_property
-    def force_error(self) -> FloatArray:
-        """True force less what was demanded so much earlier, N."""
-        ticks = np.arange(len(self.table), dtype=float)
-        demanded = np.interp(ticks - self.late, ticks, self["demand_N"])
-        return np.asarray(self["force_N"] - demanded)
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -161,7 +129,7 @@ def track(
     gains: Feedforward,
     seed: int = 0,
     learnt: FloatArray | None = None,
-) -> TrackedRun:
+) -> Recording:
     """Follow a motion from rest, the iron demagnetised."""
     rig, settings = setup.rig, setup.rig.settings
     n = ticks_of(rig, motion)
@@ -186,18 +154,35 @@ def track(
         np.full(n, _COMMAND_NONE, dtype=np.uint32),
         np.ascontiguousarray(frame),
     )
-    table = in_columns(loop, rows)
-    late = settings.timing.delay_ticks + 0.5
-    return TrackedRun(motion, rig.dt, table, frame, reference[:n], late, _loss(rig, table, n))
+    run = Recording.of_table(in_columns(loop, rows))
+    return Recording(_recorded(rig, run, reference, frame), _loss(rig, run, n))
 
 
-def _loss(rig: StageRig, table: FloatArray, planned: int) -> Loss | None:
+def _recorded(
+    rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the columns of a recording; the force error is against what was demanded earlier."""
+    n = len(run)
+    ticks = np.arange(n, dtype=float)
+    late = rig.settings.timing.delay_ticks + 0.5
+    demanded = np.interp(ticks - late, ticks, run["demand_N"])
+    return {
+        "t_s": run["t_s"],
+        "reference_m": reference[:n],
+        "position_m": run["gap_m"] + frame[:n],
+        "error_m": reference[:n] - run["gap_m"] - frame[:n],
+        "gap_m": run["gap_m"],
+        **{name: run[name] for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))},
+        "force_error_N": run["force_N"] - demanded,
+    }
+
+
+def _loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     stops, most = rig.settings.body, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
-    gap, demand = table[:, _COLUMN["gap_m"]], table[:, _COLUMN["demand_N"]]
     bounds = (
-        SignalBound("an end stop was reached", gap, stops.stop_low_m, stops.stop_high_m),
-        SignalBound("the demanded force left all bounds", demand, -most, most),
+        SignalBound("an end stop was reached", run["gap_m"], stops.stop_low_m, stops.stop_high_m),
+        SignalBound("the demanded force left all bounds", run["demand_N"], -most, most),
     )
     return find_loss(bounds, planned)
 

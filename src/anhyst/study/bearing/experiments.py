@@ -12,9 +12,9 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.recording import RISE, Recording
 from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
 from anhyst.rig.case_table import TrajectoryCase
+from anhyst.rig.recording import RISE, Recording
 from anhyst.study.bearing.limit_cycle import LimitCycle, limit_cycle
 from anhyst.study.bearing.metrics import deviation, mean_interval, recovery_time
 from anhyst.study.bearing.responses import position_resolution

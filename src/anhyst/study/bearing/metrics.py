@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
+from anhyst.rig.recording import peak, rms, settled_from
 from anhyst.support.arrays import FloatArray
 
 SETTLED = 0.02  # of a step's height
@@ -130,7 +131,7 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
 def deviation(signal: ArrayLike, wanted: ArrayLike) -> TrackingError:
     """Compare a gap with its reference, or a force with its demand."""
     off = np.asarray(signal, dtype=float) - np.asarray(wanted, dtype=float)
-    return TrackingError(rms=float(np.sqrt(np.mean(off**2))), peak=float(np.max(np.abs(off))))
+    return TrackingError(rms=rms(off), peak=peak(off))
 
 
 def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> CurrentEffort:
@@ -168,8 +169,7 @@ def _reached(since: FloatArray, way: FloatArray, share: float) -> float:
 
 def _stays_from(since: FloatArray, error: FloatArray, band: float) -> float:
     """Return the first time from which the error stays within the band; inf if it does not."""
-    outside = np.flatnonzero(error > band)
-    if not len(outside):
+    first = settled_from(error, band)
+    if not first:
         return 0.0
-    last = int(outside[-1])
-    return math.inf if last + 1 == len(since) else float(since[last + 1])
+    return math.inf if first == len(since) else float(since[first])

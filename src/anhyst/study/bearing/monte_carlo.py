@@ -17,8 +17,8 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.make_setup import make_setups
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.drift import Drift, draw_drift, drifted_bearing, drifted_rig
 from anhyst.study.bearing.metrics import step_figures
 from anhyst.study.bearing.ready import make_ready

@@ -22,14 +22,14 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import parts_of_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
-from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress
+from anhyst.support.progress import Progress, in_parts
 
 QEMU = "qemu-mps2"
 _AIR_M = 5e-6
@@ -153,34 +153,32 @@ def run_board(
         find_qemu()
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller, (out,))
+    parts = in_parts(progress, _WORK)
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
         setup, firmware = build_firmware(
             ready.rig, controller, ready.knowledge(), board, Path(place)
         )
-        _report(progress, 0, 1.0)
-        simulated, recorded = _run_twice(setup, firmware, board, progress)
+        next(parts)(1, 1)
+        simulated, recorded = _run_twice(setup, firmware, board, next(parts))
         with firmware_run(firmware, BearingPlant(setup), board) as running:
             runs, todo, endings = FaultRuns(setup, running), list(injections()), []
+            report = next(parts)
             for injection in todo:
                 endings.append(runs.run(injection))
-                _report(progress, 2, len(endings) / len(todo))
+                report(len(endings), len(todo))
     return BoardComparison(ready.rig, controller, board, simulated, recorded, tuple(endings))
 
 
 def _run_twice(
-    setup: Setup, firmware: Path, board: str, progress: Progress | None
+    setup: Setup, firmware: Path, board: str, progress: Progress
 ) -> tuple[Recording, FloatArray]:
     """Run what a simulation records, simulated and with the firmware."""
     *parts, _ = parts_of_run(setup)
-    loop, rows = SimulatedLoop(setup), []
-    simulated = Recording(np.concatenate([loop.run(part).table for part in parts]))
+    loop = SimulatedLoop(setup)
+    simulated = Recording.joined([loop.run(part) for part in parts])
     with firmware_run(firmware, BearingPlant(setup), board) as running:
-        for number, part in enumerate(parts):
-
-            def report(n: float, total: float, before: int = number) -> None:
-                _report(progress, 1, (before + n / total) / len(parts))
-
-            rows.append(running.run(part, report))
+        reports = in_parts(progress, [1.0] * len(parts))
+        rows = [running.run(part, report) for part, report in zip(parts, reports, strict=True)]
     return simulated, np.concatenate(rows)
 
 
@@ -237,8 +235,3 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, list):
         return [_without_nan(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _report(progress: Progress | None, stage: int, part: float) -> None:
-    if progress is not None:
-        progress(sum(_WORK[:stage]) + part * _WORK[stage], sum(_WORK))

@@ -13,8 +13,8 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.metrics import (
     Interval,
     deviation,

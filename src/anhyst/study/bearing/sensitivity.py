@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst.rig.bearing.recording import Recording
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Zone, zone
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import sine

@@ -7,20 +7,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data.writing import check_recording, write_recording
+from anhyst.data.writing import check_recording
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, check_plant, make_setups
-from anhyst.rig.bearing.recording import Recording
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments, linear
 from anhyst.study.bearing.operating import (
     OperatingPoint,
@@ -34,7 +32,7 @@ from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress
+from anhyst.support.progress import Progress, in_parts
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
@@ -44,9 +42,9 @@ COMPARED = (*BASELINES, *SENSORS, *MODELS)
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 
 FIGURES = "figures.json"
-_WORK_OF_STAGES = (5.0, 4.0)
-"""Model and first run, then the steps, in units of any other experiment."""
 """What is written beside the recording."""
+_WORK_OF_PARTS = (5.0, 4.0)
+"""Model and first run, then the steps, in units of any other experiment."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -187,7 +185,7 @@ def explore(
     rig = ready.rig
     tried = rig.settings
     beside_steps = len(tried.trajectories) + len(tried.load_steps_N) + len(experiments.EVENTS)
-    stages = _stages(progress, [*_WORK_OF_STAGES, *[1.0] * (1 + beside_steps)])
+    parts = in_parts(progress, [*_WORK_OF_PARTS, *[1.0] * (1 + beside_steps)])
     knowledge = ready.knowledge()
     own = controller.settings.compensation.variant
     mine = make_setups(rig, controller, knowledge, (own,))[own]
@@ -199,9 +197,9 @@ def explore(
         (Path(out).parent / FIGURES).unlink(missing_ok=True)  # of another recording
         _write_recording(out, run.recording, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
-    next(stages)(1, 1)
+    next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    found = _compare(controller, knowledge, setups, ready.at, run.recording, stages)
+    found = _compare(controller, knowledge, setups, ready.at, run.recording, parts)
     found.figures["left_out"] = left_out
     found.figures["lost_in"] = [*run.lost_later(), *lost_blocks(found.figures)]
     return found
@@ -226,7 +224,7 @@ def write_simulation(found: Simulation, out: PathLike) -> None:
 def _write_recording(
     out: PathLike, recording: Recording, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> None:
-    write_recording(out, recording.columns)
+    recording.save(out)
     if controller.model is None:
         write_model(knowledge.model, _model_file(out))
 
@@ -263,7 +261,7 @@ def _compare(
     setups: Mapping[MethodName, Setup],
     at: OperatingPoint,
     recording: Recording,
-    stages: Iterator[Progress],
+    parts: Iterator[Progress],
 ) -> Simulation:
     """Try everything with every variant."""
     rig = setups[controller.settings.compensation.variant].rig
@@ -274,7 +272,7 @@ def _compare(
         _heights(rig),
         [_load(rig)],
         default_seeds(rig),
-        next(stages),
+        next(parts),
     )
     scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, _heights(rig))
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
@@ -286,7 +284,7 @@ def _compare(
         "plant": plant.as_dict(),
         "operating_point": _point(at),
         "steps": as_rows(cells),
-        **_experiments(rig, setups, stages),
+        **_experiments(rig, setups, parts),
         "loop": {
             name: asdict(loops[name].margins) if has_constants(setup) else None
             for name, setup in setups.items()
@@ -352,42 +350,26 @@ def _whole_run(setup: Setup) -> LevitationRun:
     parts = [loop.run(steps)]
     if len(parts[0]) == steps.ticks:
         parts.append(loop.run(after))
-    recording = Recording(np.concatenate([part.table for part in parts]))
-    return LevitationRun(setup, recording, steps, landing)
-
-
-def _stages(progress: Progress | None, work: Sequence[float]) -> Iterator[Progress]:
-    """Yield for one stage after the other what makes its progress a part of the whole."""
-
-    def of_stage(stage: int) -> Progress:
-        before = sum(work[:stage])
-
-        def update(done: float, total: float) -> None:
-            if progress is not None:
-                progress(before + work[stage] * done / total, sum(work))
-
-        return update
-
-    return map(of_stage, range(len(work)))
+    return LevitationRun(setup, Recording.joined(parts), steps, landing)
 
 
 def _experiments(
     rig: BearingRig,
     setups: Mapping[MethodName, Setup],
-    stages: Iterator[Progress],
+    parts: Iterator[Progress],
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""
     seeds: Sequence[int] = default_seeds(rig)
     tried = rig.settings
     found: dict[str, Any] = {
-        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(stages))
+        "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(parts))
     }
     found["trajectories"] = [
         {
             "kind": shape.kind,
             "amplitude_m": shape.amplitude_m,
             "frequency_Hz": shape.frequency_Hz,
-            "variants": experiments.of_all(experiments.follow, setups, seeds, shape, next(stages)),
+            "variants": experiments.of_all(experiments.follow, setups, seeds, shape, next(parts)),
         }
         for shape in tried.trajectories
     ]
@@ -395,13 +377,13 @@ def _experiments(
         {
             "force_N": force,
             "variants": experiments.of_all(
-                experiments.step_load, setups, seeds, force, next(stages)
+                experiments.step_load, setups, seeds, force, next(parts)
             ),
         }
         for force in tried.load_steps_N
     ]
     found["events"] = {
-        event: experiments.of_all(experiments.recover, setups, seeds, event, next(stages))
+        event: experiments.of_all(experiments.recover, setups, seeds, event, next(parts))
         for event in experiments.EVENTS
     }
     return found

@@ -14,7 +14,7 @@ from anhyst.compensate.block import Kind
 from anhyst.compensate.interface import Compensator
 from anhyst.data import Loops
 from anhyst.data.table import read_columns
-from anhyst.data.writing import check_format, write_recording
+from anhyst.data.writing import check_format
 from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.actuator import Model
@@ -24,6 +24,7 @@ from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
 from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.recording import Recording
 from anhyst.study.force.results import figures, judge_stages
 from anhyst.study.force.trials import (
     Controllers,
@@ -38,7 +39,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.folder import whole_folder
 from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress
+from anhyst.support.progress import Progress, in_parts
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ class ForceControl(Result):
         one = self.outcomes[0]
         ax.plot(one.trial.demand.force, color="0.15", lw=0.8, ls="--", label="demand")
         for name, run in one.recordings.items():
-            ax.plot(run.force, lw=0.9, label=name)
+            ax.plot(run["force_N"], lw=0.9, label=name)
         ax.set_xlabel("tick")
         ax.set_ylabel("force [N]")
 
@@ -181,7 +182,7 @@ def _run(
     check_format(Path(out) / f"recording.{recordings}")
     _check_tools(board)
     trials = list(plan_trials(rig, demands))
-    report = _Steps(progress, total=2.0 * _PREPARED + len(trials))
+    parts = in_parts(progress, [_PREPARED, _PREPARED, len(trials)])
     loops = loops_of_rig(rig)
     end = loops_at(loops, rig.settings.force.end_m)
     force_max = rig.settings.force.force_max_N
@@ -196,14 +197,14 @@ def _run(
     }
     with whole_folder(out) as folder:
         rig = complete_rig(rig, loops)
-        found_models = all_of(_model, [(rig, end), (rig, loops)], report.part(_PREPARED))
+        found_models = all_of(_model, [(rig, end), (rig, loops)], next(parts))
         models = dict(zip(baselines, found_models, strict=True))
-        programs = _programs(rig, models, board, folder, report.part(_PREPARED))
+        programs = _programs(rig, models, board, folder, next(parts))
         controllers = {
             scope: Controllers(programs[scope], found, board) for scope, found in baselines.items()
         }
         tasks = [(rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
-        outcomes = all_of(_outcome, tasks, report.part(len(trials)))
+        outcomes = all_of(_outcome, tasks, next(parts))
         plant = rig.check(loops, models["stroke"])
         found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
         found["verdict"] = None if found["lost_in"] else judge_stages(found["summary"])
@@ -221,26 +222,6 @@ def _program(task: tuple[Kind, Model, float, str, Path]) -> Program:
 
 def _outcome(task: tuple[Rig, ForceTrial, Controllers]) -> ForceOutcome:
     return run_trial(*task)
-
-
-class _Steps:
-    """Reports how far the work is, part after part."""
-
-    def __init__(self, progress: Progress | None, total: float) -> None:
-        self._progress = progress
-        self._total = total
-        self._begun = 0.0
-
-    def part(self, work: float) -> Progress:
-        """Return what reports the next part, so much of the total."""
-        before = self._begun
-        self._begun += work
-
-        def report(done: float, count: float) -> None:
-            if self._progress is not None:
-                self._progress(before + work * done / count, self._total)
-
-        return report
 
 
 def _check_tools(board: str) -> None:
@@ -321,12 +302,12 @@ def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:
     columns = {
         "t_s": np.round(time, 6),
         "F_demand_N": np.round(demand.force, 6),
-        "gap_m": np.round(next(iter(outcome.recordings.values())).gap, 9),
+        "gap_m": np.round(next(iter(outcome.recordings.values()))["gap_m"], 9),
     }
     for name, recording in outcome.recordings.items():
-        columns[f"F_{name}_N"] = np.round(recording.force, 5)
-        columns[f"F_{name}_read_N"] = np.round(recording.read_force, 5)
-        columns[f"I_{name}_A"] = np.round(recording.current, 7)
+        columns[f"F_{name}_N"] = np.round(recording["force_N"], 5)
+        columns[f"F_{name}_read_N"] = np.round(recording["force_read_N"], 5)
+        columns[f"I_{name}_A"] = np.round(recording["current_A"], 7)
         if name in outcome.simulated:
             columns[f"F_{name}_simulated_N"] = np.round(outcome.simulated[name], 5)
-    write_recording(path, columns)
+    Recording(columns).save(path)

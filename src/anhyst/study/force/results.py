@@ -12,6 +12,7 @@ import numpy as np
 from anhyst.compensate.methods import MODELS
 from anhyst.rig.force.file import Rig
 from anhyst.rig.holding import SignalBound, find_loss
+from anhyst.rig.recording import peak, rms
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.study.verdict import ComparedFigure, judge
 from anhyst.support.arrays import FloatArray
@@ -42,8 +43,7 @@ class Errors:
     @classmethod
     def of(cls, deviation: FloatArray, force_max: float) -> Errors:
         """Sum up a deviation, N."""
-        size = np.abs(deviation)
-        found = [float(size.max()), float(np.sqrt(np.mean(size**2))), float(size.mean())]
+        found = [peak(deviation), rms(deviation), float(np.abs(deviation).mean())]
         return cls(*found, *(100.0 * value / force_max for value in found))
 
 
@@ -68,8 +68,8 @@ def score(outcome: ForceOutcome, force_max: float) -> dict[str, Score]:
 
     return {
         name: Score(
-            true=errors(recording.force),
-            read=errors(recording.read_force),
+            true=errors(recording["force_N"]),
+            read=errors(recording["force_read_N"]),
             simulated=errors(outcome.simulated[name]) if name in outcome.simulated else None,
             differing=outcome.differing.get(name),
         )
@@ -103,8 +103,8 @@ def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
     found = []
     for outcome in outcomes:
         demand, recording = outcome.trial.demand, outcome.recordings["full"]
-        off = (recording.force - demand.force)[demand.lead_in :]
-        current = recording.current[demand.lead_in :]
+        off = (recording["force_N"] - demand.force)[demand.lead_in :]
+        current = recording["current_A"][demand.lead_in :]
         bounds = (
             SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
             SignalBound("the current left all bounds", current, -math.inf, math.inf),

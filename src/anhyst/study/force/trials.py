@@ -9,11 +9,12 @@ from typing import Literal
 import numpy as np
 
 from anhyst.compensate.interface import Compensator
-from anhyst.rig.force.bench import ActuatorBench, BenchRecording, read_gaps, run_open_loop
+from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
 from anhyst.rig.force.demand import Demand, moving_gap
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
 from anhyst.rig.force.session import run_firmware
+from anhyst.rig.recording import Recording
 from anhyst.support.arrays import FloatArray
 
 Stage = Literal["end", "positions", "moving"]
@@ -71,7 +72,7 @@ class ForceOutcome:
 
     trial: ForceTrial  # which
     # by controller: ``full``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``
-    recordings: Mapping[str, BenchRecording]
+    recordings: Mapping[str, Recording]
     # for each firmware the force, N, that its simulated program expects: the same arithmetic, with
     # the model instead of the solenoid
     simulated: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -101,7 +102,7 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
     """Run one trial under every controller of its stage; all see the same noise."""
     gap, seed = trial.gap(rig), [1, trial.number]
     demagnetised = trial.start == "demagnetised"
-    recordings: dict[str, BenchRecording] = {}
+    recordings: dict[str, Recording] = {}
     simulated: dict[str, FloatArray] = {}
     differing: dict[str, int] = {}
 
@@ -124,10 +125,10 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
     return ForceOutcome(trial, recordings, simulated, differing)
 
 
-def _expected(program: Program, recording: BenchRecording, demagnetised: bool) -> FloatArray:
+def _expected(program: Program, recording: Recording, demagnetised: bool) -> FloatArray:
     """Force of the model under the currents of the program: it has neither noise nor delay."""
     turns = ",".join(repr(turn) for turn in [0.0, *program.conditioning])
     history = "demagnetised" if demagnetised else f"conditioned:{turns}"
     model = program.model
-    gap = recording.read_gap if model.needs_schedule else None
-    return model.predict(recording.reference, gap, history=history).output
+    gap = recording["gap_read_m"] if model.needs_schedule else None
+    return model.predict(recording["command_A"], gap, history=history).output

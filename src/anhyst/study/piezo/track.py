@@ -10,7 +10,8 @@ sensor's noise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,11 +25,11 @@ from anhyst.control.biquad import integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
-from anhyst.data.writing import check_recording, write_recording
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.rig.holding import Loss, SignalBound, find_loss
+from anhyst.rig.holding import SignalBound, find_loss
 from anhyst.rig.piezo.file import PiezoRig
+from anhyst.rig.recording import Recording, peak, rms
 from anhyst.study.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -71,31 +72,10 @@ class PiezoInverse:
 
 @dataclass(frozen=True)
 class PiezoErrors:
-    """How far the stage is from its reference, m."""
+    """How far the stage is from its reference, m, where that is judged."""
 
     worst_m: float
     rms_m: float
-
-
-@dataclass(frozen=True)
-class PiezoRun:
-    """One run: time, displacement and its deviation from the reference, s and m; voltage, V.
-
-    ``loss`` says where the loop was lost, if it was.
-    """
-
-    time: FloatArray
-    displacement: FloatArray
-    error: FloatArray
-    voltage: FloatArray
-    errors: PiezoErrors
-    loss: Loss | None
-
-    @property
-    def lost(self) -> str:
-        """When the loop was lost, and how; empty where it held."""
-        loss = self.loss
-        return "" if loss is None else f"at {self.time[loss.tick]:.4f} s, {loss.reason}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,17 +84,24 @@ class PiezoTracking(Result):
 
     Attributes
     ----------
-    reference : ndarray
-        Wanted position, m, one entry a sample.
-    bandwidth : float
-        Of the feedback, Hz.
-    runs : mapping
+    rig : PiezoRig
+    runs : mapping of str to Recording
         From the name of a compensation to its run.
     """
 
-    reference: FloatArray
-    bandwidth: float
-    runs: Mapping[str, PiezoRun] = field(default_factory=dict)
+    rig: PiezoRig
+    runs: Mapping[str, Recording]
+
+    @property
+    def judged_from(self) -> int:
+        """Tick from which on a run counts."""
+        return round(LEAD * self.rig.settings.timing.rate_Hz / self.rig.settings.moved.frequency_Hz)
+
+    @cached_property
+    def errors(self) -> Mapping[str, PiezoErrors]:
+        """Deviation of every way from the reference."""
+        judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
+        return {name: PiezoErrors(peak(error), rms(error)) for name, error in judged.items()}
 
     @property
     def lost_in(self) -> list[str]:
@@ -125,53 +112,57 @@ class PiezoTracking(Result):
         """Raise NegativeResult where the loop with compensation was lost."""
         if lost := self.runs["full"].lost:
             raise NegativeResult(
-                f"the loop was lost {lost}: a bandwidth of {self.bandwidth:g} Hz does not hold "
-                "this stage; the recording is kept",
+                f"the loop was lost {lost}: a bandwidth of "
+                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz does not hold this stage; "
+                "the recording is kept",
                 code="loop-lost",
             )
 
     @property
     def ratio(self) -> float:
         """Rms deviation with compensation over that without."""
-        return self.runs["full"].errors.rms_m / self.runs["none"].errors.rms_m
+        return self.errors["full"].rms_m / self.errors["none"].rms_m
 
     def facts(self) -> dict[str, str]:
         """Return the deviation of every way from the reference."""
         return {
-            name: f"worst {1e9 * run.errors.worst_m:.0f} nm, rms {1e9 * run.errors.rms_m:.0f} nm"
-            for name, run in self.runs.items()
+            name: f"worst {1e9 * one.worst_m:.0f} nm, rms {1e9 * one.rms_m:.0f} nm"
+            for name, one in self.errors.items()
         } | ({"lost": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the deviation of every way from the reference, m."""
         return columns_of(
-            [{"compensation": name, **asdict(run.errors)} for name, run in self.runs.items()]
+            [{"compensation": name, **asdict(one)} for name, one in self.errors.items()]
         )
 
     def draw(self, ax: Axes) -> None:
         """Draw the deviation of every way over time."""
         for name, run in self.runs.items():
-            ax.plot(run.time, 1e9 * run.error, lw=0.9, label=name)
+            ax.plot(run["t_s"], 1e9 * run["error_m"], lw=0.9, label=name)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("deviation [nm]")
 
     def save(self, path: PathLike) -> Path:
-        """Write time, reference and what each way did; see :func:`write_tracking`."""
-        check_recording(path)
-        write_tracking(self, path)
-        return Path(path)
+        """Write time, reference, and what each way did: voltage, displacement and deviation."""
+        first = next(iter(self.runs.values()))
+        columns = {name: first[name] for name in ("t_s", "reference_m")}
+        for name, run in self.runs.items():
+            key = name.replace("-", "_")
+            columns |= {
+                f"u_{key}_V": run["voltage_V"],
+                f"x_{key}_m": run["position_m"],
+                f"e_{key}_m": run["error_m"],
+            }
+        return Recording(columns).save(path)
 
     def as_dict(self) -> dict[str, object]:
         """Return the figures, for JSON."""
         return {
             "lost_in": self.lost_in,
             "rms_with_over_without": self.ratio,
-            "worst_with_over_without": self.runs["full"].errors.worst_m
-            / self.runs["none"].errors.worst_m,
-            "errors": {
-                name: {"worst_m": run.errors.worst_m, "rms_m": run.errors.rms_m}
-                for name, run in self.runs.items()
-            },
+            "worst_with_over_without": self.errors["full"].worst_m / self.errors["none"].worst_m,
+            "errors": {name: asdict(one) for name, one in self.errors.items()},
         }
 
 
@@ -194,20 +185,7 @@ def track(rig: PiezoRig) -> PiezoTracking:
         "full": _compiled(model, rig),
     }
     runs = {name: _follow(rig, wanted, way) for name, way in ways.items()}
-    return PiezoTracking(wanted, rig.settings.displacement.bandwidth_Hz, runs)
-
-
-def write_tracking(found: PiezoTracking, out: PathLike) -> None:
-    """Write time, reference, and what each way did: voltage, displacement and deviation."""
-    columns = {"t_s": next(iter(found.runs.values())).time, "reference_m": found.reference}
-    for name, run in found.runs.items():
-        key = name.replace("-", "_")
-        columns |= {
-            f"u_{key}_V": run.voltage,
-            f"x_{key}_m": run.displacement,
-            f"e_{key}_m": run.error,
-        }
-    write_recording(out, columns)
+    return PiezoTracking(rig, runs)
 
 
 def measure(rig: PiezoRig) -> Loops:
@@ -273,7 +251,7 @@ def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
     return PiezoInverse(native, block.scales.demand, block.scales.current)
 
 
-def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRun:
+def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> Recording:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay."""
     settings = rig.settings
     dt = 1.0 / settings.timing.rate_Hz
@@ -303,8 +281,6 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
     table = stage.follow(inverse.native, filters, pid, scales, wanted, expected, noise)
     found, corrected, voltage = table.T.copy()
     error = found - expected
-    judged = error[round(LEAD * settings.timing.rate_Hz / settings.moved.frequency_Hz) :]
-    errors = PiezoErrors(float(np.abs(judged).max()), float(np.sqrt(np.mean(judged**2))))
     stroke = settings.moved.stroke_m
     bounds = (
         SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
@@ -312,7 +288,14 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> PiezoRu
             "the feedback asked for more than the stroke", corrected - wanted, -stroke, stroke
         ),
     )
-    return PiezoRun(time, found, error, voltage, errors, find_loss(bounds, planned=wanted.size))
+    columns = {
+        "t_s": time,
+        "reference_m": wanted,
+        "position_m": found,
+        "error_m": error,
+        "voltage_V": voltage,
+    }
+    return Recording(columns, find_loss(bounds, planned=wanted.size))
 
 
 def _lateness(rig: PiezoRig) -> float:

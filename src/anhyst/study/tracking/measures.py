@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from anhyst.rig.stage.loop import TrackedRun
-from anhyst.support.arrays import FloatArray
+from anhyst.rig.recording import Recording, moving, peak, rms, settled_from
+from anhyst.rig.stage.setpoint import SetPoint
 
 BANDS_M = (50e-9, 10e-9)
 """Into which the settling is measured."""
@@ -49,57 +49,41 @@ LOST = Measures(*[float("inf")] * 8)
 """Of a run in which the loop was lost."""
 
 
-def cruises(run: TrackedRun) -> list[slice]:
+def cruises(motion: SetPoint, dt: float) -> list[slice]:
     """Return the ticks of each cruise, that after the first acceleration left out."""
-    pulses = run.motion.pulses
-    ends = [begin for begin, _, _ in pulses[1:]] + [run.motion.duration]
+    pulses = motion.pulses
+    ends = [begin for begin, _, _ in pulses[1:]] + [motion.duration]
     whole = [
-        slice(round((begin + length) / run.dt), round(end / run.dt))
+        slice(round((begin + length) / dt), round(end / dt))
         for (begin, length, _), end in zip(pulses, ends, strict=True)
     ]
     return whole[1:]
 
 
-def judged_from(run: TrackedRun) -> int:
-    """Return the tick from which on a run counts."""
-    return round(run.motion.pulses[1][0] / run.dt)
-
-
-def moving(error: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
-    """Return mean and standard deviation over every window of so many ticks."""
-    sums = np.cumsum(np.concatenate([[0.0], error]))
-    squares = np.cumsum(np.concatenate([[0.0], error**2]))
-    mean = (sums[ticks:] - sums[:-ticks]) / ticks
-    square = (squares[ticks:] - squares[:-ticks]) / ticks
-    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
-
-
-def settling(run: TrackedRun, band: float) -> list[float]:
+def settling(run: Recording, motion: SetPoint, band: float) -> list[float]:
     """Return for each scan how long it takes until the error stays within a band, s."""
-    found = []
-    for cruise in cruises(run):
-        outside = np.flatnonzero(np.abs(run.error[cruise]) > band)
-        found.append(run.dt * (int(outside[-1]) + 1) if outside.size else 0.0)
-    return found
+    error, dt = run["error_m"], run.dt
+    return [dt * settled_from(error[cruise], band) for cruise in cruises(motion, dt)]
 
 
-def measure(run: TrackedRun, slit: float) -> Measures:
+def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
     """Judge a run with a slit of so many seconds."""
     if run.loss is not None:
         return LOST
     late, ticks = round(EXPOSE_AFTER_S / run.dt), round(slit / run.dt)
     windows = [
-        moving(run.error[cruise.start + late : cruise.stop], ticks) for cruise in cruises(run)
+        moving(run["error_m"][cruise.start + late : cruise.stop], ticks)
+        for cruise in cruises(motion, run.dt)
     ]
-    since = judged_from(run)
-    error, force = run.error[since:], run.force_error[since:]
+    since = round(motion.pulses[1][0] / run.dt)
+    error, force = run["error_m"][since:], run["force_error_N"][since:]
     return Measures(
-        peak_m=float(np.abs(error).max()),
-        rms_m=float(np.sqrt(np.mean(error**2))),
-        average_m=max(float(np.abs(mean).max()) for mean, _ in windows),
+        peak_m=peak(error),
+        rms_m=rms(error),
+        average_m=max(peak(mean) for mean, _ in windows),
         deviation_m=max(float(deviation.max()) for _, deviation in windows),
-        settling_50_s=float(np.mean(settling(run, BANDS_M[0]))),
-        settling_10_s=float(np.mean(settling(run, BANDS_M[1]))),
-        force_peak_N=float(np.abs(force).max()),
-        force_rms_N=float(np.sqrt(np.mean(force**2))),
+        settling_50_s=float(np.mean(settling(run, motion, BANDS_M[0]))),
+        settling_10_s=float(np.mean(settling(run, motion, BANDS_M[1]))),
+        force_peak_N=peak(force),
+        force_rms_N=rms(force),
     )

@@ -97,7 +97,7 @@ def _try(job: _Job) -> dict[str, tuple[Measures, ...]]:
     motion = motion_of(table, table.test_m_per_s2)
     return {
         kind: tuple(
-            measure(track(replace(job.setup, errors=one), motion, gains, 1), table.slit_s)
+            measure(track(replace(job.setup, errors=one), motion, gains, 1), motion, table.slit_s)
             for one in errors
         )
         for kind, errors in _drawn(rig, job.plants).items()

@@ -13,11 +13,11 @@ from scipy.optimize import minimize
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
-from anhyst.data.writing import check_recording, write_recording
+from anhyst.data.writing import check_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
-from anhyst.rig.bearing.recording import CURRENTS, MAGNETS, of_magnets
+from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import Feedforward, StageSetup, TrackedRun, make_stage, pid, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.bearing.metrics import Interval, mean_interval, no_mean
 from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
@@ -40,14 +40,14 @@ _PADDING = 4096
 """Ticks of zeros behind a trial, so that its end does not meet its begin."""
 
 
-def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[TrackedRun]:
+def learn(setup: StageSetup, gains: Feedforward, trials: int = TRIALS) -> list[Recording]:
     """Repeat the test set-point and add after each trial what the model of the loop asks for."""
     table = setup.rig.settings.scan
     motion = motion_of(table, table.test_m_per_s2)
     runs = [track(setup, motion, gains, seed=0)]
-    learnt = np.zeros(len(runs[0].reference))
+    learnt = np.zeros(len(runs[0]))
     while len(runs) < trials and runs[-1].loss is None:
-        learnt = _filtered(setup.rig, learnt, runs[-1].error)
+        learnt = _filtered(setup.rig, learnt, runs[-1]["error_m"])
         runs.append(track(setup, motion, gains, seed=len(runs), learnt=learnt))
     return runs
 
@@ -103,7 +103,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
     table = setup.rig.settings.scan
 
     def cost(place: FloatArray) -> float:
-        rms = measure(track(setup, motion, gains_at(place), seed=0), table.slit_s).rms_m
+        rms = measure(track(setup, motion, gains_at(place), seed=0), motion, table.slit_s).rms_m
         return min(rms, _LOST)
 
     simplex = np.vstack([np.zeros(3), np.eye(3)])
@@ -135,7 +135,7 @@ class TriedVariant:
     measures: tuple[Measures, ...]  # one a seed
     # for each of the bands the settling of every scan of every seed, s
     settled: tuple[tuple[float, ...], ...]
-    shown: TrackedRun  # of the first seed
+    shown: Recording  # of the first seed
     small: Measures  # the same gains, a tenth of the accelerations
     # gains found on the very test set-point: what a single, repeated one would show
     repeated: Measures
@@ -232,7 +232,7 @@ class TrackingStudy(Result):
     def draw(self, ax: Axes) -> None:
         """Draw the error of every variant over the test set-point, one noise seed."""
         for name, one in self.tried.items():
-            ax.plot(one.shown["t_s"], 1e9 * one.shown.error, lw=0.8, label=name)
+            ax.plot(one.shown["t_s"], 1e9 * one.shown["error_m"], lw=0.8, label=name)
         ax.set_xlabel("time [s]")
         ax.set_ylabel("error [nm]")
 
@@ -244,8 +244,7 @@ class TrackingStudy(Result):
         InputError
             A place cannot be written.
         """
-        check_recording(path)
-        write_recording(path, recorded(self.tried[OWN].shown))
+        self.tried[OWN].shown.save(path)
         with atomic_writer(Path(path).parent / FIGURES) as stream:
             stream.write(json_text(self.figures))
         return Path(path)
@@ -286,15 +285,15 @@ def try_variant(setup: StageSetup) -> TriedVariant:
     trials = learn(setup, gains)
     return TriedVariant(
         gains=gains,
-        measures=tuple(measure(run, table.slit_s) for run in runs),
+        measures=tuple(measure(run, motion, table.slit_s) for run in runs),
         settled=tuple(
-            tuple(one for run in runs for one in settling(run, band)) for band in BANDS_M
+            tuple(one for run in runs for one in settling(run, motion, band)) for band in BANDS_M
         ),
         shown=runs[0],
-        small=measure(track(setup, small, gains, 1), table.slit_s),
-        repeated=measure(track(setup, motion, here, 1), table.slit_s),
+        small=measure(track(setup, small, gains, 1), small, table.slit_s),
+        repeated=measure(track(setup, motion, here, 1), motion, table.slit_s),
         standstill_m=_standing(setup, gains),
-        trials_m=tuple(measure(run, table.slit_s).peak_m for run in trials),
+        trials_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
     )
 
 
@@ -305,7 +304,7 @@ def _standing(setup: StageSetup, gains: Feedforward) -> float:
     run = track(setup, moved, gains, 1)
     if run.loss is not None:
         return math.inf
-    return float(np.sqrt(np.mean(np.concatenate([run.error[part] for part in cruises(run)]) ** 2)))
+    return rms(np.concatenate([run["error_m"][part] for part in cruises(moved, run.dt)]))
 
 
 def make_variants(
@@ -335,12 +334,12 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     if run.loss is None:
         return
     text = (
-        f"the loop was lost at {run.dt * run.loss.tick:.4f} s, {run.loss.reason}: a crossover of "
+        f"the loop was lost {run.lost}: a crossover of "
         f"{setup.rig.settings.tracking.crossover_Hz:g} Hz does not hold this stage"
     )
     if out is None:
         raise NegativeResult(text, code="loop-lost")
-    write_recording(out, recorded(run))
+    run.save(out)
     (Path(out).parent / FIGURES).unlink(missing_ok=True)
     raise NegativeResult(f"{text}; the recording is kept in {out}", code="loop-lost")
 
@@ -371,17 +370,3 @@ def simulate_stage(
     found = explore_stage(rig, progress=progress, out=out)
     found.save(out)
     return found
-
-
-def recorded(run: TrackedRun) -> dict[str, Any]:
-    """Return the columns of a recording of a run."""
-    n = len(run.table)
-    columns = ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))
-    return {
-        "t_s": run["t_s"],
-        "reference_m": run.reference[:n],
-        "position_m": run["gap_m"] + run.frame[:n],
-        "error_m": run.error,
-        "gap_m": run["gap_m"],
-        **{name: run[name] for name in columns},
-    }

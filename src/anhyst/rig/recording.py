@@ -1,0 +1,137 @@
+"""What was recorded of a run, whichever rig ran, and the measures that are taken of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from anhyst._core import PlantLoop
+from anhyst.control.states import Phase, State
+from anhyst.data.writing import check_recording, write_recording
+from anhyst.rig.holding import Loss
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+
+CURRENTS = (("command", "A"), ("current", "A"))
+MAGNETS = 2
+"""For which a recording has columns; a single one leaves those of the other at zero."""
+
+
+def column(signal: str, unit: str, number: int = 1) -> str:
+    """Return what a column is called: of the first magnet without a number, further ones with it."""
+    return "_".join(part for part in (signal, f"{number}" if number > 1 else "", unit) if part)
+
+
+def of_magnets(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
+    """Return the columns of some signals, magnet by magnet."""
+    return tuple(column(*one, number) for number in range(first, last + 1) for one in signals)
+
+
+COLUMNS: tuple[str, ...] = (
+    *("t_s", "reference_m", "gap_m", "gap_read_m", "velocity_m_per_s", "demand_N", "force_N"),
+    *("load_N", "command_A", "current_A", "current_read_A", "voltage_V", "flux_Wb"),
+    *("flux_density_T", *of_magnets(CURRENTS, 2, MAGNETS), "state", "flags"),
+)
+"""Of a magnet's body, the unit in the name; described in docs/simulate.md."""
+
+
+def in_columns(loop: PlantLoop, table: FloatArray) -> FloatArray:
+    """Return of a loop's record what is recorded; zero where there is no such signal."""
+    names = [column(*signal) for signal in loop.signals]
+    taken = [names.index(name) if name in names else -1 for name in COLUMNS]
+    return np.take(np.column_stack((table, np.zeros(len(table)))), taken, axis=1)
+
+
+def in_column(state: State, phase: Phase = Phase.REST) -> int:
+    """Return what the column ``state`` says of a state and a phase of the controller."""
+    return 16 * state + phase
+
+
+READY, RUN, FAULT = (in_column(state) for state in (State.READY, State.RUN, State.FAULT))
+"""The least that the column says in each of these states; the phase comes on top."""
+
+BREAKAWAY, RISE, HOVER, DESCEND, SET_DOWN = (
+    in_column(State.RUN, phase)
+    for phase in (Phase.BREAKAWAY, Phase.RISE, Phase.HOVER, Phase.DESCEND, Phase.SET_DOWN)
+)
+"""On its rest while the force rises; under control on its way, there, and down; let go."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Signals of one run, a value a tick."""
+
+    columns: Mapping[str, FloatArray]  # by header, such as ``gap_m``; the clock first
+    loss: Loss | None = None  # where the loop was lost, if that was looked for
+
+    @classmethod
+    def of_table(cls, table: FloatArray, names: Iterable[str] = COLUMNS) -> Self:
+        """Take columns by their order, shape (ticks, columns)."""
+        return cls(dict(zip(names, table.T, strict=True)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Recording]) -> Self:
+        """Put recordings with the same columns behind each other."""
+        return cls.of_table(np.concatenate([part.table for part in parts]), parts[0].columns)
+
+    def __getitem__(self, header: str) -> FloatArray:
+        return self.columns[header]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def table(self) -> FloatArray:
+        """All columns side by side, shape (ticks, columns)."""
+        return np.column_stack(list(self.columns.values()))
+
+    @property
+    def dt(self) -> float:
+        """Time between ticks, s."""
+        time = self["t_s"]
+        return float(time[1] - time[0])
+
+    @property
+    def lost(self) -> str:
+        """When the loop was lost, and how; empty where it held."""
+        loss = self.loss
+        return "" if loss is None else f"at {self.dt * loss.tick:.4f} s, {loss.reason}"
+
+    def part(self, begin: int, end: int) -> Recording:
+        """Return the rows from one tick up to another."""
+        return Recording({name: values[begin:end] for name, values in self.columns.items()})
+
+    def save(self, path: PathLike) -> Path:
+        """Write it in the format that the name says, whole or not at all."""
+        check_recording(path)
+        write_recording(path, self.columns)
+        return Path(path)
+
+
+def peak(deviation: FloatArray) -> float:
+    """Return the largest size of a deviation."""
+    return float(np.abs(deviation).max())
+
+
+def rms(deviation: FloatArray) -> float:
+    """Return the root of the mean square of a deviation."""
+    return float(np.sqrt(np.mean(deviation**2)))
+
+
+def moving(deviation: FloatArray, ticks: int) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation over every window of so many ticks."""
+    sums = np.cumsum(np.concatenate([[0.0], deviation]))
+    squares = np.cumsum(np.concatenate([[0.0], deviation**2]))
+    mean = (sums[ticks:] - sums[:-ticks]) / ticks
+    square = (squares[ticks:] - squares[:-ticks]) / ticks
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def settled_from(deviation: FloatArray, band: float) -> int:
+    """Return the tick from which on a deviation stays within a band; its length if it never does."""
+    outside = np.flatnonzero(np.abs(deviation) > band)
+    return int(outside[-1]) + 1 if outside.size else 0
