@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data import Loop
+from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
-from anhyst.identification.rate import speeds_of
 from anhyst.model.actuator import Model
 from rows import ROOT, Row
 from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
@@ -50,16 +50,16 @@ def judge(number: int) -> Judged:
     between = float(np.sqrt(magnet.gaps[0] * magnet.gaps[1]))
     records = {f"{rate:g} Hz": magnet.cycle(rate, between) for rate in (1.0, 20.0, 100.0)}
     records["random"] = magnet.random((magnet.gaps[0], magnet.gaps[-1]))
-    found = {
-        one: {name: _missed(one, loop, largest) for name, loop in records.items()}
+    at_rest, layers = (
+        {name: _missed(one, loop, largest) for name, loop in records.items()}
         for one in (still, model)
-    }
+    )
     assert model.fit is not None
     assert still.fit is not None
     with_layers = [one.rms for one in model.fit.loops if one.label.startswith(f"{SPEEDS[0]:g} ")]
     slow = float(np.sqrt(np.mean(np.square(with_layers))) / still.fit.rms)
     chosen = f"{model.law}, {model.gap_map}, layers {model.layers}"
-    return Judged(number, found[still], found[model], slow, seconds, chosen)
+    return Judged(number, at_rest, layers, slow, seconds, chosen)
 
 
 def _missed(model: Model, loop: Loop, largest: float) -> tuple[float, float]:

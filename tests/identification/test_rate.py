@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, Loops
+from anhyst.data.speeds import rate_told, speeds_of
 from anhyst.identification import identify
-from anhyst.identification.rate import fit_rate, speeds_of
+from anhyst.identification.rate import fit_rate
 from anhyst.identification.result import IdentifyResult
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
@@ -89,6 +90,13 @@ def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
     assert speeds_of(loops.with_loops([*slow, *inner])) is None
     assert speeds_of(loops.with_loops([*slow, *steady])) is None
     assert speeds_of(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+
+
+def test_inspecting_tells_from_which_rate_on_solid_iron_answers_late() -> None:
+    assert rate_told(measured()).startswith("rate matters")
+    assert rate_told(measured(gamma=0.0)).startswith("rate does not matter")
+    slow = measured().with_loops(one for one in measured().loops if one.label == "5 Hz")
+    assert rate_told(slow) == ""
 
 
 def test_what_was_fitted_at_three_speeds_holds_between_them_at_a_gap_between() -> None:

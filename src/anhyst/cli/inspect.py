@@ -123,6 +123,7 @@ def _show(found: Inspection) -> None:
     _show_texts("repaired", found.repairs)
     _show_texts("noted", found.notes)
     show("is it worth it?", *(f"  {sentence}" for sentence in found.verdict.sentences))
+    _show_texts("speed", (found.rate,) if found.rate else ())
 
 
 def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:

@@ -14,6 +14,7 @@ from anhyst.data.look import length_scale
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.speeds import rate_told
 from anhyst.data.start import Proposal, propose_histories
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
 from anhyst.support.arrays import FloatArray
@@ -71,6 +72,9 @@ class Inspection(Result):
         What looks odd, one sentence each.
     verdict
         Whether a hysteresis model is worth it.
+    rate
+        Whether rate matters, and from where on, as a sentence; empty where all loops of a gap run
+        about as fast.
     """
 
     input: Quantity
@@ -82,6 +86,7 @@ class Inspection(Result):
     repairs: tuple[str, ...]
     warnings: tuple[str, ...]
     verdict: Verdict
+    rate: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """All of it, ready for JSON, with units in the keys (``width_A``, ``noise_N``, ...)."""
@@ -105,6 +110,7 @@ class Inspection(Result):
             ],
             "verdict": {name: _plain(value) for name, value in verdict.items()}
             | {"worthwhile": self.verdict.worthwhile},
+            "rate": self.rate,
             "warnings": list(self.warnings),
             "repairs": list(self.repairs),
             "notes": list(self.notes),
@@ -120,6 +126,7 @@ class Inspection(Result):
             "best single-valued curve": f"{verdict.single_mean:.3g} {answer.unit} mean, "
             f"{verdict.single_worst:.3g} {answer.unit} worst",
             "noise": f"{verdict.noise_mean:.2g} {answer.unit} mean",
+            **({"rate": self.rate} if self.rate else {}),
         }
 
     def to_columns(self) -> dict[str, list[Any]]:
@@ -193,6 +200,7 @@ def inspect(loops: Loops) -> Inspection:
         loops.repairs,
         tuple(warnings),
         judge(loops),
+        rate_told(loops),
     )
 
 

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from anhyst.data import Loop, Loops
 from anhyst.data.branches import correlation
 from anhyst.data.history import History
+from anhyst.data.speeds import rate_of
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import Dynamics, rate_of
+from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import CandidateFit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

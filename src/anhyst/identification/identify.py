@@ -13,6 +13,7 @@ from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_electromagnet, output_map
 from anhyst.data.plausibility import check_plausible
+from anhyst.data.speeds import Speeds, speeds_of
 from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import model_of, valid_range
 from anhyst.identification.candidates import require_gaps
@@ -26,7 +27,7 @@ from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
-from anhyst.identification.rate import Speeds, fit_rate, speeds_of, without_rate
+from anhyst.identification.rate import fit_rate, without_rate
 from anhyst.identification.rest import rest_of
 from anhyst.identification.result import IdentifyResult
 from anhyst.identification.run import SEARCHED, SearchRun

@@ -16,16 +16,13 @@ from scipy.special import expit, logit
 
 from anhyst._core import AnyIron
 from anhyst.data import Loop, Loops
+from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import Dynamics, rate_of
+from anhyst.model.dynamics import Dynamics
 from anhyst.model.layers import Layers
 from anhyst.model.predict import as_history, initial_state
 from anhyst.support.arrays import FloatArray
-
-APART = 3.0
-"""A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
-change of the input a second: loops that are merely smaller differ in one of these."""
 
 COUNTS = (1, 2, 3, 4)
 """Layers that are tried; 1 is a lag of the flux."""
@@ -55,19 +52,6 @@ _REFUSED = 1e3  # deviation of a set that the core has no answer for
 
 
 @dataclass(frozen=True, eq=False)
-class Speeds:
-    """Loops told apart by how fast they run."""
-
-    slow: Loops  # at every gap the slowest, and all that are not clearly faster
-    fast: tuple[tuple[Loop, ...], ...]  # the others in groups of about one rate, the slowest first
-
-    @property
-    def fastest(self) -> float:
-        """Rate of the fastest loops, Hz."""
-        return max(rate_of(loop.input, loop.time) for loop in self.fast[-1])
-
-
-@dataclass(frozen=True, eq=False)
 class RateFit:
     """What fast loops say."""
 
@@ -89,41 +73,6 @@ class RateFit:
             f"gamma, how late the middle of the iron is, is known to {100.0 * self.std:.2g} %; it was "
             f"measured up to {fastest:.3g} Hz, beyond nothing is known"
         )
-
-
-def speeds_of(loops: Loops) -> Speeds | None:
-    """Tell slow loops from fast ones; None where all are about as fast, or no times are known."""
-    if any(loop.time is None for loop in loops.loops):
-        return None
-    paces = [_pace(loop) for loop in loops.loops]
-    fast = [
-        any(
-            other.schedule_value == loop.schedule_value
-            and min(pace[0] / past[0], pace[1] / past[1]) >= APART
-            for other, past in zip(loops.loops, paces, strict=True)
-        )
-        for loop, pace in zip(loops.loops, paces, strict=True)
-    ]
-    if not any(fast):
-        return None
-    groups: list[list[Loop]] = []
-    quick = (loop for loop, one in zip(loops.loops, fast, strict=True) if one)
-    for loop in sorted(quick, key=lambda one: _pace(one)[0]):
-        if groups and _pace(loop)[0] < APART * _pace(groups[-1][0])[0]:
-            groups[-1].append(loop)
-        else:
-            groups.append([loop])
-    slow = (loop for loop, one in zip(loops.loops, fast, strict=True) if not one)
-    return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
-
-
-def _pace(loop: Loop) -> tuple[float, float]:
-    """Return how fast a loop runs: its rate, Hz, and the change of its input a second."""
-    assert loop.time is not None
-    seconds = float(loop.time[-1] - loop.time[0])
-    return rate_of(loop.input, loop.time) or 0.5 / seconds, float(
-        np.sum(np.abs(np.diff(loop.input))) / seconds
-    )
 
 
 @dataclass(frozen=True)

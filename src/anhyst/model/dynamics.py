@@ -16,12 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.path import reversal_count
+from anhyst.data.speeds import rate_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-
-_REVERSAL = 0.02
-"""A reversal counts once the input has come back by this share of its range."""
 
 FASTER = 1.5
 """A run that much faster than what a model was seen to hold for is flagged."""
@@ -112,17 +109,6 @@ class Creeping:
     found: FloatArray
     slow: FloatArray
     last: float
-
-
-def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
-    """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
-    if time is None or time[-1] <= time[0]:
-        return 0.0
-    span = float(np.ptp(drive))
-    if span == 0.0:
-        return 0.0
-    turns = reversal_count(drive, _REVERSAL * span)
-    return (turns + 1) / (2.0 * float(time[-1] - time[0])) if turns else 0.0
 
 
 def too_fast(dynamics: Dynamics, drive: FloatArray, time: FloatArray) -> tuple[str, ...]:

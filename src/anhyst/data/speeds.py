@@ -1,0 +1,117 @@
+"""How fast loops run, and whether loops of several speeds differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from anhyst.data.branches import is_even
+from anhyst.data.loops import Loop, Loops
+from anhyst.data.noise import noise
+from anhyst.data.path import reversal_count
+from anhyst.data.verdict import largest_output, loop_width
+from anhyst.support.arrays import FloatArray
+
+_REVERSAL = 0.02
+"""A reversal counts once the input has come back by this share of its range."""
+
+APART = 3.0
+"""A loop is fast where another of its gap is that many times slower, in cycles a second as well as in
+change of the input a second: loops that are merely smaller differ in one of these."""
+
+MATTERS = 0.01
+"""Of the largest output: rate matters from where it makes a loop higher by this on."""
+
+_CERTAIN = 4.0
+"""Standard deviations of the noise that a difference in height must exceed."""
+
+
+def rate_of(drive: FloatArray, time: FloatArray | None) -> float:
+    """Return the rate of the cycles in a record, Hz; 0 without time or reversals."""
+    if time is None or time[-1] <= time[0]:
+        return 0.0
+    span = float(np.ptp(drive))
+    if span == 0.0:
+        return 0.0
+    turns = reversal_count(drive, _REVERSAL * span)
+    return (turns + 1) / (2.0 * float(time[-1] - time[0])) if turns else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Speeds:
+    """Loops told apart by how fast they run."""
+
+    slow: Loops  # at every gap the slowest, and all that are not clearly faster
+    fast: tuple[tuple[Loop, ...], ...]  # the others in groups of about one rate, the slowest first
+
+    @property
+    def fastest(self) -> float:
+        """Rate of the fastest loops, Hz."""
+        return max(rate_of(loop.input, loop.time) for loop in self.fast[-1])
+
+
+def speeds_of(loops: Loops) -> Speeds | None:
+    """Tell slow loops from fast ones; None where all are about as fast, or no times are known."""
+    if any(loop.time is None for loop in loops.loops):
+        return None
+    paces = [_pace(loop) for loop in loops.loops]
+    fast = [
+        any(
+            other.schedule_value == loop.schedule_value
+            and min(pace[0] / past[0], pace[1] / past[1]) >= APART
+            for other, past in zip(loops.loops, paces, strict=True)
+        )
+        for loop, pace in zip(loops.loops, paces, strict=True)
+    ]
+    if not any(fast):
+        return None
+    groups: list[list[Loop]] = []
+    quick = (loop for loop, one in zip(loops.loops, fast, strict=True) if one)
+    for loop in sorted(quick, key=lambda one: _pace(one)[0]):
+        if groups and _pace(loop)[0] < APART * _pace(groups[-1][0])[0]:
+            groups[-1].append(loop)
+        else:
+            groups.append([loop])
+    slow = (loop for loop, one in zip(loops.loops, fast, strict=True) if not one)
+    return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
+
+
+def _pace(loop: Loop) -> tuple[float, float]:
+    """Return how fast a loop runs: its rate, Hz, and the change of its input a second."""
+    assert loop.time is not None
+    seconds = float(loop.time[-1] - loop.time[0])
+    return rate_of(loop.input, loop.time) or 0.5 / seconds, float(
+        np.sum(np.abs(np.diff(loop.input))) / seconds
+    )
+
+
+def rate_told(loops: Loops) -> str:
+    """Say whether rate matters and from where on; nothing where loops run at one speed."""
+    speeds = speeds_of(loops)
+    if speeds is None:
+        return ""
+    even, largest = is_even(loops), largest_output(loops)
+    still: dict[float | None, float] = {}
+    for loop in speeds.slow.loops:
+        height = loop_width(loop, even=even).height
+        still[loop.schedule_value] = max(height, still.get(loop.schedule_value, 0.0))
+    for group in speeds.fast:
+        rate = max(rate_of(loop.input, loop.time) for loop in group)
+        higher = [
+            (loop_width(loop, even=even).height - still[loop.schedule_value], noise(loop.output))
+            for loop in group
+        ]
+        extra, uncertain = max(higher)
+        part = extra / largest
+        if part >= MATTERS and extra > _CERTAIN * uncertain:
+            begins = rate * MATTERS / part
+            return (
+                f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by "
+                f"{100.0 * part:.2g} % of the largest output; in proportion, by 1 % from "
+                f"{begins:.2g} Hz on"
+            )
+    return (
+        f"rate does not matter up to {speeds.fastest:.3g} Hz: fast loops are as high as slow ones, to "
+        "1 % of the largest output"
+    )
