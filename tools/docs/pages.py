@@ -13,6 +13,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "measurements",
         "file-formats",
         "identification",
+        "rate",
         "choosing",
         "python",
     ),

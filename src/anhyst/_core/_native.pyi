@@ -31,13 +31,7 @@ class AnyIron:
     ) -> tuple[_Array, int, int]:
         """Repeat a cycle till it closes; return state, cycles, status."""
     def make_solid(self, layers: int, surface: float, laminated: float) -> None:
-        """Cut the iron into layers between which its field diffuses; ValueError if out of range.
-
-        Its state is then that of each layer, the surface first, and of what is laminated.
-        """
-    @property
-    def layers(self) -> int:
-        """Number of layers, 1 where the field is the same throughout."""
+        """Cut it into layers; its state is then theirs, the surface first, and that of sheets."""
     def check_state(self, state: _Array) -> int:
         """Return the status of a state given from outside; ValueError for a wrong length."""
     def flux_of(self, state: _Array) -> float:

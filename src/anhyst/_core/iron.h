@@ -69,8 +69,6 @@ public:
     }
   }
 
-  int layers() const { return iron_.layers; }
-
   const anhyst_iron_f64 *get() const { return &iron_; }
 
 protected:

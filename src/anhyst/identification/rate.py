@@ -11,8 +11,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.special import expit, logit
 
 from anhyst._core import AnyIron
 from anhyst.data import Loop, Loops
@@ -92,7 +90,7 @@ class _Rate:
         """Share of the surface in the section, and of sheets in the path."""
         if self.count == 1:
             return 1.0, 0.0
-        surface, laminated = expit(np.array(self.theta[1:]))
+        surface, laminated = 0.5 + 0.5 * np.tanh(0.5 * np.array(self.theta[1:]))
         return float(surface), float(laminated)
 
     def layers(self) -> Layers | None:
@@ -190,8 +188,10 @@ class _Problem:
         self, groups: Sequence[Sequence[_Path]], count: int, start: _Rate | None = None
     ) -> tuple[_Rate, float]:
         """Fit some loops; return what was found and the deviation of ``ln(gamma)``."""
+        from scipy.optimize import least_squares
+
         if start is None:
-            shares = () if count == 1 else (float(logit(1.0 / count)), float(logit(SHEETS)))
+            shares = () if count == 1 else (_logit(1.0 / count), _logit(SHEETS))
             tried = [_Rate(count, (float(np.log(g * self.scale)), *shares)) for g in TRIED]
             start = min(tried, key=lambda one: mean_missed(groups, one))
 
@@ -215,6 +215,10 @@ class _Problem:
         inverse = np.linalg.pinv(end.jac.T @ end.jac)
         std = float(np.sqrt(2.0 * end.cost / spare * inverse[0, 0]))
         return _Rate(count, tuple(end.x.tolist())), std
+
+
+def _logit(share: float) -> float:
+    return float(np.log(share / (1.0 - share)))
 
 
 def _any_place(model: Model) -> float | None:
