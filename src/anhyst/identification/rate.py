@@ -235,13 +235,13 @@ def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
     return float(np.exp(np.mean(logs)))
 
 
-def fit_rate(model: Model, loops: Loops, speeds: Speeds) -> RateFit:
+def fit_rate(model: Model, loops: Loops, speeds: Speeds, counts: Sequence[int] = COUNTS) -> RateFit:
     """Fit layers to fast loops around a static model, which is held."""
     problem = _Problem(model, speeds, largest_output(loops))
     folds = problem.left_out()
     best = still = float(np.exp(np.mean([np.log(mean_missed(out, None)) for _, out in folds])))
     chosen: tuple[_Rate, float] | None = None
-    for count in COUNTS:
+    for count in counts:
         whole, std = problem.fit(problem.groups, count)
         logs = []
         for rest, out in folds:
@@ -250,6 +250,8 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds) -> RateFit:
         missed = float(np.exp(np.mean(logs)))
         if missed < WORTH * best:
             best, chosen = missed, (whole, std)
+        elif chosen is not None and count > 2:
+            break  # further layers are finer still
     told = f"{100.0 * still:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
