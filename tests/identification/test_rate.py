@@ -99,6 +99,7 @@ def test_inspecting_tells_from_which_rate_on_solid_iron_answers_late() -> None:
     assert rate_told(slow) == ""
 
 
+@pytest.mark.slow
 def test_what_was_fitted_at_three_speeds_holds_between_them_at_a_gap_between() -> None:
     result = found(measured())
     model, gap = result.model, 3.9e-4

@@ -291,8 +291,8 @@ def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Out
     at_rest = without_rate(late.model, outcome.model, speeds.slow)
     if at_rest is not None:
         again = static(at_rest, outcome.model.law, outcome.model.gap_map)
-        count = late.model.layers.count if late.model.layers else 1
-        better = fit_rate(again.model, loops, speeds, (count,))
+        layers = late.model.layers
+        better = fit_rate(again.model, loops, speeds, at_least=layers.count if layers else 1)
         if better.missed < late.missed:
             late = better
             outcome = replace(outcome, uncertainty=again.uncertainty)

@@ -235,13 +235,13 @@ def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
     return float(np.exp(np.mean(logs)))
 
 
-def fit_rate(model: Model, loops: Loops, speeds: Speeds, counts: Sequence[int] = COUNTS) -> RateFit:
-    """Fit layers to fast loops around a static model, which is held."""
+def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[0]) -> RateFit:
+    """Fit layers, at least so many, to fast loops around a static model, which is held."""
     problem = _Problem(model, speeds, largest_output(loops))
     folds = problem.left_out()
     best = still = float(np.exp(np.mean([np.log(mean_missed(out, None)) for _, out in folds])))
     chosen: tuple[_Rate, float] | None = None
-    for count in counts:
+    for count in COUNTS[COUNTS.index(at_least) :]:
         whole, std = problem.fit(problem.groups, count)
         logs = []
         for rest, out in folds:
