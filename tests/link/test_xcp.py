@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import socket
 import struct
+import time
 import subprocess
 import zlib
 from collections.abc import Iterator
@@ -378,10 +379,12 @@ def start_sampling(line: socket.socket, names: list[str], prescaler: int = 1) ->
 def take(line: socket.socket) -> bytes:
     """Return the next packet."""
     packets: list[bytes] = []
+    give_up = time.monotonic() + 30.0  # half a packet is seen again and again where no more comes
     while not packets:
         seen = line.recv(MOST, socket.MSG_PEEK)
         assert seen, "hung up"
         packets = split(seen).packets
+        assert packets or time.monotonic() < give_up, f"{len(seen)} bytes and no more"
     exactly(line, len(framed(packets[0])))
     return packets[0]
 
