@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import socket
 import struct
-import time
 import subprocess
+import time
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
