@@ -13,6 +13,7 @@ from typing import Any
 
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
@@ -23,7 +24,6 @@ from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
-from anhyst.study.bearing.variations import changed, with_iron
 from rows import ROOT, Row
 
 FOLDER = ROOT / "examples" / "bearing"

@@ -19,6 +19,7 @@ import numpy as np
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
@@ -26,7 +27,6 @@ from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.ready import make_ready
-from anhyst.study.bearing.variations import changed
 from anhyst.support.arrays import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row

@@ -21,6 +21,7 @@ from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
 from anhyst.identification.options import IdentifyTable
+from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
@@ -30,7 +31,6 @@ from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
-from anhyst.study.bearing.variations import changed, with_iron
 from anhyst.support.errors import InputError
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch

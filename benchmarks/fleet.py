@@ -19,7 +19,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from anhyst.study.bearing.benefit import benefit
-from anhyst.study.bearing.monte_carlo import monte_carlo
+from anhyst.study.bearing.plants import bearing_plants
+from anhyst.study.engine.monte_carlo import monte_carlo
 from anhyst.study.fleet.fleet import fleet
 from anhyst.study.fleet.judge import FleetSettings
 from anhyst.support.jobs import all_of, workers_of
@@ -192,8 +193,9 @@ def durations(folder: Path, place: Path) -> dict[str, float]:
     """Processor time of one task of each study, s: what a worker that is alone on a core takes."""
     rig, controller = read()
     spent = here(lambda: fleet(folder, place / "alone", SETTINGS, jobs=1))
+    plants = bearing_plants(rig, controller, ("full",))
     few = [
-        here(lambda: monte_carlo(rig, controller, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
+        here(lambda: monte_carlo(plants, place / f"{n}.jsonl", n, jobs=1)).processor  # noqa: B023
         for n in (2, 42)
     ]
     one = [

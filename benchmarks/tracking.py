@@ -14,13 +14,13 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.variations import changed
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from rows import ROOT, Row
 

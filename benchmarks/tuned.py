@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 
 from anhyst.compensate.interface import MethodName
-from anhyst.study.bearing.monte_carlo import monte_carlo
+from anhyst.study.bearing.plants import bearing_plants
+from anhyst.study.engine.monte_carlo import monte_carlo
 from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.search import FoundGains, GainSearch
 from anhyst.study.tuning.trial import default_conditions
@@ -59,7 +60,9 @@ def rows() -> list[Row]:
     found.append(Row("tuning one variant", "<= 60 s wall", took, longest <= 60.0, seconds))
     watch = Stopwatch()
     with tempfile.TemporaryDirectory() as folder:
-        monte_carlo(rig, controller, Path(folder) / "plants.jsonl", PLANTS)
+        monte_carlo(
+            bearing_plants(rig, controller, ("full",)), Path(folder) / "plants.jsonl", PLANTS
+        )
     found.append(
         Row(
             f"Monte Carlo of {PLANTS} drifted plants",

@@ -52,12 +52,11 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.responses import compare, default_seeds
+from anhyst.study.engine.verdict import TITLES, Interval, mean_interval, strongest
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
-from anhyst.study.verdict import TITLES, strongest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.pays import FEEDBACK

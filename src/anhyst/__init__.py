@@ -51,16 +51,15 @@ if TYPE_CHECKING:
     from anhyst.reports.model.page import write_report as report
     from anhyst.reports.simulate import simulate_rig as simulate
     from anhyst.study.bearing.benefit import Benefit
-    from anhyst.study.bearing.monte_carlo import MonteCarlo
     from anhyst.study.bearing.on_board import BoardComparison
     from anhyst.study.bearing.simulate import Simulation
     from anhyst.study.bearing.state_space import linearise
+    from anhyst.study.engine.monte_carlo import MonteCarlo
     from anhyst.study.excite.excite import Excitation
     from anhyst.study.fleet.fleet import Fleet
     from anhyst.study.fleet.verb import judge_fleet as fleet
     from anhyst.study.force.force_control import ForceControl, force_control
     from anhyst.study.piezo.track import PiezoTracking
-    from anhyst.study.tracking.monte_carlo import CalibrationStudy
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.verb import tune_bearing as tune
@@ -72,7 +71,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Benefit",
     "BoardComparison",
-    "CalibrationStudy",
     "Compiled",
     "CompiledPlay",
     "Drafted",
@@ -125,7 +123,6 @@ __all__ = [
 _PLACES = {
     "Benefit": "study.bearing.benefit",
     "BoardComparison": "study.bearing.on_board",
-    "CalibrationStudy": "study.tracking.monte_carlo",
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
     "Drafted": "draft.drafting",
@@ -139,7 +136,7 @@ _PLACES = {
     "Loops": "data.loops",
     "Model": "model.actuator",
     "ModelDiff": "model.diff",
-    "MonteCarlo": "study.bearing.monte_carlo",
+    "MonteCarlo": "study.engine.monte_carlo",
     "NegativeResult": "support.errors",
     "PiezoTracking": "study.piezo.track",
     "Prediction": "model.prediction",

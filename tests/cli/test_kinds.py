@@ -60,7 +60,7 @@ WORKS = {
     "watch": MODEL,
     "export": {"model", "bearing"},
     "verify": {"compiled"},
-    "simulate": {"bearing", "stage", "piezo"},
+    "simulate": {"bearing", "stage", "piezo", "force"},
     "tune": {"bearing"},
     "force-control": {"force"},
     "excite": {"bearing", "stage", "force"},
@@ -183,7 +183,7 @@ def test_every_verb_has_its_row() -> None:
         (read_piezo_rig, "model"),
         (read_rig, "piezo"),
         (anhyst.read_model, "force"),
-        (anhyst.simulate, "force"),
+        (anhyst.simulate, "model"),
     ],
 )
 def test_readers_and_functions_name_the_kind_as_the_verbs_do(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.study.tracking.plants import ERRORS
 from tests.refusals import says
 
 from .command import anhyst, refused
@@ -54,6 +55,12 @@ def change(path: Path, old: str, new: str) -> None:
             "not-reached",
             id="acceleration out of reach",
         ),
+        pytest.param(
+            'kind = "electromagnet"',
+            'kind = "law"\nmodel = "model.toml"',
+            "not-for-this-kind magnet[1].kind: electromagnet",
+            id="a law",
+        ),
         pytest.param("slit_s = 0.01", "slit_s = 0.06", "too-long", id="slit"),
         pytest.param(
             "stray_m", "stray_mm", "extra-forbidden frame.stray_mm: stray_m", id="misspelt"
@@ -91,6 +98,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     page = (folder / "out" / "report.html").read_text()
     for key in ("scan", "settling", "learning", "limits"):
         assert f'id="{key}"' in page
-    wrong = anhyst("simulate", "rig.toml", "--out", "wrong.json", "--monte-carlo", "1", cwd=folder)
+    wrong = anhyst("simulate", "rig.toml", "--out", "w.jsonl", "--monte-carlo", "2", cwd=folder)
     assert wrong.returncode == 0, wrong.stderr
-    assert "1 plants of each kind" in wrong.stdout
+    found = json.loads((folder / "montecarlo.json").read_text())
+    assert [row["error"] for row in found["variants"]["full"]["average_m"]] == [*ERRORS]

@@ -13,12 +13,12 @@ import pytest
 from scipy.optimize import brentq
 
 from anhyst.data.reading import read_loops
+from anhyst.rig.bearing.drift import with_iron
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.study.bearing.variations import with_iron
 from anhyst.support.arrays import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"

@@ -17,7 +17,6 @@ from anhyst.reports.bearing.over_frequency import Response
 from anhyst.reports.bearing.over_runs import (
     BenefitCell,
     GainsPoint,
-    Spread,
     TuningPicture,
 )
 from anhyst.reports.bearing.over_time import StepPanel
@@ -26,8 +25,8 @@ from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.scenario import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import Margins
-from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.responses import StepCell
+from anhyst.study.engine.verdict import Interval, no_mean
 from anhyst.support.page.blocks import Items, Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -163,8 +162,6 @@ def subject() -> SimulationSubject:
         },
         blocks={"tuning": (Items("What limits", ("The encoder of 50 nm limits.",)),)},
         benefit=benefit,
-        drift=(Spread("overshoot (%)", {"full": np.arange(1.0, 101.0)}),),
-        plants=100,
         tuning=TuningPicture((chosen, *others), {"full": chosen}, 6e-3, 3.0),
         notes=(Note("warn", "Note", "noise <b>was</b> added"),),
         files={"rig.toml": "ab" * 32},

@@ -18,7 +18,7 @@ from anhyst.reports.bearing.look import interval_text
 from anhyst.reports.bearing.page import render
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.study.bearing.benefit import benefit
-from anhyst.study.bearing.metrics import Interval
+from anhyst.study.engine.verdict import Interval
 from anhyst.support.page.numbers import number
 from tests.page import Page
 from tests.refusals import says
@@ -116,7 +116,7 @@ def test_drifted_plants_go_on_and_are_reported(small: Path) -> None:
     figures = json.loads((small / "montecarlo.json").read_text(encoding="utf-8"))
     assert figures["plants"] == 3
     page = Page((small / "report.html").read_text(encoding="utf-8"))
-    assert page.sections() == ["structure", "drift", "origin"]
+    assert page.sections() == ["drift", "origin"]
     assert f"{command[-2]} --monte-carlo 3" in page.text
     for name, found in figures["variants"].items():
         median = number(found["standstill_rms_m"]["p50"] * 1e9)

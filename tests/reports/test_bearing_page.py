@@ -19,8 +19,7 @@ from anhyst.reports.bearing.page import render
 from anhyst.reports.bearing.subject import grouped
 from anhyst.reports.bearing.tables import difference_text, judge_steps
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.study.bearing.metrics import Interval
-from anhyst.study.verdict import compare
+from anhyst.study.engine.verdict import Interval, compare
 from anhyst.support.pays import FEEDBACK
 from tests.page import NAMESPACES, Page
 from tests.reports.bearing_reports import (
@@ -44,7 +43,7 @@ def page(html: str) -> Page:
 
 def test_every_part_has_its_section_in_order(page: Page) -> None:
     assert page.sections() == [
-        "structure", "steps", "forces", "loops", "tracking", "standstill", "frequency", "drift",
+        "structure", "steps", "forces", "loops", "tracking", "standstill", "frequency",
         "benefit", "tuning", "origin",
     ]  # fmt: skip
 
@@ -71,7 +70,7 @@ def test_the_page_is_well_formed_with_figures_reported_in_words(html: str, page:
     reported = [
         given.get("aria-label") or "" for _, given in page.tags if given.get("role") == "img"
     ]
-    assert len(drawn) == len(reported) == 12
+    assert len(drawn) == len(reported) == 11
     assert all(len(text) > 40 for text in reported)
     for text in drawn:
         assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"

@@ -14,6 +14,7 @@ from anhyst.compensate.interface import NumberFormat
 from anhyst.control.states import Command
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, lost_at
 from anhyst.rig.bearing.make_setup import make_setup
@@ -21,7 +22,6 @@ from anhyst.rig.bearing.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.study.bearing.variations import changed
 from tests.study import bearings
 from tests.study.bearings import GAP
 

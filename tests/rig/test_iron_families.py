@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from anhyst.data.verdict import judge
+from anhyst.rig.bearing.drift import Drift, changed, drifted_file, with_iron
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.parts.solenoid import Solenoid
-from anhyst.study.bearing.drift import Drift, drifted_rig
-from anhyst.study.bearing.variations import changed, with_iron
 from tests.plant.irons import FOLDER, STEELS
 from tests.refusals import refused
 
@@ -170,7 +169,8 @@ def test_a_drifted_iron_of_any_family_is_another_one(bearing: Path) -> None:
         path = with_keys(bearing, keys_of(name))
         rig = read_bearing(path)
         drift = Drift(pinning=0.2, saturation=0.05)
-        iron, other = (one.settings.steel.steel() for one in (rig, drifted_rig(rig, drift)))
+        wide = drifted_file(rig.settings, drift)
+        iron, other = (one.steel.steel() for one in (rig.settings, wide))
         assert other.saturation_sharp == pytest.approx(1.05 * iron.saturation_sharp)
         assert other != iron
         shutil.copy(EXAMPLES / "bearing" / "rig.toml", bearing)

@@ -35,8 +35,8 @@ ALLOWED = {
         *("excite", "spread", "seed", "noise_seeds"),
     },
     "stage": {"sensor flux", "excite", "frame", "spread", "seed", "noise_seeds"},
-    "force": {"magnet wound", "magnet solenoid", "excite", "seed"},
-    "piezo": set[str](),
+    "force": {"magnet wound", "magnet solenoid", "excite", "spread", "seed"},
+    "piezo": {"spread", "seed"},
 }
 """Beside what is needed."""
 
@@ -170,6 +170,9 @@ def test_there_is_one_of_what_a_kind_needs(kind: str, name: str, tmp_path: Path)
         ("stage", "sensor position", {"step_m": 1e-9}),
         ("stage", "spread", {"mass_percent": 1.0}),
         ("stage", "spread", {"saturation_percent": 1.0}),
+        ("stage", "spread", {"stroke_percent": 1.0}),
+        ("force", "spread", {"mass_percent": 1.0}),
+        ("piezo", "spread", {"gap_zero_m": 1e-6}),
         ("force", "timing", {"substeps": 4}),
         ("force", "timing", {"delay_ticks": 1.0}),
         ("force", "amplifier of a coil", {"mode": "current"}),

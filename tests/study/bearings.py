@@ -18,6 +18,7 @@ from anhyst.control.controller_file import (
     read_controller,
     write_controller,
 )
+from anhyst.rig.bearing.drift import Drift, changed, drifted_file, with_iron
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
@@ -28,7 +29,6 @@ from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import HOVER, Recording
 from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable
 from anhyst.study.bearing.on_board import build_firmware
-from anhyst.study.bearing.variations import changed, with_iron
 from tests.once import made_once
 from tests.truths import truth
 
@@ -173,3 +173,8 @@ def hovers_from(recording: Recording) -> int | None:
     """Return the first tick at which the reference was reached, or None."""
     hovering = recording["state"] == HOVER
     return int(np.argmax(hovering)) if hovering.any() else None
+
+
+def drifted(rig: BearingRig, drift: Drift) -> BearingRig:
+    """Return a rig that has drifted; an identified law stays."""
+    return replace(rig, settings=drifted_file(rig.settings, drift))

@@ -18,6 +18,7 @@ from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.identification.first_rise import first_rise
 from anhyst.identification.options import IdentifyTable
+from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
@@ -27,7 +28,6 @@ from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
-from anhyst.study.bearing.variations import changed, with_iron
 from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
-from anhyst.cli.force_control import _show as show_terminal
+from anhyst.cli.force_control import show_force as show_terminal
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan

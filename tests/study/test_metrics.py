@@ -7,13 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.study.bearing.metrics import (
-    deviation,
-    effort,
-    mean_interval,
-    recovery_time,
-    step_figures,
-)
+from anhyst.study.bearing.metrics import deviation, effort, recovery_time, step_figures
+from anhyst.study.engine.verdict import mean_interval
 from anhyst.support.arrays import FloatArray
 
 RATE = 20e3

@@ -7,6 +7,7 @@ import pytest
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command, Phase, State
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import DROP
 from anhyst.rig.recording import BREAKAWAY, FAULT, HOVER, in_column
@@ -19,7 +20,6 @@ from anhyst.study.bearing.experiments import (
     excess_band,
     recover,
 )
-from anhyst.study.bearing.variations import changed
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -24,10 +24,10 @@ from anhyst.model.writer import write_model
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_simulation import subject_of
 from anhyst.rig.bearing import scenario
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.recording import COLUMNS, FAULT, HOVER
 from anhyst.study.bearing import simulate as module
-from anhyst.study.bearing import variations
 from anhyst.study.bearing.responses import FIGURES
 from anhyst.study.bearing.simulate import Simulation, simulate
 from anhyst.support.errors import NegativeResult
@@ -300,7 +300,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     setup = bearings.single("single-valued")
     table = setup.controller.model_copy(update={"rate_Hz": rate})
     timing = setup.rig.settings.timing.model_copy(update={"rate_Hz": rate})
-    rig = variations.changed(setup.rig, {"timing": timing})
+    rig = changed(setup.rig, {"timing": timing})
     script = Script(rig, bearings.GAP).lift_off(table).build()
     marks = np.flatnonzero(script.command)
     assert list(script.command[marks]) == [Command.DEMAGNETISED, Command.LIFT]

@@ -15,11 +15,11 @@ from anhyst._core import allocate
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
+from anhyst.rig.bearing.drift import Drift, draw_drift
 from anhyst.rig.recording import moving
-from anhyst.rig.stage.calibration import CalibrationErrors, draw_errors
 from anhyst.rig.stage.loop import Feedforward, pid, track
-from anhyst.rig.tables import SpreadTable
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
+from anhyst.study.tracking.plants import ERRORS
 from anhyst.support.pays import STAGE
 from tests.study import stages
 
@@ -117,22 +117,23 @@ def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
     made = stages.setup("full")
     motion, forward = stages.unseen(made.rig), stages.study().tried["full"].gains
 
-    def average(errors: CalibrationErrors) -> float:
+    def average(drift: Drift) -> float:
         return measure(
-            track(replace(made, errors=errors), motion, forward, 1), motion, SLIT
+            track(replace(made, drift=drift), motion, forward, 1), motion, SLIT
         ).average_m
 
-    right = average(CalibrationErrors())
-    assert average(CalibrationErrors(gap_zero=2e-6)) > 2.0 * right
-    assert average(CalibrationErrors(currents=(0.005, -0.005))) > 2.0 * right
-    assert average(CalibrationErrors(hall=0.01)) == right
+    right = average(Drift())
+    assert average(Drift(gap_offset=2e-6)) > 2.0 * right
+    assert average(Drift(first_scale=0.005, second_scale=-0.005)) > 2.0 * right
+    assert average(Drift(flux_gain=0.01)) == right
 
 
 def test_a_plant_is_drawn_with_errors_of_its_kind_alone() -> None:
-    drawn = draw_errors(SpreadTable(), "pinning", np.random.default_rng(1))
+    drawn = draw_drift(stages.stage().settings, np.random.default_rng(1))
     assert drawn.pinning != 0.0
-    assert drawn == CalibrationErrors(pinning=drawn.pinning)
-    assert draw_errors(SpreadTable(), "all", np.random.default_rng(1)).eddy > 0.0
+    assert drawn.alone(("pinning",)) == Drift(pinning=drawn.pinning)
+    assert drawn.eddy > 0.0
+    assert drawn.alone(ERRORS["all"]) == drawn
 
 
 def test_measures_say_what_they_say() -> None:
@@ -167,7 +168,9 @@ def test_a_compensator_that_is_no_better_is_called_not_worth_it() -> None:
     study = stages.study()
     swapped = dict(study.tried) | {"full": study.tried["single-valued"]}
     found = verdicts(replace(study, tried=swapped))["single-valued"]
-    assert found.sentence.startswith("Not worth it here: alike within the noise: peak 1 of ")
+    assert found.sentence.startswith(
+        "Not worth it here: alike within the noise: peak 1, moving average 1, "
+    )
     assert "nothing to gain" in limits(replace(study, tried=swapped))[0]
 
 

@@ -17,11 +17,11 @@ from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
+from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.modelling import find_model, loops_at
-from anhyst.study.bearing.variations import changed, with_iron
 from tests.plant.irons import generator
 
 FOLDER = Path(__file__).parent

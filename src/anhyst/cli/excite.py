@@ -30,8 +30,7 @@ def excite(
         ),
     ],
     plot: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Draw drive and loops (png, svg or pdf)."),
+        Path | None, typer.Option(metavar="FILE", help="Draw drive and loops (png, svg or pdf).")
     ] = None,
     folder: Annotated[
         Path | None,
@@ -48,8 +47,7 @@ def excite(
         ),
     ] = None,
     port: Annotated[
-        str | None,
-        typer.Option(metavar="PORT", help="The same on a serial port that carries XCP."),
+        str | None, typer.Option(metavar="PORT", help="The same on a serial port that carries XCP.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -11,7 +11,6 @@ import anhyst
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, BoardChoice, of_its_kind
 from anhyst.cli.progress import progress_bar
-from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
     from anhyst import ForceControl
@@ -47,8 +46,7 @@ def force_control(
     recordings: Annotated[
         str,
         typer.Option(
-            metavar="FORMAT",
-            help="Format of the recordings: csv, mat, mf4, tdms, h5 or parquet.",
+            metavar="FORMAT", help="Format of the recordings: csv, mat, mf4, tdms, h5 or parquet."
         ),
     ] = "csv",
     as_json: AsJson = False,
@@ -75,20 +73,12 @@ def force_control(
     if as_json:
         print_json(found.figures)
     else:
-        _show(found)
-    if found.lost_in:
-        raise NegativeResult(
-            f"the force was lost: {'; '.join(found.lost_in)}; all files are kept", code="force-lost"
-        )
-    differing = found.figures["ticks_that_differ"]
-    if differing:
-        raise NegativeResult(
-            f"the firmware gave another current than the simulated program at {differing} ticks",
-            code="firmware-differs",
-        )
+        show_force(found)
+    found.refuse_losses()
 
 
-def _show(found: ForceControl) -> None:
+def show_force(found: ForceControl) -> None:
+    """Print the worst errors of every controller at every stage of the trials."""
     from anhyst.study.force.results import TITLES
 
     figures = found.figures

@@ -56,8 +56,7 @@ def init(
         typer.Option(metavar="M", help="Where it works. [default: the middle of the loops' gaps]"),
     ] = None,
     force_control: Annotated[
-        bool,
-        typer.Option("--force-control", help="Instead, a rig whose force is controlled."),
+        bool, typer.Option("--force-control", help="Instead, a rig whose force is controlled.")
     ] = False,
     example: Annotated[
         str | None,

@@ -45,8 +45,7 @@ def live(
     port: Annotated[
         str | None,
         typer.Option(
-            metavar="PORT",
-            help="The same on a serial port that carries XCP, such as /dev/ttyACM0.",
+            metavar="PORT", help="The same on a serial port that carries XCP, such as /dev/ttyACM0."
         ),
     ] = None,
     known: Annotated[

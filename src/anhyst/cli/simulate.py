@@ -9,17 +9,23 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.force_control import show_force
 from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
 from anhyst.cli.progress import progress_bar
-from anhyst.cli.stage import show_calibrations, show_piezo, show_tracking
-from anhyst.support.errors import NegativeResult
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rich.table import Table
 
-    from anhyst import Benefit, BoardComparison, MonteCarlo, Simulation
+    from anhyst import (
+        Benefit,
+        BoardComparison,
+        MonteCarlo,
+        PiezoTracking,
+        Simulation,
+        TrackingStudy,
+    )
     from anhyst.study.bearing.benefit import Comparison, Measure
     from anhyst.study.bearing.board_faults import Ending
     from anhyst.study.bearing.responses import StepCell
@@ -33,7 +39,7 @@ def simulate(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file of a bearing, a stage, or a piezo stage.",
+            help="Rig file of a bearing, a stage, a piezo stage, or force control.",
             callback=of_its_kind,
         ),
     ],
@@ -43,7 +49,8 @@ def simulate(
             "--out",
             "-o",
             metavar="FILE",
-            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet.",
+            help="Recording to write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; of force control a "
+            "folder.",
         ),
     ],
     controller: Annotated[
@@ -84,14 +91,15 @@ def simulate(
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate a magnetic bearing or a stage with and without compensation of its hysteresis.
+    """Simulate a rig of any kind with and without compensation of its hysteresis.
 
     The controller's own C runs in the loop, in its number format, against a magnet with hysteresis,
     with delay, converters and noise. Beside the recording, figures.json and report.html are
     written: step responses, standstill, loads, what goes wrong, sensitivity, for every kind of
     compensation behind the same gains.
 
-    A piezo stage follows a triangle instead; a picture of it stands beside the recording.
+    A stage follows set-points, a piezo stage a triangle; a rig of force control runs as with
+    anhyst force-control.
 
     Example: anhyst simulate examples/bearing/rig.toml --out run/run.csv
 
@@ -116,7 +124,7 @@ def simulate(
             scheduler=scheduler,
             progress=progress,
         )
-    if isinstance(found, anhyst.Simulation):
+    if isinstance(found, anhyst.Simulation | anhyst.ForceControl):
         for text in found.plant.warnings:
             warn(text)
     if as_json:
@@ -134,25 +142,18 @@ def _show_any(found: Any, out: Path) -> None:
         anhyst.Benefit: _show_map,
         anhyst.BoardComparison: _show_firmware,
         anhyst.TrackingStudy: show_tracking,
-        anhyst.CalibrationStudy: show_calibrations,
         anhyst.PiezoTracking: show_piezo,
+        anhyst.ForceControl: lambda result, _: show_force(result),
     }
     shown[type(found)](found, out)
 
 
 def _refuse(found: Any) -> None:
     """End with 1 where what is controlled was lost."""
-    if isinstance(found, anhyst.Simulation | anhyst.TrackingStudy | anhyst.PiezoTracking):
-        found.refuse_losses()
-    elif isinstance(found, anhyst.BoardComparison):
+    if isinstance(found, anhyst.BoardComparison):
         found.refuse()
-    elif isinstance(found, anhyst.MonteCarlo):
-        lost = sum(run.lost is not None for run in found.runs[found.own])
-        if lost:
-            raise NegativeResult(
-                f"{lost} of {len(found.drifts)} plants lost levitation with '{found.own}'",
-                code="levitation-lost",
-            )
+    elif not isinstance(found, anhyst.Benefit):
+        found.refuse_losses()
 
 
 def _show_firmware(found: BoardComparison, out: Path) -> None:
@@ -225,26 +226,25 @@ def _map_against(
 
 
 def _show_plants(found: MonteCarlo, out: Path) -> None:
-    from anhyst.study.bearing.monte_carlo import percentile
+    from anhyst.study.engine.monte_carlo import percentile
 
-    rows = table(
-        "overshoot that 50 and 95 % of the plants stay below, %",
-        ["", *(f"{1e6 * height:g} um" for height in found.heights), "standstill, 95 %, nm", "lost"],
-    )
-    for name, runs in found.runs.items():
-        spreads = [
-            found.values(name, "overshoot_percent", place) for place in range(len(found.heights))
-        ]
-        standstill = percentile(found.values(name, "standstill_rms_m"), 95)
-        rows.add_row(
-            f"{name} *" if name == found.own else name,
-            *(f"{percentile(one, 50):.2f}, {percentile(one, 95):.2f}" for one in spreads),
-            f"{1e9 * standstill:.1f}",
-            str(sum(run.lost is not None for run in runs)),
-        )
+    rows = []
+    titles = [f"{name} *" if name == found.plants.own else name for name in found.runs]
+    for figure in found.plants.figures:
+        title = f"{figure.title} that 50 and 95 % of the plants stay below, {figure.unit}"
+        rows.append(table(title, ["", *titles]))
+        for case, name in enumerate(figure.names):
+            spreads = [found.values(method, figure.key, case) for method in found.runs]
+            low, high = (
+                [figure.factor * percentile(one, percent) for one in spreads]
+                for percent in (50, 95)
+            )
+            rows[-1].add_row(name, *(f"{a:.4g}, {b:.4g}" for a, b in zip(low, high, strict=True)))
+    rows[-1].add_row("lost", *(str(found.lost(method)) for method in found.runs))
     show(
-        rows,
-        f"* of the controller file; {len(found.drifts)} plants, seed {found.seed}",
+        *rows,
+        f"* judged; {len(found.drifts)} plants, seed {found.plants.seed}",
+        f"verdict: {found.verdict.sentence}",
         f"written: {out}, {out.parent / 'montecarlo.json'}, {out.parent / REPORT}",
     )
 
@@ -293,3 +293,54 @@ def _show(found: Simulation, out: Path) -> None:
         *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )
+
+
+def show_tracking(found: TrackingStudy, out: Path) -> None:
+    """Print how every variant followed the set-points."""
+    from anhyst.reports.bearing.look import interval_text
+    from anhyst.reports.tracking.verdict import limits, verdict, verdicts
+
+    plant = found.rig.settings
+    rows = table(
+        f"test set-point, crossover {plant.tracking.crossover_Hz:g} Hz",
+        ["", "peak, nm", "average, nm", "deviation, nm", "50 nm, ms", "10 nm, ms", "force rms, N"],
+    )
+    columns = (
+        ("peak_m", 1e9),
+        ("average_m", 1e9),
+        ("deviation_m", 1e9),
+        ("settling_50_s", 1e3),
+        ("settling_10_s", 1e3),
+        ("force_rms_N", 1.0),
+    )
+    for name, one in found.tried.items():
+        rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
+    judged = (
+        f"verdict: {verdict(found).sentence}",
+        *(f"against '{name}': {one.sentence}" for name, one in verdicts(found).items()),
+        *limits(found),
+    )
+    show(
+        *(f"lost: {one}" for one in found.lost_in),
+        rows,
+        f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
+        f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
+        *(() if found.lost_in else judged),
+        *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
+        f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
+    )
+
+
+def show_piezo(found: PiezoTracking, out: Path) -> None:
+    """Print how a piezo stage followed its triangle."""
+    from anhyst.study.piezo.track import TITLES, verdict
+
+    rows = table("deviation from the triangle", ("compensation", "worst nm", "rms nm"))
+    for name, one in found.errors.items():
+        rows.add_row(TITLES[name], f"{1e9 * one.worst_m:.0f}", f"{1e9 * one.rms_m:.0f}")
+    lost = [f"lost: {one}" for one in found.lost_in]
+    ratio = (
+        f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio).sentence}"
+    )
+    written = f"{out} and {out.with_suffix('.svg')} written"
+    show(*lost, rows, *([] if lost else [ratio]), written)

@@ -13,15 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.layout import (
-    KINDS,
-    LAYOUT,
-    LEAST_WORDS,
-    MAGIC,
-    MOST_WORDS,
-    PLACES,
-    WORDS,
-)
+from anhyst.compensate.layout import KINDS, LAYOUT, LEAST_WORDS, MAGIC, MOST_WORDS, PLACES, WORDS
 from anhyst.compensate.words import Names, Word, WordUnit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

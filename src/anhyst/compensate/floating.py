@@ -19,13 +19,7 @@ from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSiz
 from anhyst.compensate.cells import cell_rows
 from anhyst.compensate.full import full_tables, normal
 from anhyst.compensate.irons import cell_weights
-from anhyst.compensate.scheduled import (
-    arms_of,
-    flux_gain,
-    flux_unit,
-    nodes,
-    refuse_uncompilable,
-)
+from anhyst.compensate.scheduled import arms_of, flux_gain, flux_unit, nodes, refuse_uncompilable
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray

@@ -10,12 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from anhyst.compensate.current_map import (
-    linearised_map,
-    ratio_map,
-    secant_map,
-    single_valued_map,
-)
+from anhyst.compensate.current_map import linearised_map, ratio_map, secant_map, single_valued_map
 from anhyst.compensate.flux_feedback import flux_feedback
 from anhyst.compensate.force_controller import ForceController, MethodParameters
 from anhyst.compensate.hysteresis_inverse import full_inverse, simplified_inverse

@@ -13,16 +13,7 @@ from anhyst.compensate.layout import HEAD, MOST_WORDS
 from anhyst.compensate.words import ONES
 from anhyst.compilation.source import render
 from anhyst.control.states import Command, Fault, Phase, State
-from anhyst.control.xcp_map import (
-    AREAS,
-    EVENT,
-    INPUTS,
-    LISTS,
-    PACKET,
-    SETTINGS,
-    SIGNALS,
-    XcpValue,
-)
+from anhyst.control.xcp_map import AREAS, EVENT, INPUTS, LISTS, PACKET, SETTINGS, SIGNALS, XcpValue
 
 HEARTBEAT_MS = 500
 """Ceiling of the boards for the setting heartbeat_ticks."""
@@ -245,10 +236,7 @@ def _words(manifest: Mapping[str, Any], methods: _Methods) -> Iterator[dict[str,
         yield (
             row
             | method.ends(word["low"], word["high"])
-            | {
-                "layout": "as_SWORD",
-                "method": method.name,
-            }
+            | {"layout": "as_SWORD", "method": method.name}
         )
 
 

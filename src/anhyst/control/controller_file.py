@@ -19,12 +19,7 @@ from anhyst.compensate.block import Scales
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.control.design import Gains, design
 from anhyst.control.pidd2 import Pidd2
-from anhyst.control.position import (
-    Levitation,
-    PositionControl,
-    PositionLimits,
-    ReferenceConverter,
-)
+from anhyst.control.position import Levitation, PositionControl, PositionLimits, ReferenceConverter
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind

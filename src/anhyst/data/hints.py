@@ -26,10 +26,7 @@ _WORDS = {
 
 
 def mapping(
-    headers: Sequence[Header],
-    *wanted: Sequence[str],
-    skip: Collection[int] = (),
-    least: int = -8,
+    headers: Sequence[Header], *wanted: Sequence[str], skip: Collection[int] = (), least: int = -8
 ) -> str:
     """Advise how to map the likeliest columns to what is missing."""
     found = likely(headers, wanted, skip, least)

@@ -120,9 +120,7 @@ class DataTable:
 
 
 def read_columns(
-    path: PathLike,
-    columns: Mapping[str, str] | None = None,
-    progress: Progress | None = None,
+    path: PathLike, columns: Mapping[str, str] | None = None, progress: Progress | None = None
 ) -> DataTable:
     """Read every column of a table, such as a drive or a demand."""
     opened = open_table(path, least=1)

@@ -32,13 +32,7 @@ from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncer
 from anhyst.model.gap_map import Curve
 from anhyst.model.keys import Names, parameter_names
 from anhyst.model.layers import Layers
-from anhyst.model.parameters import (
-    CIRCUIT,
-    GapMap,
-    Parameter,
-    find_problems,
-    specs_of,
-)
+from anhyst.model.parameters import CIRCUIT, GapMap, Parameter, find_problems, specs_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import Quantity

@@ -39,11 +39,7 @@ class Residual:
     def every(self, step: int) -> Residual:
         """Take every so manieth sample."""
         return Residual(
-            self.drive[::step],
-            self.measured[::step],
-            self.off[::step],
-            self.gap,
-            self.settled,
+            self.drive[::step], self.measured[::step], self.off[::step], self.gap, self.settled
         )
 
 

@@ -39,8 +39,7 @@ def _law(name: str) -> str:
     if name not in LAWS:
         known = [repr(law) for law in LAWS]
         raise PydanticCustomError(
-            "unknown_choice",
-            f"Input should be {', '.join(known[:-1])} or {known[-1]}",
+            "unknown_choice", f"Input should be {', '.join(known[:-1])} or {known[-1]}"
         )
     return name
 

@@ -111,10 +111,7 @@ def likely_unit(quantity: Quantity, times: float) -> str:
 
 
 def warn_if_far(
-    model: ActuatorRecord,
-    given: Quantity,
-    values: FloatArray,
-    schedule: ArrayLike | None,
+    model: ActuatorRecord, given: Quantity, values: FloatArray, schedule: ArrayLike | None
 ) -> None:
     """Warn a caller in Python, once a call, of values whose unit is likely wrong."""
     if model.valid is None:

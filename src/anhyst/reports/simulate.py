@@ -10,27 +10,33 @@ from typing import TYPE_CHECKING, Literal, overload
 from anhyst.data.writing import check_recording
 from anhyst.reports.bearing import write_simulation_report
 from anhyst.reports.bearing.from_benefit import subject_of_benefit
-from anhyst.reports.bearing.from_plants import subject_of_plants
 from anhyst.reports.bearing.from_simulation import subject_of
+from anhyst.reports.force.figures import draw as draw_force
+from anhyst.reports.plants import write_plants_report
 from anhyst.reports.tracking import write_tracking_report
+from anhyst.rig.force.file import read_rig
 from anhyst.rig.piezo.file import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.benefit import Benefit
 from anhyst.study.bearing.benefit import benefit as map_benefit
-from anhyst.study.bearing.monte_carlo import COMPARED, MonteCarlo
-from anhyst.study.bearing.monte_carlo import monte_carlo as run_plants
 from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
+from anhyst.study.bearing.plants import bearing_plants
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
+from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
+from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
+from anhyst.study.force.force_control import ForceControl, force_control
+from anhyst.study.force.plants import force_plants
+from anhyst.study.piezo.plants import piezo_plants
 from anhyst.study.piezo.track import TITLES, PiezoTracking, track
-from anhyst.study.tracking.monte_carlo import CalibrationStudy, calibrate_wrongly
+from anhyst.study.tracking.plants import stage_plants
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable, write_bytes
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import workers_of
 from anhyst.support.json_text import json_text
-from anhyst.support.kinds import TAKES, FileKind
-from anhyst.support.progress import Progress
+from anhyst.support.kinds import NAMES, TAKES, FileKind
+from anhyst.support.progress import Progress, in_parts
 from anhyst.support.toml_file import take_kind
 
 if TYPE_CHECKING:
@@ -71,8 +77,8 @@ def write_picture(found: PiezoTracking, path: Path) -> None:
 
 REPORT = "report.html"
 
-Simulated = Simulation | TrackingStudy | PiezoTracking
-Studied = Simulated | MonteCarlo | CalibrationStudy | Benefit | BoardComparison
+Simulated = Simulation | TrackingStudy | PiezoTracking | ForceControl
+Studied = Simulated | MonteCarlo | Benefit | BoardComparison
 
 
 @overload
@@ -114,7 +120,7 @@ def simulate_rig(
     scheduler: str | None = None,
     progress: Progress | None = None,
 ) -> Studied:
-    """Simulate a bearing, a stage or a piezo stage with and without compensation.
+    """Simulate a rig of any kind with and without compensation.
 
     Parameters
     ----------
@@ -124,14 +130,15 @@ def simulate_rig(
         Controller file of a bearing; ``controller.toml`` beside the rig file if left out.
     out : path-like, optional
         Recording to write; figures and a page go beside it. Without it nothing is written, and
-        the result has ``save``.
+        the result has ``save``. Of force control the folder to write.
     monte_carlo : int, optional
         Instead, so many plants that have drifted as the rig file says, to ``.jsonl``, where the
-        same call goes on; stages that are calibrated wrongly, to ``.json``.
+        same call goes on.
     benefit : bool
         Instead, map what compensation gains over loop width and step height, to ``.json``.
     board : str, optional
-        Instead, run the firmware itself, on ``"host"`` or ``"qemu-mps2"``, to ``.json``.
+        Instead, run the firmware itself, on ``"host"`` or ``"qemu-mps2"``, to ``.json``; force
+        control always does, on ``"host"`` where nothing is said.
     scheduler : str, optional
         Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
     progress : callable, optional
@@ -139,8 +146,8 @@ def simulate_rig(
 
     Returns
     -------
-    Simulation, TrackingStudy or PiezoTracking
-        Or what was asked for instead: MonteCarlo, CalibrationStudy, Benefit, BoardComparison.
+    Simulation, TrackingStudy, PiezoTracking or ForceControl
+        Or what was asked for instead: MonteCarlo, Benefit, BoardComparison.
 
     Raises
     ------
@@ -159,27 +166,30 @@ def simulate_rig(
         )
     kind = take_kind(rig, TAKES["simulate"])
     refused = ["--controller"] if controller is not None else []
-    refused += [name for name in asked if kind is FileKind.PIEZO or name != "--monte-carlo"]
+    allowed = ("--monte-carlo", "--board") if kind is FileKind.FORCE else ("--monte-carlo",)
+    refused += [name for name in asked if name not in allowed]
     if refused and kind is not FileKind.BEARING:
-        what = "piezo stage" if kind is FileKind.PIEZO else "stage"
         raise InputError(
-            f"a {what} has no {' or '.join(refused)}; leave it out",
+            f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
             code="option-not-for-this",
             key=refused[0],
         )
-    if asked and out is None:
-        raise InputError(f"{asked[0]}: needs a file to write to", code="missing", key="--out")
+    if out is None and (asked or kind is FileKind.FORCE):
+        what = asked[0] if asked else "force control"
+        raise InputError(f"{what}: needs a place to write to", code="missing", key="--out")
     task = _Task(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):
-        if kind is FileKind.PIEZO:
-            return task.piezo()
-        if kind is FileKind.STAGE:
-            return task.stage() if monte_carlo is None else task.calibrations(monte_carlo)
+        if monte_carlo is not None:
+            return task.plants(kind, monte_carlo)
+        if kind is FileKind.FORCE:
+            return task.force(board or "host")
         if board is not None:
             return task.firmware(board)
         if benefit:
             return task.map()
-        return task.bearing() if monte_carlo is None else task.plants(monte_carlo)
+        if kind is FileKind.BEARING:
+            return task.bearing()
+        return task.stage() if kind is FileKind.STAGE else task.piezo()
 
 
 @dataclass(frozen=True)
@@ -216,21 +226,38 @@ class _Task:
         write_simulation_report(self.report, subject)
         return found
 
-    def plants(self, count: int) -> MonteCarlo:
-        files = read_files(self.rig, self.controller)
+    def plants(self, kind: FileKind, count: int) -> MonteCarlo:
+        """Run plants that have drifted; goes on with what the file holds."""
         self._must_end(".jsonl", "results of a Monte Carlo are")
         figures = self.out.parent / "montecarlo.json"
-        ready = make_ready(*files, (figures, self.report))
-        own = ready.controller.settings.compensation.variant
-        compared = tuple(dict.fromkeys((*COMPARED, own)))
-        found = run_plants(
-            ready.rig, ready.controller, self.out, count, compared, progress=self.progress
-        )
+        begun, run = in_parts(self.progress, (1.0, 4.0))
+        files = [Path(self.rig)]
+        if kind is FileKind.BEARING:
+            rig, controller = read_files(self.rig, self.controller)
+            make_ready(rig, controller, (figures, self.report))
+            files.append(controller.path)
+            plants = bearing_plants(rig, controller)
+        else:
+            for path in (figures, self.report):
+                check_writable(path, files)
+            plants = self._other_plants(kind, begun)
+        begun(1, 1)
+        found = run_plants(plants, self.out, count, run)
         _write_json(figures, found)
         command = self.command(f" --monte-carlo {count}")
-        write_simulation_report(
-            self.report, subject_of_plants(ready.rig, ready.controller, found, command)
-        )
+        write_plants_report(self.report, found, [*files, *plants.read], command)
+        return found
+
+    def _other_plants(self, kind: FileKind, progress: Progress) -> Plants:
+        if kind is FileKind.STAGE:
+            return stage_plants(read_stage(self.rig), progress=progress)
+        if kind is FileKind.FORCE:
+            return force_plants(read_rig(self.rig))
+        return piezo_plants(read_piezo_rig(self.rig))
+
+    def force(self, board: str) -> ForceControl:
+        found = force_control(self.rig, self.out, board=board, progress=self.progress)
+        draw_force(found)
         return found
 
     def map(self) -> Benefit:
@@ -261,9 +288,6 @@ class _Task:
             raise
         write_tracking_report(self.report, found, self.command())
         return found
-
-    def calibrations(self, count: int) -> CalibrationStudy:
-        return calibrate_wrongly(self.rig, self.out, count, self.progress)
 
     def piezo(self) -> PiezoTracking:
         rig, picture = read_piezo_rig(self.rig), self.out.with_suffix(".svg")

@@ -14,15 +14,7 @@ from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from anhyst.rig.parts.iron import MOST_CELLS, CellSteel, DuhemSteel
 from anhyst.rig.parts.preisach import PreisachSteel
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import (
-    BRANCH,
-    Name,
-    NotNegative,
-    Positive,
-    Share,
-    Table,
-    tag_by,
-)
+from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, tag_by
 
 
 class CurveTable(Table):

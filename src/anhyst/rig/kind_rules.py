@@ -29,6 +29,7 @@ from anhyst.rig.sensor_table import (
     PositionSensorTable,
 )
 from anhyst.rig.tables import (
+    SPREADS,
     AmplifierTable,
     BodyTable,
     FlexureTable,
@@ -70,6 +71,13 @@ _BODY_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     CurrentSensorTable: ("offset_A",),
     PositionSensorTable: ("step_m",),
 }
+
+
+def _no_spread(kind: FileKind) -> tuple[str, ...]:
+    """Return the keys of ``[spread]`` that a kind has no use for."""
+    return tuple(key for key in SpreadTable.model_fields if key not in SPREADS[kind].values())
+
+
 RULES: Mapping[FileKind, KindRule] = {
     FileKind.BEARING: KindRule(
         tables={
@@ -93,7 +101,7 @@ RULES: Mapping[FileKind, KindRule] = {
             "noise_seeds": False,
         },
         needed=_BODY_NEEDS,
-        unused={**_BODY_UNUSED, SpreadTable: ("current_percent", "hall_percent", "eddy_s")},
+        unused={**_BODY_UNUSED, SpreadTable: _no_spread(FileKind.BEARING)},
     ),
     FileKind.STAGE: KindRule(
         tables={
@@ -116,16 +124,7 @@ RULES: Mapping[FileKind, KindRule] = {
             "noise_seeds": False,
         },
         needed=_BODY_NEEDS,
-        unused={
-            **_BODY_UNUSED,
-            SpreadTable: (
-                "reversible_percent",
-                "saturation_percent",
-                "mass_percent",
-                "resistance_percent",
-                "sensor_gain_percent",
-            ),
-        },
+        unused={**_BODY_UNUSED, SpreadTable: _no_spread(FileKind.STAGE)},
     ),
     FileKind.FORCE: KindRule(
         tables={
@@ -137,7 +136,7 @@ RULES: Mapping[FileKind, KindRule] = {
             HeldCase: ONE,
             MovingCase: ONE,
         },
-        single={"loops": True, "excite": False, "seed": False},
+        single={"loops": True, "excite": False, "spread": False, "seed": False},
         needed={AmplifierTable: ("slew_A_per_s",)},
         unused={
             TimingTable: ("substeps", "delay_ticks"),
@@ -145,6 +144,7 @@ RULES: Mapping[FileKind, KindRule] = {
             AmplifierTable: ("mode", "supply_V", "current_low_A", "delay_s"),
             GapSensorTable: ("delay_s", "gain_error", "offset_m"),
             CurrentSensorTable: ("gain_error",),
+            SpreadTable: _no_spread(FileKind.FORCE),
         },
     ),
     FileKind.PIEZO: KindRule(
@@ -155,9 +155,9 @@ RULES: Mapping[FileKind, KindRule] = {
             PositionSensorTable: ONE,
             DisplacementCase: ONE,
         },
-        single={},
+        single={"spread": False, "seed": False},
         needed={PositionSensorTable: ("step_m",)},
-        unused={TimingTable: ("substeps", "delay_ticks")},
+        unused={TimingTable: ("substeps", "delay_ticks"), SpreadTable: _no_spread(FileKind.PIEZO)},
     ),
 }
 

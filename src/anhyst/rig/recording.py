@@ -5,16 +5,35 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from anhyst._core import PlantLoop
 from anhyst.control.states import Phase, State
 from anhyst.data.writing import check_recording, write_recording
-from anhyst.rig.holding import Loss
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
+
+OUT_OF_PROPORTION = 10.0
+"""Demand of a loop that was lost, in parts of the largest that the rig file states."""
+
+
+class SignalBound(NamedTuple):
+    """What a signal of a loop that holds stays within, and what it says when it does not."""
+
+    reached: str
+    values: FloatArray
+    low: float
+    high: float
+
+
+class Loss(NamedTuple):
+    """Since which tick a loop was lost, and how that showed."""
+
+    tick: int
+    reason: str
+
 
 CURRENTS = (("command", "A"), ("current", "A"))
 MAGNETS = 2
@@ -135,3 +154,17 @@ def settled_from(deviation: FloatArray, band: float) -> int:
     """Return the tick from which on a deviation stays within a band; its length if it never does."""
     outside = np.flatnonzero(np.abs(deviation) > band)
     return int(outside[-1]) + 1 if outside.size else 0
+
+
+def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
+    """Return where a loop of so many planned ticks was lost first; None where it held."""
+    found = []
+    for bound in bounds:
+        within = (bound.values > bound.low) & (bound.values < bound.high)  # NaN is nowhere
+        if not within.all():
+            tick = int(np.argmin(within))
+            finite = np.isfinite(bound.values[tick])
+            found.append(Loss(tick, bound.reached if finite else "a value was not finite"))
+        if len(within) < planned:
+            found.append(Loss(len(within), "the simulation lost all bounds"))
+    return min(found, key=lambda loss: loss.tick, default=None)

@@ -4,12 +4,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from anhyst.compensate.interface import NumberFormat
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import (
     BRANCH,
     Bits,
@@ -205,6 +207,42 @@ class SpreadTable(Table):
     hall_percent: Spread = 0.5
     gap_zero_m: NotNegative = 1e-6
     eddy_s: NotNegative = 25e-6
+    stroke_percent: Spread = 5.0
+    creep_percent: Spread = 10.0
+    resonance_percent: Spread = 3.0
+
+
+_OF_IRON = {
+    "pinning": "pinning_percent",
+    "reversible": "reversible_percent",
+    "saturation": "saturation_percent",
+}
+_OF_SCALES = {"first_scale": "current_percent", "second_scale": "current_percent"}
+SPREADS: Mapping[FileKind, Mapping[str, str]] = {
+    FileKind.BEARING: {
+        **_OF_IRON,
+        "mass": "mass_percent",
+        "resistance": "resistance_percent",
+        "position_gain": "sensor_gain_percent",
+        "current_gain": "sensor_gain_percent",
+        "flux_gain": "sensor_gain_percent",
+        "gap_offset": "gap_zero_m",
+    },
+    FileKind.STAGE: {
+        "gap_offset": "gap_zero_m",
+        **_OF_SCALES,
+        "pinning": "pinning_percent",
+        "flux_gain": "hall_percent",
+        "eddy": "eddy_s",
+    },
+    FileKind.FORCE: {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},
+    FileKind.PIEZO: {
+        "stroke": "stroke_percent",
+        "creep": "creep_percent",
+        "resonance": "resonance_percent",
+    },
+}
+"""What differs from plant to plant of each kind, and the key of ``[spread]`` that says by how much."""
 
 
 class LevitationTable(Table):

@@ -56,7 +56,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "watch": _MODEL,
     "export": (FileKind.MODEL, FileKind.BEARING),
     "verify": (FileKind.COMPILED,),
-    "simulate": (FileKind.BEARING, FileKind.STAGE, FileKind.PIEZO),
+    "simulate": RIGS,
     "tune": (FileKind.BEARING,),
     "force-control": (FileKind.FORCE,),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),

@@ -16,14 +16,7 @@ from pydantic.fields import FieldInfo
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning
-from anhyst.support.kinds import (
-    NAMES,
-    RIG_FORMAT,
-    FileKind,
-    format_of,
-    kind_in,
-    refuse_other,
-)
+from anhyst.support.kinds import NAMES, RIG_FORMAT, FileKind, format_of, kind_in, refuse_other
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import key_lines
 
@@ -238,9 +231,7 @@ def tag_by(key: str, default: str = "", **same: str) -> Callable[[Any], str]:
 
 
 def faults_error(
-    path: PathLike,
-    faults: Iterable[FileFault],
-    prepare: Callable[[TomlFile], None] | None = None,
+    path: PathLike, faults: Iterable[FileFault], prepare: Callable[[TomlFile], None] | None = None
 ) -> TomlFileError:
     """Say where in a file, once it is prepared, stands what its schema cannot see."""
     file = TomlFile(path)

@@ -74,14 +74,7 @@ _FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
     (
         "flux_linkage",
         "Wb",
-        (
-            ("Wb", 1.0),
-            ("mWb", 1e-3),
-            ("uWb", 1e-6),
-            ("Vs", 1.0),
-            ("mVs", 1e-3),
-            ("uVs", 1e-6),
-        ),
+        (("Wb", 1.0), ("mWb", 1e-3), ("uWb", 1e-6), ("Vs", 1.0), ("mVs", 1e-3), ("uVs", 1e-6)),
     ),
     ("length", "m", (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9))),
     ("time", "s", (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))),
@@ -184,12 +177,7 @@ LABEL = "loop"
 """Header of the column that distinguishes loops."""
 
 DIMENSIONS = MappingProxyType(
-    {
-        "displacement": "length",
-        "gap": "length",
-        "strain": "number",
-        "magnetostriction": "number",
-    }
+    {"displacement": "length", "gap": "length", "strain": "number", "magnetostriction": "number"}
 )
 """Dimensions of quantities that are not their names."""
 

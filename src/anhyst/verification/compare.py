@@ -161,11 +161,7 @@ def _again(
     requests = [
         Request(START, seed=seed),
         Request(
-            RANDOM,
-            steps=last,
-            checkpoint_first=first,
-            checkpoint_stride=stride,
-            window_first=first,
+            RANDOM, steps=last, checkpoint_first=first, checkpoint_stride=stride, window_first=first
         ),
     ]
     host, target = (program.run(requests)[-1] for program in programs)

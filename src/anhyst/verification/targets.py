@@ -196,13 +196,7 @@ def cortex_m(name: str, workshop: Workshop) -> Offer:
     return Offer(tuple(partial(_cortex, name, workshop, counter, *build) for build in builds))
 
 
-def _cortex(
-    name: str,
-    workshop: Workshop,
-    counter: Path,
-    title: str,
-    float_unit: str,
-) -> Variant:
+def _cortex(name: str, workshop: Workshop, counter: Path, title: str, float_unit: str) -> Variant:
     cpu = CORTEX[name].cpu + float_unit
     build = workshop.build("cortex_m", "-O2", "-Wl,--gc-sections")
     if title == "port header":

@@ -62,10 +62,7 @@ class MemoryTable:
         return [list(row) for row in zip(*heads, strict=True)]
 
     def read(
-        self,
-        numbers: Sequence[int],
-        texts: Sequence[int] = (),
-        progress: Progress | None = None,
+        self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Take columns by their indices."""
         found = {}

@@ -27,9 +27,9 @@ from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments
-from anhyst.study.bearing.metrics import Interval, no_mean
 from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.simulate import Simulation
+from anhyst.study.engine.verdict import Interval, no_mean
 from anhyst.support.page.blocks import Note, PageTable, table
 from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
 

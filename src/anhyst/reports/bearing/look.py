@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.compensate.interface import MethodName
-from anhyst.study.bearing.metrics import Interval
-from anhyst.study.verdict import TITLES, Judgement, Level
+from anhyst.study.engine.verdict import TITLES, Interval, Judgement, Level
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.blocks import Note, Tone
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number

@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 
 from anhyst.compensate.interface import MethodName
 from anhyst.reports.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
-from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
+from anhyst.study.engine.monte_carlo import PERCENTILES, percentile
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.style import ALARM, new_figure, panels, styled
 

@@ -23,7 +23,8 @@ from anhyst.reports.bearing.look import (
 )
 from anhyst.rig.bearing.scenario import ReferenceStep
 from anhyst.rig.recording import Recording
-from anhyst.study.bearing.metrics import SETTLED, Interval
+from anhyst.study.bearing.metrics import SETTLED
+from anhyst.study.engine.verdict import Interval
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.numbers import number
 from anhyst.support.page.style import new_figure, styled

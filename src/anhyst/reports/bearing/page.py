@@ -12,12 +12,7 @@ from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.force_current import figure_force_current
 from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
-from anhyst.reports.bearing.over_runs import (
-    BenefitCell,
-    figure_benefit,
-    figure_drift,
-    figure_pareto,
-)
+from anhyst.reports.bearing.over_runs import BenefitCell, figure_benefit, figure_pareto
 from anhyst.reports.bearing.over_time import (
     figure_forces,
     figure_standstill,
@@ -36,10 +31,8 @@ from anhyst.reports.bearing.tables import (
     settling_sentence,
     step_tables,
 )
-from anhyst.rig.tables import SpreadTable
 from anhyst.study.bearing.linear import zone
-from anhyst.study.bearing.monte_carlo import PERCENTILES, percentile
-from anhyst.study.verdict import strongest
+from anhyst.study.engine.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table
 from anhyst.support.page.numbers import NBSP, number
@@ -67,7 +60,6 @@ def render(subject: SimulationSubject) -> str:
         _tracking(subject),
         _standstill(subject),
         _frequency(subject),
-        _drift(subject),
         _benefit(subject),
         _tuning(subject),
         _origin(subject),
@@ -327,57 +319,6 @@ def _frequency(subject: SimulationSubject) -> Section:
         blocks.append(margin_table(subject.margins))
     title = "Sensitivity, Bode and Nyquist plots"
     return Section("frequency", title, (*blocks, *_more(subject, "frequency")))
-
-
-def _drift(subject: SimulationSubject) -> Section:
-    blocks: list[Block] = []
-    if subject.drift:
-        rows = [
-            [
-                spread.title,
-                name,
-                *(number(percentile(values.tolist(), part)) for part in PERCENTILES),
-            ]
-            for spread in subject.drift
-            for name, values in ((key, spread.values[key]) for key in ordered(spread.values))
-        ]
-        blocks = [
-            Text(
-                f"{subject.plants} plants, each with a noise of its own, whose properties are off "
-                f"by chance: {_spreads(subject.rig.settings.spread)} (standard deviations). The "
-                "controller, fitted to the nominal plant, knows nothing of it."
-            ),
-            _picture(
-                figure_drift(subject.drift),
-                "drift",
-                "Shares of plants that stay below a figure, with percentiles marked: "
-                f"{', '.join(spread.title for spread in subject.drift)}.",
-                "Share of plants below each figure; dots at "
-                f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
-                "infinitely bad.",
-            ),
-            table(
-                "Percentiles",
-                ["figure", "variant", *(f"{part:g} %" for part in PERCENTILES)],
-                rows,
-                texts=2,
-            ),
-        ]
-    return Section("drift", "Drifted plants", (*blocks, *_more(subject, "drift")))
-
-
-def _spreads(drift: SpreadTable) -> str:
-    """Say by how much plants drift."""
-    shares = (
-        ("pinning", drift.pinning_percent),
-        ("reversible fraction", drift.reversible_percent),
-        ("saturation", drift.saturation_percent),
-        ("mass", drift.mass_percent),
-        ("resistance", drift.resistance_percent),
-        ("gain of every sensor", drift.sensor_gain_percent),
-    )
-    shown = [f"{name} {value:g}{NBSP}%" for name, value in shares]
-    return f"{', '.join(shown)}, gap {1e6 * drift.gap_zero_m:g}{NBSP}µm"
 
 
 def _benefit(subject: SimulationSubject) -> Section:

@@ -10,13 +10,13 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.reports.bearing.force_current import LoopCurve
 from anhyst.reports.bearing.look import ordered
 from anhyst.reports.bearing.over_frequency import Response
-from anhyst.reports.bearing.over_runs import BenefitCell, Spread, TuningPicture
+from anhyst.reports.bearing.over_runs import BenefitCell, TuningPicture
 from anhyst.reports.bearing.over_time import StepPanel
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Margins
-from anhyst.study.bearing.metrics import Interval
 from anhyst.study.bearing.responses import StepCell
+from anhyst.study.engine.verdict import Interval
 from anhyst.support.page.blocks import Block, Note
 from anhyst.support.page.numbers import NBSP
 
@@ -103,13 +103,11 @@ class SimulationSubject:
     loop_gain: Mapping[MethodName, Response] = field(default_factory=dict)
     margins: Mapping[MethodName, Margins] = field(default_factory=dict)  # of the linearised loop
     # more tables, by the key of their section: ``steps``, ``forces``, ``tracking``, ``standstill``,
-    # ``frequency``, ``drift``, ``benefit``, ``tuning``
+    # ``frequency``, ``benefit``, ``tuning``
     tables: Mapping[str, tuple[FigureTable, ...]] = field(default_factory=dict)
     # whatever else a section is to hold, by the same keys
     blocks: Mapping[str, tuple[Block, ...]] = field(default_factory=dict)
     benefit: tuple[BenefitCell, ...] = ()  # over irons
-    drift: tuple[Spread, ...] = ()  # over plants
-    plants: int = 0  # how many
     tuning: TuningPicture | None = None  # what tuning found
     notes: tuple[Note, ...] = ()  # what a reader must know first, such as a loop that was unstable
     # where it comes from: names of files and their SHA-256
@@ -131,9 +129,8 @@ class SimulationSubject:
     def variants(self) -> list[MethodName]:
         """All that the page speaks of."""
         shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
-        drifted = (name for one in self.drift for name in one.values)
         baselines = (cell.baseline for cell in self.benefit)
-        return ordered({self.variant, *shown, *drifted, *baselines})
+        return ordered({self.variant, *shown, *baselines})
 
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""

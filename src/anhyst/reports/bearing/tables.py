@@ -11,8 +11,15 @@ from anhyst.compensate.methods import METHODS, MODELS
 from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
 from anhyst.study.bearing.linear import Margins
-from anhyst.study.bearing.metrics import SETTLED, Interval
-from anhyst.study.verdict import ComparedFigure, Judgement, compare, judge, strongest
+from anhyst.study.bearing.metrics import SETTLED
+from anhyst.study.engine.verdict import (
+    ComparedFigure,
+    Interval,
+    Judgement,
+    compare,
+    judge,
+    strongest,
+)
 from anhyst.support.page.blocks import Cell, PageTable, table
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 from anhyst.support.pays import FEEDBACK

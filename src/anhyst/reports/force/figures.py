@@ -17,14 +17,7 @@ from anhyst.study.force.results import TITLES
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import write_bytes
-from anhyst.support.page.style import (
-    FALLING,
-    MEASURED,
-    RISING,
-    new_figure,
-    styled,
-    write_png,
-)
+from anhyst.support.page.style import FALLING, MEASURED, RISING, new_figure, styled, write_png
 
 DEMAND = "#C4C4C4"
 SIMPLIFIED = "#009E73"

@@ -32,13 +32,9 @@ def parameter_unit(model: Model, name: str) -> str:
     drive, answer = model.input.unit, model.output.unit
     turns = {"A": "1/m", "A/m": "1"}.get(drive, f"A/(m {drive})")
     ratio = "1" if answer == "T" else f"{answer}/T" + ("²" if model.power == 2 else "")
-    return {
-        "c_H": turns,
-        "gamma": "A s/(m T)",
-        "c_out": ratio,
-        "in_0": drive,
-        "out_0": answer,
-    }.get(name, model.specs[name].unit)
+    return {"c_H": turns, "gamma": "A s/(m T)", "c_out": ratio, "in_0": drive, "out_0": answer}.get(
+        name, model.specs[name].unit
+    )
 
 
 def running(model: Model) -> tuple[str, ...]:

@@ -114,10 +114,7 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
 
 
 def write_plots(
-    model: Model,
-    loopset: Loops,
-    fitted: Sequence[FloatArray | None],
-    folder: PathLike,
+    model: Model, loopset: Loops, fitted: Sequence[FloatArray | None], folder: PathLike
 ) -> tuple[Path, ...]:
     """Write the figures of a model as PNG files."""
     place = Path(folder)

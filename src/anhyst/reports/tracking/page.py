@@ -27,16 +27,7 @@ from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import (
-    Block,
-    Items,
-    Note,
-    PageTable,
-    Picture,
-    Section,
-    Text,
-    table,
-)
+from anhyst.support.page.blocks import Block, Items, Note, PageTable, Picture, Section, Text, table
 from anhyst.support.page.numbers import NBSP, number
 from anhyst.support.page.page import Headline, Tile, render_page
 from anhyst.support.page.style import new_figure, styled, svg_text

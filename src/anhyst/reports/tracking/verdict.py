@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.rig.stage.loop import AT_BIAS
+from anhyst.study.engine.verdict import ComparedFigure, Judgement, compare, judge, weigh
 from anhyst.study.tracking.measures import BANDS_M
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
-from anhyst.study.verdict import ComparedFigure, Judgement, compare, judge, weigh
 from anhyst.support.pays import STAGE
 
 _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}

@@ -15,8 +15,7 @@ from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.scenario import Scenario
-from anhyst.rig.holding import SignalBound, find_loss
-from anhyst.rig.recording import DESCEND, FAULT, RISE, Recording, in_columns
+from anhyst.rig.recording import DESCEND, FAULT, RISE, Recording, SignalBound, find_loss, in_columns
 
 
 @dataclass(frozen=True)
@@ -74,11 +73,7 @@ class SimulatedLoop:
     """One run of a setup, from power on; scenarios follow each other."""
 
     def __init__(
-        self,
-        setup: Setup,
-        seed: int = 0,
-        largest_first: bool = False,
-        bearing: Plant | None = None,
+        self, setup: Setup, seed: int = 0, largest_first: bool = False, bearing: Plant | None = None
     ) -> None:
         self.setup = setup
         rig = setup.rig

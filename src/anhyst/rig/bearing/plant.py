@@ -15,12 +15,7 @@ from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.parts.magnet import (
-    FluxTable,
-    flux_table_of,
-    iron_magnet,
-    law_magnet,
-)
+from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
 from anhyst.rig.sensor_table import PositionSensor
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -338,10 +333,7 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
     return {
         "gap": _sensor((position.low, position.high), position.step, position.noise)
         | _lag(step, position.bandwidth, position.delay)
-        | {
-            "gain": 1.0 + settings.gap_sensor.gain_error,
-            "offset": settings.gap_sensor.offset_m,
-        },
+        | {"gain": 1.0 + settings.gap_sensor.gain_error, "offset": settings.gap_sensor.offset_m},
         "current": _converted((current.low_A, current.high_A), current.adc_bits, current.noise_A)
         | _lag(step, current.bandwidth_Hz)
         | {"gain": 1.0 + current.gain_error},

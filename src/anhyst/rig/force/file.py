@@ -29,13 +29,7 @@ from anhyst.rig.parts.solenoid import Geometry, Solenoid
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
-from anhyst.support.toml_file import (
-    BRANCH,
-    NotNegative,
-    Positive,
-    Table,
-    read_toml,
-)
+from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table, read_toml
 
 
 class FluxPathTable(Table):

@@ -118,10 +118,7 @@ class CellIron:
             slow / steel.knee_slow
         ) / (1.0 + ratio * ratio)
         moving = self._weights * (cells != self._cells)
-        return (
-            MU_0 * field + float(self._weights @ polarisation),
-            MU_0 + float(moving @ slopes),
-        )
+        return (MU_0 * field + float(self._weights @ polarisation), MU_0 + float(moving @ slopes))
 
     def commit(self, field: float) -> None:
         """Move to a field, A/m, in a straight line."""

@@ -68,8 +68,13 @@ class PiezoRig:
 def read_piezo_rig(path: PathLike) -> PiezoRig:
     """Read and check the rig file of a piezo stage."""
     file = read_rig_file(path, [FileKind.PIEZO])
+    return PiezoRig(Path(path), file, stage_of(file))
+
+
+def stage_of(file: RigFile) -> PiezoStage:
+    """Return the stage that a file describes."""
     stack = file.stack
-    stage = PiezoStage(
+    return PiezoStage(
         stroke_per_volt=stack.stroke_m_per_V,
         bend=stack.bend_m_per_V2,
         slope=stack.slope_m_per_V,
@@ -81,4 +86,3 @@ def read_piezo_rig(path: PathLike) -> PiezoRig:
         damping=file.flexure.damping_ratio,
         amplifier=file.stack_amplifier.time_constant_s,
     )
-    return PiezoRig(Path(path), file, stage)

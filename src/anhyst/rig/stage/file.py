@@ -54,6 +54,10 @@ def read_stage(path: PathLike) -> StageRig:
     place = Path(path)
     settings = read_rig_file(place, [FileKind.STAGE])
     faults = plant_faults(settings)
+    if settings.magnet.kind == "law":
+        text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
+        key = settings.place(settings.magnet, "kind")
+        faults.append(FileFault(key, text, code="not-for-this-kind"))
     if settings.magnet.from_loops:
         key = settings.place(settings.magnet, "iron")
         faults.append(FileFault(key, "a stage needs its iron; name one of [[iron]]", "missing"))

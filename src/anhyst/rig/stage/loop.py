@@ -8,13 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst._core import (
-    FixedTracking,
-    LoopController,
-    PlantLoop,
-    Tracking,
-    TrackingF32,
-)
+from anhyst._core import FixedTracking, LoopController, PlantLoop, Tracking, TrackingF32
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import make_compensator
@@ -22,11 +16,20 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_stage
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
 from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.holding import OUT_OF_PROPORTION, Loss, SignalBound, find_loss
-from anhyst.rig.recording import CURRENTS, MAGNETS, Recording, in_columns, of_magnets
-from anhyst.rig.stage.calibration import CALIBRATED, CalibrationErrors, make_mistaken
+from anhyst.rig.recording import (
+    CURRENTS,
+    MAGNETS,
+    OUT_OF_PROPORTION,
+    Loss,
+    Recording,
+    SignalBound,
+    find_loss,
+    in_columns,
+    of_magnets,
+)
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.setpoint import SetPoint
 from anhyst.support.arrays import FloatArray
@@ -57,7 +60,7 @@ class StageSetup:
     compensator: ForceController  # from force to current, as fitted; never run itself
     # number format of PID and allocation; other than f64 only with a compensator of the same
     law: NumberFormat = "f64"
-    errors: CalibrationErrors = CALIBRATED  # by which the plant is not what was calibrated
+    drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -142,7 +145,7 @@ def track(
     noise = np.random.default_rng([settings.seed, seed]).normal(
         0.0, settings.position_sensor.noise_m, n
     )
-    bearing = make_mistaken(rig.bearing, setup.errors, seed)
+    bearing = drifted_stage(rig.bearing, setup.drift, seed)
     bearing.place([rig.gap], [0.0])
     loop = PlantLoop(bearing, _controller(setup), current_loops(rig.bearing))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.

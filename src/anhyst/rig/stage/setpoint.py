@@ -67,9 +67,5 @@ class SetPoint:
 def motion_of(table: ScanCase, peaks: Sequence[float]) -> SetPoint:
     """Return the motion that a rig file describes, with these accelerations."""
     return SetPoint(
-        tuple(peaks),
-        table.speed_m_per_s,
-        table.cruise_s,
-        table.jerk_phase_s,
-        table.snap_phase_s,
+        tuple(peaks), table.speed_m_per_s, table.cruise_s, table.jerk_phase_s, table.snap_phase_s
     )

@@ -16,15 +16,15 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.data.reversal import reversal_share
 from anhyst.data.verdict import judge
 from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.rig.bearing.drift import with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.iron_table import NamedCells
 from anhyst.study.bearing.linear import Quotient, quotient
-from anhyst.study.bearing.metrics import Interval, mean_interval
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
-from anhyst.study.bearing.variations import with_iron
+from anhyst.study.engine.verdict import Interval, mean_interval
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress

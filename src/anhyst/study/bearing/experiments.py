@@ -16,8 +16,9 @@ from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.rig.recording import RISE, Recording
 from anhyst.study.bearing.limit_cycle import LimitCycle, limit_cycle
-from anhyst.study.bearing.metrics import deviation, mean_interval, recovery_time
+from anhyst.study.bearing.metrics import deviation, recovery_time
 from anhyst.study.bearing.responses import position_resolution
+from anhyst.study.engine.verdict import mean_interval
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import sine, triangle
 from anhyst.support.jobs import all_of

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
 
 from anhyst.rig.recording import peak, rms, settled_from
 from anhyst.support.arrays import FloatArray
@@ -61,27 +60,6 @@ class CurrentEffort:
     # root mean square of its rate of change, A/s; times the inductance, the voltage it took
     change: float
     heat: float  # mean power in the winding, W
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A mean and how well it is known."""
-
-    mean: float
-    half_width: float  # of the confidence interval
-    count: int  # of the runs behind it
-    # Of these, the ones in which levitation was lost. If there are any, there is no mean: what the
-    # others did would flatter.
-    lost: int = 0
-
-    def exceeds(self, floor: Interval) -> bool:
-        """Whether it is certainly above another mean, noise of both taken as independent."""
-        return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
-
-
-def no_mean(lost: int, count: int) -> Interval:
-    """Return what stands in place of a mean of runs of which some lost levitation."""
-    return Interval(math.nan, math.nan, count, lost)
 
 
 def settling_band(height: float, resolution: float) -> float:
@@ -141,18 +119,6 @@ def effort(time: ArrayLike, current: ArrayLike, resistance: float) -> CurrentEff
     return CurrentEffort(
         change=float(np.sqrt(np.mean(slope**2))), heat=float(resistance * np.mean(row**2))
     )
-
-
-def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
-    """Return the mean of repeated measurements and its confidence interval (Student)."""
-    row = np.asarray(values, dtype=float)
-    if len(row) < 2:
-        raise ValueError("a confidence interval needs two values at least")
-    if not np.all(np.isfinite(row)):
-        return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
-    factor = float(stdtrit(len(row) - 1, 0.5 + 0.5 * level))
-    spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
-    return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
 
 
 def _reached(since: FloatArray, way: FloatArray, share: float) -> float:

@@ -227,11 +227,3 @@ def _ending(one: Ending) -> dict[str, Any]:
         "magnet_speed_m_per_s": one.magnet_speed,
         "away_m": one.away,
     }
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _without_nan(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(one) for one in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

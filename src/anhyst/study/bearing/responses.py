@@ -15,15 +15,9 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
 from anhyst.rig.recording import Recording
-from anhyst.study.bearing.metrics import (
-    Interval,
-    deviation,
-    effort,
-    mean_interval,
-    no_mean,
-    step_figures,
-)
+from anhyst.study.bearing.metrics import deviation, effort, step_figures
 from anhyst.study.bearing.sensitivity import Sensitivity, measure_sensitivity
+from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress

@@ -70,10 +70,7 @@ class _Piece:
 
 
 def measure_sensitivity(
-    run: Callable[[FloatArray], Recording],
-    frequencies: ArrayLike,
-    amplitude: float,
-    rate: float,
+    run: Callable[[FloatArray], Recording], frequencies: ArrayLike, amplitude: float, rate: float
 ) -> Sensitivity:
     """Measure the sensitivity of a loop."""
     wanted = np.atleast_1d(np.asarray(frequencies, dtype=float))

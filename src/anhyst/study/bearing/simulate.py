@@ -354,9 +354,7 @@ def _whole_run(setup: Setup) -> LevitationRun:
 
 
 def _experiments(
-    rig: BearingRig,
-    setups: Mapping[MethodName, Setup],
-    parts: Iterator[Progress],
+    rig: BearingRig, setups: Mapping[MethodName, Setup], parts: Iterator[Progress]
 ) -> dict[str, Any]:
     """Try everything beside steps, with every variant."""
     seeds: Sequence[int] = default_seeds(rig)

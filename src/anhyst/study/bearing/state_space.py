@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from anhyst.control.exchange import control_library
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.linear_plant import Point, voltage_matrices
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.study.bearing.variations import changed
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 

@@ -16,14 +16,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, Sensors, straight, take
 from anhyst.rig.stage.file import read_stage
-from anhyst.study.excite.design import (
-    INNER,
-    Record,
-    coolest_peak,
-    demagnetises,
-    records,
-    step_of,
-)
+from anhyst.study.excite.design import INNER, Record, coolest_peak, demagnetises, records, step_of
 from anhyst.study.excite.limits import Bound, Specimen, bearing_specimen, force_specimen
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -339,10 +332,7 @@ Measuring = Callable[[Specimen, Progress | None], Excitation]
 
 
 def excite(
-    rig: PathLike,
-    out: PathLike,
-    progress: Progress | None = None,
-    how: Measuring = measure,
+    rig: PathLike, out: PathLike, progress: Progress | None = None, how: Measuring = measure
 ) -> Excitation:
     """Measure the loops of a rig and write them, with a sidecar that says how they begin."""
     place = Path(out)

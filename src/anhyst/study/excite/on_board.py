@@ -130,11 +130,7 @@ def measure_on_board(
         drive.end()
     names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
     return Excitation(
-        Loops(tuple(loops), *names),
-        held,
-        (place,),
-        drive.played(),
-        tuple(notes_of(held, [place])),
+        Loops(tuple(loops), *names), held, (place,), drive.played(), tuple(notes_of(held, [place]))
     )
 
 

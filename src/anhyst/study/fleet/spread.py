@@ -120,9 +120,7 @@ class _Coordinates:
     def outward(self, places: FloatArray) -> FloatArray:
         curved = np.where(self.log | self.asinh, places, 0.0)
         return np.where(
-            self.log,
-            np.exp(curved),
-            np.where(self.asinh, np.sinh(curved), places * self.scale),
+            self.log, np.exp(curved), np.where(self.asinh, np.sinh(curved), places * self.scale)
         )
 
     def slope(self, values: FloatArray) -> FloatArray:

@@ -35,7 +35,7 @@ from anhyst.study.force.trials import (
     run_trial,
 )
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.folder import whole_folder
 from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
@@ -87,6 +87,20 @@ class ForceControl(Result):
         """Every trial in which the controlled force was lost."""
         found: list[str] = self.figures["lost_in"]
         return found
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where a force was lost, or the firmware and its simulation differ."""
+        if self.lost_in:
+            raise NegativeResult(
+                f"the force was lost: {'; '.join(self.lost_in)}; all files are kept",
+                code="force-lost",
+            )
+        if differing := self.figures["ticks_that_differ"]:
+            raise NegativeResult(
+                "the firmware gave another current than the simulated program at "
+                f"{differing} ticks",
+                code="firmware-differs",
+            )
 
     def facts(self) -> dict[str, str]:
         """Return where everything is, and the error of each controller's force over all trials."""
@@ -232,11 +246,7 @@ def _check_tools(board: str) -> None:
 
 
 def _programs(
-    rig: Rig,
-    models: Mapping[str, Model],
-    board: str,
-    folder: Path,
-    progress: Progress,
+    rig: Rig, models: Mapping[str, Model], board: str, folder: Path, progress: Progress
 ) -> dict[str, tuple[Program, ...]]:
     rate = rig.settings.timing.rate_Hz
     tasks = [

@@ -11,10 +11,9 @@ import numpy as np
 
 from anhyst.compensate.methods import MODELS
 from anhyst.rig.force.file import Rig
-from anhyst.rig.holding import SignalBound, find_loss
-from anhyst.rig.recording import peak, rms
+from anhyst.rig.recording import SignalBound, find_loss, peak, rms
+from anhyst.study.engine.verdict import ComparedFigure, judge
 from anhyst.study.force.trials import ForceOutcome
-from anhyst.study.verdict import ComparedFigure, judge
 from anhyst.support.arrays import FloatArray
 from anhyst.support.pays import FORCE
 

@@ -171,20 +171,13 @@ def within(specimen: Specimen, tighter: Mapping[str, float]) -> Specimen:
         if value < given.value:
             bounds[name] = Bound(value, f"{name} of the operator")
     return replace(
-        specimen,
-        current=bounds["current_A"],
-        rate=bounds["rate_A_per_s"],
-        force=bounds["force_N"],
+        specimen, current=bounds["current_A"], rate=bounds["rate_A_per_s"], force=bounds["force_N"]
     )
 
 
 def _bounds(specimen: Specimen) -> dict[str, Bound]:
     """Return the limits that an operator may draw tighter."""
-    return {
-        "current_A": specimen.current,
-        "rate_A_per_s": specimen.rate,
-        "force_N": specimen.force,
-    }
+    return {"current_A": specimen.current, "rate_A_per_s": specimen.rate, "force_N": specimen.force}
 
 
 def identify_model(

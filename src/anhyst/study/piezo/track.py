@@ -27,10 +27,9 @@ from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.rig.holding import SignalBound, find_loss
-from anhyst.rig.piezo.file import PiezoRig
-from anhyst.rig.recording import Recording, peak, rms
-from anhyst.study.verdict import ComparedFigure, Judgement, judge
+from anhyst.rig.piezo.file import PiezoRig, PiezoStage
+from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -63,11 +62,33 @@ TITLES = {
 
 @dataclass(frozen=True)
 class PiezoInverse:
-    """What makes the voltage of a wanted displacement."""
+    """What makes the voltage of a wanted displacement: a curve, or a compiled block.
 
-    native: Native  # the core's own
-    displacement: float = 1.0  # full scales of fixed point, m
-    voltage: float = 1.0  # V
+    It goes to other processes; the core's own is made where it runs.
+    """
+
+    curve: FloatArray | None = None  # V, over displacements from 0 to ``top``
+    top: float = 0.0  # m
+    limits: tuple[float, float] = (0.0, 0.0)  # of the amplifier, V
+    block: Block | None = None
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Full scales of displacement and voltage, m and V."""
+        return (
+            (1.0, 1.0)
+            if self.block is None
+            else (self.block.scales.demand, self.block.scales.current)
+        )
+
+    def native(self) -> Native:
+        """Return the core's own, its stack at 0 V."""
+        if self.block is None:
+            rows = np.array([self.curve, self.curve])
+            return ForceController.map(rows, self.top, 0.0, 1.0, *self.limits)
+        native = FixedForceController.compensator(self.block.kind, self.block.words)
+        native.commit(0, 0)
+        return native
 
 
 @dataclass(frozen=True)
@@ -95,7 +116,7 @@ class PiezoTracking(Result):
     @property
     def judged_from(self) -> int:
         """Tick from which on a run counts."""
-        return round(LEAD * self.rig.settings.timing.rate_Hz / self.rig.settings.moved.frequency_Hz)
+        return judged_from(self.rig)
 
     @cached_property
     def errors(self) -> Mapping[str, PiezoErrors]:
@@ -168,6 +189,17 @@ class PiezoTracking(Result):
 
 def track(rig: PiezoRig) -> PiezoTracking:
     """Identify, compile and follow the triangle in all ways."""
+    wanted, ways = reference(rig), find_inverses(rig)
+    return PiezoTracking(rig, {name: follow(rig, wanted, way) for name, way in ways.items()})
+
+
+def judged_from(rig: PiezoRig) -> int:
+    """Return the tick from which on a run counts."""
+    return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
+
+
+def find_inverses(rig: PiezoRig) -> dict[str, PiezoInverse]:
+    """Measure the stage and make every way from displacement to voltage."""
     loops = measure(rig)
     model = identify(loops).model
     wanted = reference(rig)
@@ -179,13 +211,11 @@ def track(rig: PiezoRig) -> PiezoTracking:
             code="reference-too-far",
             key="reference",
         )
-    ways: dict[str, PiezoInverse] = {
+    return {
         "none": _constant(loops, rig),
         "single-valued": _single_valued(loops, rig),
         "full": _compiled(model, rig),
     }
-    runs = {name: _follow(rig, wanted, way) for name, way in ways.items()}
-    return PiezoTracking(rig, runs)
 
 
 def measure(rig: PiezoRig) -> Loops:
@@ -237,25 +267,31 @@ def _without_memory(
     """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
     row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
     amplifier = rig.settings.stack_amplifier
-    limits = amplifier.low_V, amplifier.high_V
-    return PiezoInverse(ForceController.map(np.array([row, row]), top, 0.0, 1.0, *limits))
+    return PiezoInverse(np.asarray(row), top, (amplifier.low_V, amplifier.high_V))
 
 
 def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
-    """Return the inverse of the model as it is compiled, signals of 32 bits, its stack at 0 V."""
+    """Return the inverse of the model as it is compiled, signals of 32 bits."""
     request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
     block = make_plan(replace(model, dynamics=None), request, 0).block
     assert isinstance(block, Block)
-    native = FixedForceController.compensator(block.kind, block.words)
-    native.commit(0, 0)
-    return PiezoInverse(native, block.scales.demand, block.scales.current)
+    return PiezoInverse(block=block)
 
 
-def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> Recording:
-    """Run the loop: feedforward of the reference, an integrator, one sample of delay."""
+def follow(
+    rig: PiezoRig,
+    wanted: FloatArray,
+    inverse: PiezoInverse,
+    stage: PiezoStage | None = None,
+    noise_seed: int = SEED,
+) -> Recording:
+    """Run the loop: feedforward of the reference, an integrator, one sample of delay.
+
+    ``stage`` is what is moved, where that is another one than the rig's.
+    """
     settings = rig.settings
     dt = 1.0 / settings.timing.rate_Hz
-    noise = settings.position_sensor.noise_m * np.random.default_rng(SEED).standard_normal(
+    noise = settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
         wanted.size
     )
     time = dt * np.arange(wanted.size, dtype=np.float64)
@@ -265,8 +301,8 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> Recordi
     scales = {
         "error_full": 1.0,
         "forward_full": 1.0,
-        "demand_full": inverse.displacement,
-        "current_full": inverse.voltage,
+        "demand_full": inverse.scales[0],
+        "current_full": inverse.scales[1],
         "flux_full": 1.0,
         "gap_low": 0.0,
         "gap_high": 1.0,
@@ -277,8 +313,8 @@ def _follow(rig: PiezoRig, wanted: FloatArray, inverse: PiezoInverse) -> Recordi
         "current_step": 0.0,
         "sensor_step": settings.position_sensor.step_m,
     }
-    stage = rig.stage.motion(dt)
-    table = stage.follow(inverse.native, filters, pid, scales, wanted, expected, noise)
+    moved = (stage or rig.stage).motion(dt)
+    table = moved.follow(inverse.native(), filters, pid, scales, wanted, expected, noise)
     found, corrected, voltage = table.T.copy()
     error = found - expected
     stroke = settings.moved.stroke_m

@@ -19,7 +19,7 @@ from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.bearing.metrics import Interval, mean_interval, no_mean
+from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
 from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable

@@ -10,12 +10,11 @@ from typing import Any
 
 from anhyst.compensate.methods import BASELINES, MODELS
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.study.bearing.metrics import Interval
 from anhyst.study.bearing.responses import as_rows
+from anhyst.study.engine.verdict import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, Figures, text_of
 from anhyst.study.tuning.result import Tuned, Tuning
 from anhyst.study.tuning.trial import Condition
-from anhyst.study.verdict import compare
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.json_text import json_text
 from anhyst.support.pays import FEEDBACK
@@ -174,8 +173,7 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 def rows(tuning: Tuning) -> list[list[str]]:
     """Return the table of all variants, the fastest that meets its aims first."""
     ordered = sorted(
-        tuning.tuned.values(),
-        key=lambda each: (bool(each.misses), each.figures.settling_time_s),
+        tuning.tuned.values(), key=lambda each: (bool(each.misses), each.figures.settling_time_s)
     )
     return [_row(one) for one in ordered]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
-from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning.screen import Screen
 from anhyst.study.tuning.trial import Condition
 

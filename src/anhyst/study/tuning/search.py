@@ -11,8 +11,8 @@ from itertools import product
 import numpy as np
 
 from anhyst.control.controller_file import ControllerTable
+from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.loop import Setup, with_gains
-from anhyst.study.bearing.variations import changed
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.limits import Check, check
 from anhyst.study.tuning.points import FIRMNESS, make_screen

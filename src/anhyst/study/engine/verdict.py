@@ -12,9 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import stdtrit
+
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
-from anhyst.study.bearing.metrics import Interval
 
 Level = Literal["yes", "mixed", "no", "unknown"]
 TITLES: Mapping[Level, str] = {
@@ -25,6 +28,39 @@ TITLES: Mapping[Level, str] = {
 }
 LISTED = 4
 """Comparisons that are named one by one; more are counted."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean and how well it is known."""
+
+    mean: float
+    half_width: float  # of the confidence interval
+    count: int  # of the runs behind it
+    # Of these, the ones in which levitation was lost. If there are any, there is no mean: what the
+    # others did would flatter.
+    lost: int = 0
+
+    def exceeds(self, floor: Interval) -> bool:
+        """Whether it is certainly above another mean, noise of both taken as independent."""
+        return self.mean - floor.mean > math.hypot(self.half_width, floor.half_width)
+
+
+def no_mean(lost: int, count: int) -> Interval:
+    """Return what stands in place of a mean of runs of which some lost levitation."""
+    return Interval(math.nan, math.nan, count, lost)
+
+
+def mean_interval(values: ArrayLike, level: float = 0.95) -> Interval:
+    """Return the mean of repeated measurements and its confidence interval (Student)."""
+    row = np.asarray(values, dtype=float)
+    if len(row) < 2:
+        raise ValueError("a confidence interval needs two values at least")
+    if not np.all(np.isfinite(row)):
+        return Interval(mean=float(np.mean(row)), half_width=math.nan, count=len(row))
+    factor = float(stdtrit(len(row) - 1, 0.5 + 0.5 * level))
+    spread = float(np.std(row, ddof=1)) / math.sqrt(len(row))
+    return Interval(mean=float(np.mean(row)), half_width=factor * spread, count=len(row))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +155,10 @@ def _listed(comparisons: Sequence[ComparedFigure], count: int, what: str) -> str
         parts = sorted(one.ratio for one in comparisons if math.isfinite(one.ratio))
         span = f", {_span(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
         return f"{len(comparisons)} of {count} {what}{span}"
-    return ", ".join(f"{one.title} {_part(one.ratio)} of '{one.baseline}'" for one in comparisons)
+    named: dict[str, list[str]] = {}
+    for one in comparisons:
+        named.setdefault(one.baseline, []).append(f"{one.title} {_part(one.ratio)}")
+    return ", ".join(f"{', '.join(parts)} of '{name}'" for name, parts in named.items())
 
 
 def _part(ratio: float) -> str:

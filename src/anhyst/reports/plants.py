@@ -1,0 +1,128 @@
+"""The page of plants that have drifted, whichever rig they are."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from anhyst.reports.bearing.look import ordered, verdict_note
+from anhyst.reports.bearing.over_runs import Spread, figure_drift
+from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.tables import SPREADS
+from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
+from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.kinds import NAMES
+from anhyst.support.page.blocks import Items, Note, Picture, Section, Text, table
+from anhyst.support.page.numbers import MINUS, NBSP, number
+from anhyst.support.page.page import Headline, render_page
+from anhyst.support.page.style import svg_text
+from anhyst.support.version import running_version
+
+
+def write_plants_report(
+    path: PathLike, found: MonteCarlo, files: Sequence[Path], command: str
+) -> None:
+    """Write the report of a Monte Carlo: one HTML file that needs nothing else."""
+    rows = [(one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in files]
+    origin = Section("origin", "Origin", (table("Files", ["file", "SHA-256"], rows, texts=2),
+                                          Text(f"Made by: {command}")))  # fmt: skip
+    text = render_page(
+        _headline(found),
+        [_drift(found), origin],
+        running_version(),
+        kind="Drifted plants",
+        source="a simulation",
+    )
+    with atomic_writer(path) as stream:
+        stream.write(text)
+
+
+def _headline(found: MonteCarlo) -> Headline:
+    file = found.plants.file
+    counts = [f"{name}: {found.lost(name)} of {len(found.drifts)}" for name in ordered(found.runs)]
+    lost = any(found.lost(name) for name in found.runs)
+    return Headline(
+        title=file.name,
+        what=f"{len(found.drifts)} plants of {NAMES[file.kind][0]}, each with a noise of its own, "
+        f"whose properties are off by chance: {_deviations(found)} (standard deviations). What "
+        "controls them was made for the nominal one and knows nothing of it.",
+        basis=f"Simulated, seed {found.plants.seed}; all variants meet the same plants.",
+        notes=(
+            verdict_note(found.verdict),
+            Note("bad" if lost else "good", "Plants lost", f"{'; '.join(counts)}."),
+        ),
+        tiles=(),
+        comparison=None,
+        holds="These figures hold for these plants, and for no other spread.",
+    )
+
+
+def _deviations(found: MonteCarlo) -> str:
+    spread = found.plants.file.spread
+    shown = []
+    for name, key in SPREADS[found.plants.file.kind].items():
+        value, what = getattr(spread, key), name.replace("_", " ")
+        if key.endswith("_percent"):
+            shown.append(f"{what} {value:g}{NBSP}%")
+        else:
+            shown.append(f"{what} {1e6 * value:g}{NBSP}µ{key[-1]}")
+    return ", ".join(shown)
+
+
+def _drift(found: MonteCarlo) -> Section:
+    spreads = [
+        Spread(_title(figure, name), {
+            method: figure.factor * np.array(found.values(method, figure.key, case))
+            for method in found.runs
+        })
+        for figure in found.plants.figures
+        for case, name in enumerate(figure.names)
+    ]  # fmt: skip
+    rows = [
+        [one.title, name, *(number(percentile(one.values[name].tolist(), p)) for p in PERCENTILES)]
+        for one in spreads
+        for name in ordered(one.values)
+    ]
+    picture = Picture(
+        svg_text(figure_drift(spreads), "drift"),
+        "Shares of plants that stay below a figure, with percentiles marked: "
+        f"{', '.join(spread.title for spread in spreads)}.",
+        "Share of plants below each figure; dots at "
+        f"{', '.join(str(part) for part in PERCENTILES)} %. A plant that is lost counts as "
+        "infinitely bad.",
+    )
+    head = ["figure", "variant", *(f"{part:g} %" for part in PERCENTILES)]
+    blocks = (picture, table("Percentiles", head, rows, texts=2), _worst(found))
+    return Section("drift", "Drifted plants", blocks)
+
+
+def _title(figure: PlantFigure, case: str) -> str:
+    return f"{figure.title}{', ' if case else ''}{case.replace(' um', f'{NBSP}µm')} ({figure.unit})"
+
+
+def _worst(found: MonteCarlo) -> Items:
+    """Say what the worst plants of a variant have in common with nobody else: their drift."""
+    figure, own = found.plants.figures[0], found.plants.own
+    rows = []
+    for case, name in enumerate(figure.names):
+        values = found.values(own, figure.key, case)
+        worst = int(np.argmax(values))
+        much = "lost"
+        if math.isfinite(values[worst]):
+            much = f"{number(figure.factor * values[worst], 2)}{NBSP}{figure.unit}"
+        text = f"{_title(figure, name)}, {much}: plant {worst}, {_drift_text(found.drifts[worst])}"
+        rows.append(text)
+    return Items(f"Worst plants of {own}", tuple(rows))
+
+
+def _drift_text(drift: Drift) -> str:
+    changes = []
+    for key, value in drift.as_dict().items():
+        name, _, unit = key.rpartition("_")
+        shown = f"{value:+.1f}{NBSP}%" if unit == "percent" else f"{1e6 * value:+.2f}{NBSP}µ{unit}"
+        changes.append(f"{name.replace('_', ' ')} {shown}")
+    return ", ".join(changes).replace("-", MINUS)

@@ -1,0 +1,216 @@
+"""Plants that are not what their controller was made for, and rigs with something changed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from anhyst._core import Plant
+from anhyst.compensate.irons import cell_weights
+from anhyst.laws.law import Role
+from anhyst.laws.registry import law_of
+from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
+from anhyst.model.parameters import Parameter
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.plant import make_bearing, make_magnet
+from anhyst.rig.file import RigFile
+from anhyst.rig.from_loops import AnyRig
+from anhyst.rig.iron_table import NamedCells
+from anhyst.rig.parts.magnet import iron_magnet
+from anhyst.rig.tables import SPREADS
+from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind
+
+CUT = 3.0
+"""Standard deviations at which the distribution of a change ends."""
+_UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0)}
+"""Of what is not relative: unit and factor in files."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """How far one plant is from the one in the rig file; relative where no unit is named."""
+
+    pinning: float = 0.0  # 0.1 is 10 % more
+    reversible: float = 0.0
+    saturation: float = 0.0
+    mass: float = 0.0
+    resistance: float = 0.0
+    # gain errors of the sensors; that of the position around the operating gap
+    position_gain: float = 0.0
+    current_gain: float = 0.0
+    flux_gain: float = 0.0
+    gap_offset: float = 0.0  # error of the position sensor at the operating gap, m
+    first_scale: float = 0.0  # of the current of the first magnet, and of the second
+    second_scale: float = 0.0
+    eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
+    stroke: float = 0.0  # of a piezo stack
+    creep: float = 0.0
+    resonance: float = 0.0
+
+    def as_dict(self) -> dict[str, float]:
+        """Return what drifted, with units in the keys."""
+        drifted = {name: value for name, value in asdict(self).items() if value}
+        units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
+        return {f"{name}_{unit}": by * drifted[name] for name, (unit, by) in units.items()}
+
+    def alone(self, names: Collection[str]) -> Drift:
+        """Return a plant that has drifted in nothing but this."""
+        return Drift(**{name: getattr(self, name) for name in names})
+
+
+NO_DRIFT = Drift()
+
+
+def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
+    """Draw a plant: normal, cut off at :data:`CUT` standard deviations; a lag is positive."""
+    drawn = {}
+    for name, key in SPREADS[file.kind].items():
+        share = 0.01 if key.endswith("_percent") else 1.0
+        drawn[name] = share * getattr(file.spread, key) * _normal(rng)
+    if "eddy" in drawn:
+        drawn["eddy"] = abs(drawn["eddy"])
+    return Drift(**drawn)
+
+
+def _normal(rng: np.random.Generator) -> float:
+    while abs(value := float(rng.standard_normal())) > CUT:
+        pass
+    return value
+
+
+def drifted_file(file: RigFile, drift: Drift) -> RigFile:
+    """Return what the file of a plant that has drifted would say; an identified law stays."""
+    return file.changed(_of_stack(file, drift) if file.kind is FileKind.PIEZO else _of(file, drift))
+
+
+def _of_stack(file: RigFile, drift: Drift) -> dict[str, Any]:
+    stack, longer = file.stack, 1.0 + drift.stroke
+    strokes = ("stroke_m_per_V", "bend_m_per_V2", "slope_m_per_V")
+    return {
+        **{f"stack.{key}": longer * getattr(stack, key) for key in strokes},
+        "stack.creep_shares": [(1.0 + drift.creep) * share for share in stack.creep_shares],
+        "flexure.resonance_Hz": (1.0 + drift.resonance) * file.flexure.resonance_Hz,
+    }
+
+
+def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
+    """Return the changes of a body between magnets, or of a held armature.
+
+    The gain error of the position sensor turns its reading around the operating gap, so that gain
+    and offset are two things.
+    """
+    changes: dict[str, Any] = {}
+    if file.kind is not FileKind.FORCE:
+        sensor, shunt, hall = file.gap_sensor, file.current_sensor, file.hall_probe
+        turned = drift.position_gain * file.gap_m
+        changes = {
+            "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
+            "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
+            "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
+            "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
+            "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
+        }
+        if hall is not None:
+            changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
+    if file.iron is not None:
+        iron = file.iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+        changes |= {f"iron.{key}": value for key, value in iron.items()}
+    return changes
+
+
+def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Plant:
+    """Return a bearing that has drifted, at rest."""
+    other = replace(rig, settings=drifted_file(rig.settings, drift))
+    law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
+    return make_bearing(other, seed, make_magnet(other, law))
+
+
+def drifted_stage(rig: BearingRig, drift: Drift, seed: int) -> Plant:
+    """Return a stage that has drifted, at rest, seen from the long stroke."""
+    settings = drifted_file(rig.settings, drift)
+    magnet, steel = settings.magnet, settings.steel.steel()
+    lag = magnet.eddy_time_s + drift.eddy
+    first, second = (
+        iron_magnet(
+            replace(magnet.poles, turns=magnet.poles.turns * (1.0 + scale)),
+            steel,
+            lag,
+            settings.gap_m,
+        )
+        for scale in (drift.first_scale, drift.second_scale)
+    )
+    return make_bearing(replace(rig, settings=settings), seed, first, second)
+
+
+def drifted_law(model: Model, drift: Drift) -> Model:
+    """Return the law of a magnet that has drifted: its pinning, reversible part and saturation."""
+    if model.operator_law.cells is not None:
+        return _drifted_cells(model, drift)
+    factors: dict[Role, float] = {
+        "pinning": 1.0 + drift.pinning,
+        "reversible": 1.0 + drift.reversible,
+        "saturation": 1.0 + drift.saturation,
+    }
+    changed: dict[str, Parameter] = {}
+    for role, factor in factors.items():
+        for spec in model.operator_law.with_role(role):
+            value = model.parameters[spec.name]
+            changed[spec.name] = (
+                tuple(min(factor * one, spec.high) for one in value)
+                if isinstance(value, tuple)
+                else min(factor * value, spec.high)
+            )
+    return replace(model, parameters={**model.parameters, **changed})
+
+
+def _drifted_cells(model: Model, drift: Drift) -> Model:
+    """Return the same of a law of cells, as weights: of cell 0, which nothing pins, and of the rest."""
+    cells = cell_weights(model)
+    shares = cells.weights.sum(axis=1) / cells.saturation
+    free = min(float(shares[0]) * (1.0 + drift.reversible), 1.0)
+    factors = np.full(shares.size, (1.0 - free) / (1.0 - shares[0]) if shares[0] < 1.0 else 1.0)
+    factors[0] = free / shares[0] if shares[0] > 0.0 else 1.0
+    other = replace(
+        cells,
+        thresholds=(1.0 + drift.pinning) * cells.thresholds,
+        weights=(1.0 + drift.saturation) * factors[:, None] * cells.weights,
+    )
+    gone = {spec.name for spec in model.operator_law.parameters}
+    gone -= {spec.name for spec in law_of(model.law, other).parameters}
+    kept = {name: value for name, value in model.parameters.items() if name not in gone}
+    return replace(model, cells=other, parameters=kept)
+
+
+def changed(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
+    """Return a rig with other settings, by the names of :meth:`RigFile.changed`."""
+    return replace(rig, settings=rig.settings.changed(changes))
+
+
+def with_iron(
+    rig: BearingRig, reversible_fraction: float | None = None, width: float = 1.0
+) -> BearingRig:
+    """Return a rig with another iron of the same family."""
+    if rig.settings.magnet.kind == "law":
+        raise InputError(
+            f"{rig.path}: magnet.kind: other irons are tried with a magnet that has one; write "
+            '"electromagnet"',
+            code="not-iron-of-cells",
+            key="magnet.kind",
+        )
+    steel = rig.settings.steel
+    keys = steel.drifted(width - 1.0, 0.0, 0.0)
+    if reversible_fraction is not None:
+        if not isinstance(steel, NamedCells):
+            raise InputError(
+                f"{rig.path}: iron.family: cells alone have a reversible fraction; describe "
+                "an iron of cells, or leave the fraction out",
+                code="not-iron-of-cells",
+                key="iron.family",
+            )
+        keys["reversible_fraction"] = reversible_fraction
+    return changed(rig, {f"iron.{key}": value for key, value in keys.items()})

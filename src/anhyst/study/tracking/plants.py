@@ -1,0 +1,86 @@
+"""Stages that are not what was calibrated: what each error costs every variant, and all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.loop import Feedforward, StageSetup, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst.study.tracking.measures import measure
+from anhyst.study.tracking.simulate import COMPARED, OWN, find_gains, make_variants, refuse_unstable
+from anhyst.support.jobs import all_of
+from anhyst.support.progress import Progress
+
+ERRORS: Mapping[str, tuple[str, ...]] = {
+    "none": (),
+    "gap zero": ("gap_offset",),
+    "current scale": ("first_scale", "second_scale"),
+    "pinning": ("pinning",),
+    "Hall gain": ("flux_gain",),
+    "eddy lag": ("eddy",),
+    "all": ("gap_offset", "first_scale", "second_scale", "pinning", "flux_gain", "eddy"),
+}
+"""What a plant has drifted in, case by case."""
+
+
+def stage_plants(
+    rig: StageRig,
+    magnet: IdentifiedMagnet | None = None,
+    names: Sequence[MethodName] = COMPARED,
+    progress: Progress | None = None,
+) -> Plants:
+    """Return what plants of a stage are run with: variants with the gains of the calibrated one."""
+    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops)
+    made, _ = make_variants(rig, known, names)
+    refuse_unstable(made[OWN])
+    gains = all_of(_find, list(made.values()), progress)
+    cases = tuple(ERRORS), "error"
+    return Plants(
+        file=rig.settings,
+        work=StageWork(made, dict(zip(made, gains, strict=True))),
+        methods=tuple(made),
+        own=OWN,
+        figures=(
+            PlantFigure("average_m", "moving average", "nm", 1e9, *cases),
+            PlantFigure("peak_m", "peak", "nm", 1e9, *cases),
+            PlantFigure("settling_50_s", "settling to 50 nm", "ms", 1e3, *cases),
+        ),
+        read=tuple(rig.measured.files),
+        depends={},
+        seed=rig.settings.seed,
+    )
+
+
+def _find(setup: StageSetup) -> Feedforward:
+    scan = setup.rig.settings.scan
+    return find_gains(setup, motion_of(scan, scan.train_m_per_s2))
+
+
+@dataclass(frozen=True)
+class StageWork:
+    """Variants and their gains."""
+
+    setups: Mapping[MethodName, StageSetup]
+    gains: Mapping[MethodName, Feedforward]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Follow the test set-point with each error alone and with all of them."""
+        setup, gains = self.setups[method], self.gains[method]
+        scan = setup.rig.settings.scan
+        motion = motion_of(scan, scan.test_m_per_s2)
+        found: dict[str, list[float]] = {"average_m": [], "peak_m": [], "settling_50_s": []}
+        for names in ERRORS.values():
+            run = track(replace(setup, drift=drift.alone(names)), motion, gains, noise)
+            if run.loss is not None:
+                return {"lost_s": run.dt * run.loss.tick}
+            measures = measure(run, motion, scan.slit_s)
+            for key, values in found.items():
+                values.append(getattr(measures, key))
+        return found
