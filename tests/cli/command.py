@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import atexit
-import ctypes
 import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+from .warm import as_ordinary_user
 
 COMMAND = (sys.executable, "-m", "anhyst.cli.app")
 PATIENCE = 180.0
@@ -75,15 +76,21 @@ def shares_said(title: str, said: str) -> list[int]:
     return [int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", said, re.MULTILINE)]
 
 
-def quick(*arguments: object, cwd: Path) -> Result:
-    """Run a command to its end in a process that has imported already; see `warm`."""
+def quick(
+    *arguments: object, cwd: Path, ordinary: bool = False, file_size: int | None = None
+) -> Result:
+    """Run a command to its end in a process that has imported already; see `warm`.
+
+    An ordinary user obeys permissions; no file becomes larger than a size that is given.
+    """
     if not hasattr(os, "fork"):
-        return anhyst(*arguments, cwd=cwd)
+        return anhyst(*arguments, cwd=cwd, preexec_fn=as_ordinary_user() if ordinary else None)
     server = _server()
     assert server.stdin is not None
     assert server.stdout is not None
     words = list(map(str, arguments))
-    print(json.dumps({"arguments": words, "cwd": str(cwd)}), file=server.stdin, flush=True)
+    request = {"arguments": words, "cwd": str(cwd), "ordinary": ordinary, "file_size": file_size}
+    print(json.dumps(request), file=server.stdin, flush=True)
     code, printed, said = json.loads(server.stdout.readline())
     return Result(words, code, printed, said)
 
@@ -123,17 +130,20 @@ def contents(folder: Path) -> dict[str, bytes | None]:
     }
 
 
-def refused(*arguments: object, cwd: Path, **options: Any) -> str:
+def refused(*arguments: object, cwd: Path, ordinary: bool = False, **options: Any) -> str:
     """Run a command that must refuse its input: exit code 2, one line, every file as before.
 
-    With options of :func:`anhyst` it starts cold.
+    With options of :func:`anhyst` it starts cold, else as :func:`quick` does.
 
     Returns
     -------
     What the line says after ``anhyst: error:``.
     """
     before = contents(cwd)
-    result = (anhyst if options else quick)(*arguments, cwd=cwd, **options)
+    if options:
+        result = anhyst(*arguments, cwd=cwd, **options)
+    else:
+        result = quick(*arguments, cwd=cwd, ordinary=ordinary)
     said = said_in_one_line(result)
     assert contents(cwd) == before
     return said
@@ -148,16 +158,3 @@ def said_in_one_line(result: Result) -> str:
     assert lines[0].startswith("anhyst: error: ")
     assert lines[0].isprintable()
     return lines[0].removeprefix("anhyst: error: ")
-
-
-def as_ordinary_user() -> Callable[[], None] | None:
-    """Return what makes a child obey permissions: root otherwise writes and reads everything."""
-    if sys.platform != "linux" or os.geteuid() != 0:
-        return None
-    libc = ctypes.CDLL(None)
-
-    def drop() -> None:
-        for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
-            libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP
-
-    return drop

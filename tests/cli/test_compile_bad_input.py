@@ -9,7 +9,7 @@ import pytest
 
 from tests.refusals import says
 
-from .command import as_ordinary_user, contents, quick, refused
+from .command import contents, quick, refused
 from .records import model
 
 GOOD = model()
@@ -192,5 +192,5 @@ def test_a_place_that_may_not_be_written(folder: Path) -> None:
     (folder / "locked").mkdir()
     (folder / "locked").chmod(0o555)
     given = (*COMPILE[:-1], "locked/c")
-    said = refused(*given, cwd=folder, preexec_fn=as_ordinary_user())
+    said = refused(*given, cwd=folder, ordinary=True)
     assert says(said, "cannot-be-written")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -13,6 +12,8 @@ from anhyst.cli.app import main
 from tests.data import recordings
 from tests.data.recordings import PACKAGES
 from tests.refusals import says
+
+from .command import quick
 
 
 def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
@@ -78,18 +79,7 @@ def test_a_disk_that_fills_up_leaves_nothing_behind(suffix: str, tmp_path: Path)
         pytest.importorskip(PACKAGES[suffix])
     rows = "".join(f"{n}e-4,{n % 977}.{n % 7919},{n % 613}.{n % 6007}\n" for n in range(20_000))
     (tmp_path / "run.csv").write_text("t_s,I_A,F_N\n" + rows)
-    limited = (
-        "import resource, signal, sys; sys.dont_write_bytecode = True; from anhyst.cli.app import main; "
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000)); sys.exit(main(sys.argv[1:]))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", limited, "convert", "run.csv", f"full{suffix}"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = quick("convert", "run.csv", f"full{suffix}", cwd=tmp_path, file_size=50_000)
     assert done.returncode == 2, done.stderr
     assert says(done.stderr, f"cannot-be-written: full{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv"]

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.refusals import says
 
+from .command import anhyst, quick
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 TWO_GAPS = ("0.00030", "0.00060")
-COMMAND = [sys.executable, "-m", "anhyst.cli.app"]
-
-
-def anhyst(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [*COMMAND, *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: Path) -> None:
@@ -47,7 +39,7 @@ def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Pa
     (tmp_path / "swapped.csv").write_text(text)
     arguments = ["swapped.csv", "--history", "settled", "--gap-map", "scaling", "-o", "model.toml"]
     arguments += ["--law", "effective-field"]
-    result = anhyst("identify", *arguments, cwd=tmp_path)
+    result = quick("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     last = result.stderr.splitlines()[-1]
     assert says(last, "acceptance-failed: model.toml")
@@ -62,40 +54,24 @@ def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(
     kept = [line for line in lines if line[0] in "#t" or line.split(",")[3] in TWO_GAPS]
     (tmp_path / "loops.csv").write_text("".join(kept))
     arguments = ["--gap-map", "free", "--law", "effective-field", "--out", "model.toml"]
-    result = anhyst("identify", "loops.csv", *arguments, cwd=tmp_path)
+    result = quick("identify", "loops.csv", *arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     (said,) = (line for line in result.stderr.splitlines() if "cannot be compiled" in line)
     assert said.startswith("anhyst: warning: gap map 'free'")
     assert "--gap-map scaling or reluctance" in said
     assert (
         said.split(": ", 2)[2]
-        in anhyst("compile", "model.toml", "--rate", "2e4", "--out", "c", cwd=tmp_path).stderr
+        in quick("compile", "model.toml", "--rate", "2e4", "--out", "c", cwd=tmp_path).stderr
     )
-
-
-def test_ctrl_c_ends_with_its_own_code_and_nothing_half_written(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [*COMMAND, "identify", EXAMPLE / "loops.csv", "--out", "model.toml", "--search", "paper"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    time.sleep(1.5)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=600)
-    assert process.returncode == 130, errors
-    assert errors.splitlines()[-1].startswith("anhyst: interrupted")
-    assert not list(tmp_path.glob(".*part"))
 
 
 def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
-    result = anhyst("inspect", EXAMPLE / "loops.csv", "--plot", "loops.png", cwd=tmp_path)
+    result = quick("inspect", EXAMPLE / "loops.csv", "--plot", "loops.png", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "16 loops, current to force" in result.stdout
     assert "A hysteresis model is worth it" in result.stdout
     assert (tmp_path / "loops.png").read_bytes().startswith(b"\x89PNG")
-    found = json.loads(anhyst("inspect", EXAMPLE / "loops.csv", "--json", cwd=tmp_path).stdout)
+    found = json.loads(quick("inspect", EXAMPLE / "loops.csv", "--json", cwd=tmp_path).stdout)
     assert found["schedule_values"] == pytest.approx([3e-4, 4e-4, 5e-4, 6e-4])
     assert found["verdict"]["worthwhile"]
 
@@ -114,7 +90,7 @@ def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line(tmp_path: Path, arguments: list[object], said: str) -> None:
-    result = anhyst(*arguments, cwd=tmp_path)
+    result = quick(*arguments, cwd=tmp_path)
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr.startswith("anhyst: error: ")

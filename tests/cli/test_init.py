@@ -15,7 +15,7 @@ from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import read_bearing
 from tests.refusals import says
 
-from .command import as_ordinary_user, contents, quick, refused
+from .command import contents, quick, refused
 from .test_places import permissions_count
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -204,7 +204,7 @@ def test_a_place_that_cannot_be_written_is_said_and_nothing_is_left(tmp_path: Pa
     if not permissions_count(locked):
         pytest.skip("permissions of folders do not count here")
     for out in ("locked", "locked/my"):
-        said = refused("init", BEARING, "--out", out, cwd=tmp_path, preexec_fn=as_ordinary_user())
+        said = refused("init", BEARING, "--out", out, cwd=tmp_path, ordinary=True)
         assert says(said, f"cannot-be-written: {out}")
 
 

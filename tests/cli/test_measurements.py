@@ -13,7 +13,7 @@ import pytest
 
 from tests.refusals import says
 
-from .command import Result, anhyst, as_ordinary_user, quick, refused, said_in_one_line
+from .command import Result, quick, refused, said_in_one_line
 from .records import GAPS, PLAIN, Row, rows, table
 
 
@@ -47,7 +47,7 @@ def fitted(result: Result, code: int = 0) -> list[str]:
 
 def test_the_good_table_is_good(tmp_path: Path) -> None:
     write(tmp_path, table())
-    result = quick("identify", "loops.csv", "--out", "model.toml", cwd=tmp_path)
+    result = quick("identify", "loops.csv", *PLAIN, "--out", "model.toml", cwd=tmp_path)
     assert all("two gaps" in line for line in fitted(result))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["loops.csv", "model.toml"]
 
@@ -55,7 +55,7 @@ def test_the_good_table_is_good(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     assert says(identify(tmp_path), "no-such-file: loops.csv")
     for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "--out", "model.toml"]):
-        said = said_in_one_line(anhyst(*verb, cwd=tmp_path))
+        said = said_in_one_line(quick(*verb, cwd=tmp_path))
         assert says(said, "no-such-file: loops.csv")
 
 
@@ -202,7 +202,8 @@ def test_a_gap_map_needs_two_gaps(tmp_path: Path) -> None:
 
 def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
     write(tmp_path, table(rows(GAPS[:1])))
-    reported = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
+    law = PLAIN[:2]
+    reported = fitted(quick("identify", "loops.csv", *law, "-o", "model.toml", cwd=tmp_path))
     assert any(
         "loops at one gap only: the model holds there and nowhere else" in t for t in reported
     )
@@ -286,7 +287,8 @@ def test_a_gap_that_moves_is_not_fitted(tmp_path: Path) -> None:
 def test_few_samples_are_warned_of(tmp_path: Path) -> None:
     lines = rows(GAPS[:1])
     write(tmp_path, table([*lines[:40:10], lines[39], *lines[40::10]]))
-    reported = fitted(quick("identify", "loops.csv", "-o", "model.toml", cwd=tmp_path))
+    law = PLAIN[:2]
+    reported = fitted(quick("identify", "loops.csv", *law, "-o", "model.toml", cwd=tmp_path))
     assert any("samples for" in text and "record more samples" in text for text in reported)
 
 
@@ -316,5 +318,5 @@ def test_a_pipe_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_may_not_be_read_is_refused(tmp_path: Path) -> None:
     write(tmp_path, table())
     (tmp_path / "loops.csv").chmod(0)
-    result = anhyst("inspect", "loops.csv", cwd=tmp_path, preexec_fn=as_ordinary_user())
+    result = quick("inspect", "loops.csv", cwd=tmp_path, ordinary=True)
     assert "'loops.csv' is not readable" in said_in_one_line(result)

@@ -7,7 +7,6 @@ import resource
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,13 +17,13 @@ from .command import (
     COMMAND,
     ENVIRONMENT,
     PATIENCE,
-    anhyst,
-    as_ordinary_user,
     contents,
+    quick,
     refused,
     said_in_one_line,
 )
 from .records import PLAIN, model, table
+from .warm import as_ordinary_user
 
 WRITERS = {
     "identify": (["identify", "loops.csv", *PLAIN, "--out"], "model.toml"),
@@ -75,7 +74,7 @@ def test_a_read_only_folder_is_reported_at_once(folder: Path, verb: str) -> None
     locked.mkdir(mode=0o555)
     if not permissions_count(locked):
         pytest.skip("permissions of folders do not count here")
-    said = refused(*start, f"locked/{name}", cwd=folder, preexec_fn=as_ordinary_user())
+    said = refused(*start, f"locked/{name}", cwd=folder, ordinary=True)
     assert says(said, f"cannot-be-written: locked/{name}")
 
 
@@ -83,21 +82,12 @@ NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
 """For commands that may write small files only: halves of compiled sources would stay behind."""
 
 
-def small_files(size: int) -> Callable[[], None]:
-    """Return what lets a child write files of some bytes only, as on a disk that is full."""
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
-    return limit
-
-
 @pytest.mark.parametrize("verb", LARGE)
 def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: str) -> None:
     start, name = LARGE[verb]
     (folder / name).write_text("old")
     before = contents(folder)
-    result = anhyst(*start, name, cwd=folder, preexec_fn=small_files(2000), variables=NO_BYTECODE)
+    result = quick(*start, name, cwd=folder, file_size=2000)
     said = said_in_one_line(result)
     assert says(said, f"cannot-be-written: {name}")
     assert contents(folder) == before
@@ -107,7 +97,12 @@ def test_a_disk_without_room_for_a_checkpoint_is_reported(folder: Path) -> None:
     start, name = WRITERS["identify"]
     verb, *rest = start
     paper = [verb, "--search", "paper", *rest]
-    said = refused(*paper, name, cwd=folder, preexec_fn=small_files(0), variables=NO_BYTECODE)
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+    # What a command that starts warm says goes through a file.
+    said = refused(*paper, name, cwd=folder, preexec_fn=limit, variables=NO_BYTECODE)
     assert said.startswith(f"{name}.checkpoint: cannot be written: File too large")
 
 
@@ -118,7 +113,7 @@ def test_a_device_that_is_full_is_reported(folder: Path, verb: str) -> None:
     (folder / "full.png").symlink_to("/dev/full")
     start, _ = LARGE[verb]
     out = "full.png" if verb == "inspect" else "/dev/full"
-    result = anhyst(*start, out, cwd=folder)
+    result = quick(*start, out, cwd=folder)
     assert result.returncode == 2, result.stderr
     assert says(result.stderr.splitlines()[-1], f"cannot-be-written: {out}")
     assert not list(Path("/dev").glob("full.*"))

@@ -11,7 +11,7 @@ import pytest
 
 from tests.refusals import says
 
-from .command import COMMAND, ENVIRONMENT, anhyst, start
+from .command import COMMAND, ENVIRONMENT, anhyst, quick, start
 from .records import GAPS, PLAIN, model, rows, table
 
 VERBS = {
@@ -29,14 +29,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("streams")
     (place / "loops.csv").write_text(table())
     (place / "model.toml").write_text(model())
-    made = anhyst(*VERBS["identify"], cwd=place)
+    made = quick(*VERBS["identify"], cwd=place)
     assert made.returncode == 0, made.stderr
     return place
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_json_is_all_there_is_on_standard_output(folder: Path, verb: str) -> None:
-    result = anhyst(*VERBS[verb], "--json", cwd=folder)
+    result = quick(*VERBS[verb], "--json", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert isinstance(json.loads(result.stdout), dict)
     assert all(line.startswith("anhyst: warning: ") for line in result.stderr.splitlines())
@@ -93,7 +93,7 @@ def test_a_model_that_fails_its_acceptance_test_is_a_negative_result(tmp_path: P
     lines = [[*row[:3], exchange[row[3]]] for row in rows()]
     (tmp_path / "loops.csv").write_text(table(lines))
     arguments = ["loops.csv", "--out", "model.toml", "--json", *PLAIN]
-    result = anhyst("identify", *arguments, cwd=tmp_path)
+    result = quick("identify", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     *warnings, last = result.stderr.splitlines()
     assert last.startswith("anhyst: model.toml: the output falls as the gap closes: by ")
@@ -109,7 +109,7 @@ def test_a_cycle_that_does_not_close_is_a_negative_result(folder: Path, tmp_path
     (tmp_path / "model.toml").write_text(stiff)
     (tmp_path / "drive.csv").write_text("I_A,gap_mm\n1e-5,0.4\n2e-5,0.4\n1e-5,0.4\n")
     arguments = ["model.toml", "drive.csv", "-o", "out.csv", "--history", "settled"]
-    result = anhyst("predict", *arguments, cwd=tmp_path)
+    result = quick("predict", *arguments, cwd=tmp_path)
     assert result.returncode == 1
     assert says(result.stderr, "cycle-does-not-close: drive.csv")
     assert result.stderr.count("\n") == 1

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +15,13 @@ from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import says
 
+from .command import Result, quick
+
 HALF = np.linspace(0.1, 2.0, 30)
 CYCLE = np.concatenate([HALF, HALF[-2::-1]])
 
 
-def anhyst(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "anhyst.cli.app", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
-
-
-def fails_in_one_line(result: subprocess.CompletedProcess[str], code: int, said: str) -> None:
+def fails_in_one_line(result: Result, code: int, said: str) -> None:
     assert result.returncode == code, result.stderr
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
@@ -54,14 +49,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_current_goes_to_force_and_back(folder: Path) -> None:
-    there = anhyst("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
+    there = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert (there.returncode, there.stderr) == (0, "")
     assert there.stdout.startswith("force.csv: 59 rows, one run demagnetised\nF_N: ")
     rows = [line.split(",") for line in (folder / "force.csv").read_text().split()]
     assert rows[0] == ["I_A", "gap_mm", "F_N", "valid"]
     demand = "\n".join(",".join([row[1], row[2]]) for row in rows)
     (folder / "demand.csv").write_text(demand + "\n")
-    back = anhyst("invert", "model.toml", "demand.csv", "-o", "current.csv", "--json", cwd=folder)
+    back = quick("invert", "model.toml", "demand.csv", "-o", "current.csv", "--json", cwd=folder)
     assert back.returncode == 0
     summary = json.loads(back.stdout)
     assert summary["column"] == "I_A"
@@ -74,7 +69,7 @@ def test_history_and_columns_are_reported_on_the_command_line(folder: Path) -> N
     text = (folder / "drive.csv").read_text().replace("I_A,gap_mm", "X,Y")
     (folder / "drive.csv").write_text(text)
     reported = ["--columns", "X=I_A,Y=gap_mm", "--history", "conditioned:0,2,0"]
-    result = anhyst("predict", "model.toml", "drive.csv", "-o", "f.csv", *reported, cwd=folder)
+    result = quick("predict", "model.toml", "drive.csv", "-o", "f.csv", *reported, cwd=folder)
     assert result.returncode == 0, result.stderr
     drive = np.loadtxt(folder / "f.csv", delimiter=",", skiprows=1)
     model = read_model(folder / "model.toml")
@@ -85,7 +80,7 @@ def test_history_and_columns_are_reported_on_the_command_line(folder: Path) -> N
 def test_samples_outside_the_valid_range_are_warned_of(folder: Path) -> None:
     text = (folder / "drive.csv").read_text().replace("\n2.0,", "\n2.5,")
     (folder / "drive.csv").write_text(text)
-    result = anhyst("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
+    result = quick("predict", "model.toml", "drive.csv", "--out", "force.csv", cwd=folder)
     assert result.returncode == 0
     assert result.stderr.startswith("anhyst: warning: 1 of 59 rows lie outside the valid range")
     assert "1 rows lie outside" in result.stdout
@@ -96,7 +91,7 @@ def test_a_demand_that_settles_nowhere_is_a_negative_result(folder: Path) -> Non
     (folder / "model.toml").write_text(text.replace("k_A_per_m = 300.0", "k_A_per_m = 399999.0"))
     (folder / "d.csv").write_text("I_A,gap_mm\n" + "1e-5,0.4\n2e-5,0.4\n1e-5,0.4\n")
     arguments = ["predict", "model.toml", "d.csv", "-o", "f.csv", "--history", "settled"]
-    result = anhyst(*arguments, cwd=folder)
+    result = quick(*arguments, cwd=folder)
     assert result.returncode == 1
     assert says(result.stderr, "cycle-does-not-close: d.csv")
     assert not (folder / "f.csv").exists()
@@ -106,16 +101,16 @@ def test_a_model_that_was_edited_wrongly_is_reported_with_its_line(folder: Path)
     text = (folder / "model.toml").read_text().replace("k_A_per_m = 300.0", "k_A_per_m = -3.0")
     (folder / "model.toml").write_text(text)
     line = 1 + text[: text.index("k_A_per_m = -3")].count("\n")
-    result = anhyst("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
+    result = quick("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
     fails_in_one_line(result, 2, f"out-of-range parameters.k_A_per_m: model.toml:{line}:")
     (folder / "model.toml").write_text(text[:700])
-    result = anhyst("diff", "model.toml", "model.toml", cwd=folder)
+    result = quick("diff", "model.toml", "model.toml", cwd=folder)
     fails_in_one_line(result, 2, "missing input: model.toml")
 
 
 def test_a_file_without_the_drive_is_reported(folder: Path) -> None:
     (folder / "drive.csv").write_text("F_N,gap_mm\n1,0.4\n2,0.4\n")
-    result = anhyst("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
+    result = quick("predict", "model.toml", "drive.csv", "--out", "f.csv", cwd=folder)
     fails_in_one_line(result, 2, "column-missing current: drive.csv")
     assert not (folder / "f.csv").exists()
 
@@ -123,13 +118,13 @@ def test_a_file_without_the_drive_is_reported(folder: Path) -> None:
 def test_diff_reports_the_change_and_the_newtons(folder: Path) -> None:
     text = (folder / "model.toml").read_text().replace("F_0_N = 0.0", "F_0_N = 1.5")
     (folder / "other.toml").write_text(text)
-    shown = anhyst("diff", "model.toml", "other.toml", cwd=folder)
+    shown = quick("diff", "model.toml", "other.toml", cwd=folder)
     assert shown.returncode == 0
     assert "F_0_N" in shown.stdout
     assert "all together: mean 1.5 N, worst 1.5 N" in shown.stdout
-    result = json.loads(anhyst("diff", "model.toml", "other.toml", "--json", cwd=folder).stdout)
+    result = json.loads(quick("diff", "model.toml", "other.toml", "--json", cwd=folder).stdout)
     assert result["parameters"] == [{"name": "out_0", "first": 0.0, "second": 1.5}]
     assert result["worst"] == pytest.approx(1.5)
     assert not result["same"]
-    alike = anhyst("diff", "model.toml", "model.toml", cwd=folder)
+    alike = quick("diff", "model.toml", "model.toml", cwd=folder)
     assert alike.stdout == "the two models compute the same\n"

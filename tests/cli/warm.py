@@ -1,12 +1,13 @@
 """Commands in processes of their own that need not import anything first.
 
-Run as a script: it loads the package once; for each line ``{"arguments": [...], "cwd": "..."}`` on
-its standard input it forks, and the child becomes the command, with its own standard streams, end
+Run as a script: it loads the package once; for each line ``{"arguments": [...], "cwd": "...", ...}``
+on its standard input it forks, and the child becomes the command, with its own standard streams, end
 and exit code. What it answers is a line with the code and what was written to both streams.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import importlib
 import json
@@ -14,7 +15,8 @@ import os
 import signal
 import sys
 import tempfile
-from typing import IO
+from collections.abc import Callable
+from typing import IO, Any
 
 PATIENCE = 180
 """Seconds after which a command is killed."""
@@ -25,7 +27,7 @@ def serve() -> None:
     load()
     for line in sys.stdin:
         request = json.loads(line)
-        print(json.dumps(run(request["arguments"], request["cwd"])), flush=True)
+        print(json.dumps(run(request)), flush=True)
 
 
 def load() -> None:
@@ -39,9 +41,21 @@ def load() -> None:
             "reports",
             "model.predict_file",
         ),
-        *("reports.bearing.from_simulation", "study.bearing.simulate"),
+        *(
+            "reports.bearing.from_simulation",
+            "study.bearing.simulate",
+            "compilation",
+            "draft.bearing",
+        ),
+        *("data.plot", "verification"),
     )
-    for name in (*(f"anhyst.{name}" for name in names), "scipy.interpolate"):
+    others = (
+        "scipy.interpolate",
+        "scipy.ndimage",
+        "scipy.signal",
+        "matplotlib.backends.backend_agg",
+    )
+    for name in (*(f"anhyst.{name}" for name in names), *others):
         importlib.import_module(name)
     app = importlib.import_module("anhyst.cli.app")
     app.command_of(app.app)
@@ -49,18 +63,48 @@ def load() -> None:
     gc.freeze()
 
 
-def run(arguments: list[str], cwd: str) -> tuple[int, str, str]:
+def run(request: dict[str, Any]) -> tuple[int, str, str]:
     """Run one command to its end; return its code and what it printed and said."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = os.fork()
         if child == 0:
-            become(arguments, cwd, out, err)
+            limit(request)
+            become(request["arguments"], request["cwd"], out, err)
         _, status = os.waitpid(child, 0)
         printed, said = (
             os.pread(stream.fileno(), os.fstat(stream.fileno()).st_size, 0).decode()
             for stream in (out, err)
         )
     return os.waitstatus_to_exitcode(status), printed, said
+
+
+def limit(request: dict[str, Any]) -> None:
+    """Take from this process what the request says that it has not."""
+    if request["file_size"] is not None:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (request["file_size"],) * 2)
+    drop = as_ordinary_user() if request["ordinary"] else None
+    if drop is not None:
+        drop()
+
+
+def as_ordinary_user() -> Callable[[], None] | None:
+    """Return what makes a child obey permissions: root otherwise writes and reads everything."""
+    if sys.platform != "linux" or os.geteuid() != 0:
+        return None
+    libc = ctypes.CDLL(None)
+
+    def drop() -> None:
+        header, held = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+        libc.capget(header, held)
+        for capability in (1, 2):  # CAP_DAC_OVERRIDE, CAP_DAC_READ_SEARCH
+            libc.prctl(24, capability, 0, 0, 0)  # PR_CAPBSET_DROP, for what it executes
+            for place in (0, 1):  # effective, permitted
+                held[place] &= ~(1 << capability)
+        libc.capset(header, held)
+
+    return drop
 
 
 def become(arguments: list[str], cwd: str, out: IO[bytes], err: IO[bytes]) -> None:

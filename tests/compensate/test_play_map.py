@@ -37,8 +37,10 @@ class Oracle:
     def at(self, table: FloatArray, force: float, gap: float) -> float:
         scales = self.play.scales
         force_steps = np.linspace(0.0, scales.demand, table.shape[1])
-        gap_steps = np.linspace(scales.gap_low, scales.gap_high, table.shape[0])
-        row = [float(np.interp(gap, gap_steps, column)) for column in table.T]
+        place = (gap - scales.gap_low) / (scales.gap_high - scales.gap_low) * (table.shape[0] - 1)
+        place = min(max(place, 0.0), table.shape[0] - 1.0)
+        first = min(int(place), table.shape[0] - 2)
+        row = table[first] + (place - first) * (table[first + 1] - table[first])
         return float(np.interp(force, force_steps, row))
 
     def solve(self, force: float, gap: float) -> float:

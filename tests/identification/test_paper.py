@@ -38,8 +38,10 @@ from anhyst.model.actuator import Model
 from tests.identification.truths import GAPS, core, loops_of, magnet
 from tests.refusals import refused
 
-SHORT = SearchEffort(generations=60, final=80, trial=20)
-BRIEF = SearchEffort(generations=20, final=20, trial=5)
+SHORT = SearchEffort(generations=30, final=40, trial=8)
+LEAST = SearchEffort(generations=5, final=5, trial=2)
+"""For what does not hang on how well anything is found."""
+
 NO_OFFSETS = frozenset({"in_0", "out_0"})
 THREE = GAPS[:3]
 
@@ -85,7 +87,7 @@ def loops(truth: Model) -> Loops:
 @pytest.fixture(scope="module")
 def free(loops: Loops) -> Stand:
     return search_each_gap(
-        SearchBench(run_of(loops), loops, SearchEffort(generations=150, final=250))
+        SearchBench(run_of(loops), loops, SearchEffort(generations=100, final=150))
     )
 
 
@@ -149,7 +151,7 @@ def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[Stand]) -> None:
 
 
 def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
-    found = search_paper(run_of(two_gaps), two_gaps, "reluctance", BRIEF)
+    found = search_paper(run_of(two_gaps), two_gaps, "reluctance", LEAST)
     assert len(found.steps) == 6
     assert all("alpha" not in step.candidates for step in found.steps)
     assert found.model.varying in {("alpha",), ("rho",)}
@@ -158,7 +160,7 @@ def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
 def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: Loops) -> None:
     form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
     run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)
-    found = search_paper(run, two_gaps, "reluctance", BRIEF)
+    found = search_paper(run, two_gaps, "reluctance", SearchEffort(20, 20, 5))
     assert found.model.law == "jiles-atherton-1986"
     assert found.model.gap_map == "free"
     assert found.model.varying == ("alpha",)
@@ -188,7 +190,7 @@ def test_cost_of_the_last_step_is_that_of_the_model(quick: IdentifyResult, two_g
 
 @pytest.fixture(scope="module")
 def whole(two_gaps: Loops) -> paper_sequence.Sequence:
-    return search_paper(run_of(two_gaps), two_gaps, "auto", BRIEF)
+    return search_paper(run_of(two_gaps), two_gaps, "auto", LEAST)
 
 
 @pytest.mark.parametrize("stage", [1, 5, 20])
@@ -202,9 +204,9 @@ def test_a_killed_run_goes_on_to_the_same_result(
             raise RuntimeError("killed")
 
     with pytest.raises(RuntimeError):
-        search_paper(run_of(two_gaps, checkpoint=kept, progress=killed), two_gaps, "auto", BRIEF)
+        search_paper(run_of(two_gaps, checkpoint=kept, progress=killed), two_gaps, "auto", LEAST)
     again = run_of(two_gaps, checkpoint=kept)
-    found = search_paper(again, two_gaps, "auto", BRIEF)
+    found = search_paper(again, two_gaps, "auto", LEAST)
     assert again.resumed == stage
     assert found.model.parameters == whole.model.parameters
     assert found.steps == whole.steps
@@ -214,7 +216,7 @@ def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: Loops
     def found(seed: int) -> tuple[Values, ...]:
         run = run_of(two_gaps)
         run.seed = seed
-        return search_each_gap(SearchBench(run, two_gaps, BRIEF)).sets
+        return search_each_gap(SearchBench(run, two_gaps, LEAST)).sets
 
     assert found(1) == found(1)
     assert found(1) != found(2)
@@ -223,7 +225,7 @@ def test_same_seed_gives_the_same_model_and_another_seed_another(two_gaps: Loops
 def test_progress_ends_at_the_total_it_promised(two_gaps: Loops) -> None:
     seen: list[tuple[int, int]] = []
     run = run_of(two_gaps, held=frozenset(), progress=lambda *stage: seen.append(stage))
-    search_paper(run, two_gaps, "scaling", SearchEffort(5, 5, 2))
+    search_paper(run, two_gaps, "scaling", LEAST)
     assert [done for done, _ in seen] == list(range(1, len(seen) + 1))
     assert {total for _, total in seen} == {len(seen)}
 
@@ -231,7 +233,7 @@ def test_progress_ends_at_the_total_it_promised(two_gaps: Loops) -> None:
 @pytest.mark.parametrize(("stage", "frozen"), [(4, 0), (16, 1)])
 def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(stage))
-    found = search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
+    found = search_paper(run, two_gaps, "auto", LEAST)
     assert found.interrupted
     assert len(found.steps) == frozen
     assert found.model.gap_map == "free"
@@ -241,18 +243,18 @@ def test_ctrl_c_leaves_what_was_reached(stage: int, frozen: int, two_gaps: Loops
 def test_ctrl_c_before_every_gap_has_a_set_leaves_nothing(two_gaps: Loops) -> None:
     run = run_of(two_gaps, progress=stopper(1))
     with pytest.raises(KeyboardInterrupt):
-        search_paper(run, two_gaps, "auto", SearchEffort(5, 5, 2))
+        search_paper(run, two_gaps, "auto", LEAST)
 
 
 def test_offsets_become_common_to_all_gaps(two_gaps: Loops) -> None:
     run = run_of(two_gaps, held=frozenset())
-    found = search_each_gap(SearchBench(run, two_gaps, BRIEF))
+    found = search_each_gap(SearchBench(run, two_gaps, LEAST))
     for name in ("in_0", "out_0"):
         assert found.sets[0][name] == found.sets[1][name] != 0.0
 
 
 def test_without_reduction_everything_stays_free(two_gaps: Loops) -> None:
-    found = search_paper(run_of(two_gaps), two_gaps, "free", SearchEffort(5, 5, 2))
+    found = search_paper(run_of(two_gaps), two_gaps, "free", LEAST)
     assert found.steps == ()
     assert found.model.gap_map == "free"
     assert set(found.model.varying) == set(SEVEN)
@@ -260,7 +262,7 @@ def test_without_reduction_everything_stays_free(two_gaps: Loops) -> None:
 
 def test_one_gap_gives_a_model_of_that_gap() -> None:
     loops = loops_of(magnet("none", in_0=0.0, out_0=0.0), samples=30)
-    found = search_paper(run_of(loops), loops, "auto", SHORT)
+    found = search_paper(run_of(loops), loops, "auto", LEAST)
     assert found.model.gap_map == "none"
     assert found.per_gap is None
     assert found.steps == ()

@@ -77,13 +77,15 @@ def test_the_same_seed_gives_the_same_model_to_the_last_digit(
     loops: Loops, whole: IdentifyResult
 ) -> None:
     assert same(identify(loops), whole)
-    one, other = (identify(loops, law="effective-field", gap_map="free", seed=4) for _ in range(2))
+    few = loops.at(GAPS[:2])
+    one, other = (identify(few, law="effective-field", gap_map="free", seed=4) for _ in range(2))
     assert same(one, other)
 
 
 def test_ten_seeds_reach_the_same_optimum(loops: Loops) -> None:
+    few = loops.at(GAPS[:2])
     ends = [
-        identify(loops, law="effective-field", gap_map="reluctance", seed=seed)
+        identify(few, law="effective-field", gap_map="reluctance", dead_band=False, seed=seed)
         for seed in range(10)
     ]
     rms = [end.model.fit.rms for end in ends if end.model.fit is not None]

@@ -103,14 +103,19 @@ def accelerator() -> Loops:
     )
 
 
+@pytest.fixture(scope="module")
+def dipole() -> IdentifyResult:
+    with pytest.MonkeyPatch.context() as patch:
+        # One loop alone is given the simplest cells; further ones would be fitted for nothing.
+        patch.setattr(candidates, "POPULATIONS", 1)
+        return identify(accelerator())
+
+
 def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, dipole: IdentifyResult
 ) -> None:
-    # One loop alone is given the simplest cells; further ones would be fitted for nothing.
-    monkeypatch.setattr(candidates, "POPULATIONS", 1)
     loops = accelerator()
-    result = identify(loops, law="play-cells")
-    model = written(result, tmp_path)
+    model = written(dipole, tmp_path)
     loop = loops.loops[0]
     write_csv(tmp_path / "drive.csv", {"I_A": loop.input, "B_T": loop.output})
     run = run_file(model, "predict", tmp_path / "drive.csv", tmp_path / "found.csv")
@@ -121,13 +126,10 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     assert chosen == [pytest.approx(run.deviation.rms / run.deviation.largest, rel=1e-9)]
 
 
-def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: IdentifyResult) -> None:
     """Never the simplest where another leaves a third; other runs are missed as the loop is."""
-    monkeypatch.setattr(candidates, "POPULATIONS", 1)
     loops, truth = accelerator(), accelerator_magnet()
-    model = identify(loops).model
+    model = dipole.model
     assert model.law == "play-cells"
     left = {one.law: one.left_out for one in fit_of(model).candidates}
     assert left["effective-field"] is not None
