@@ -13,7 +13,7 @@ import numpy as np
 from anhyst.identification.cell_path import CellPath, CellPaths
 from anhyst.identification.fit_records import FitRecord
 from anhyst.identification.no_response import NoResponseError
-from anhyst.identification.response import FLATTEST, Local, ResponseForm, driven_before
+from anhyst.identification.response import FLATTEST, Local, ResponseForm, between
 from anhyst.support.arrays import FloatArray
 
 _TOGETHER = 20_000
@@ -21,15 +21,20 @@ _TOGETHER = 20_000
 
 
 class CellResponder:
-    """Follows drives from the demagnetised state."""
+    """Follows drives from the demagnetised state; remembers how they stand one after the other."""
+
+    def __init__(self) -> None:
+        self._groups: dict[tuple[int, ...], list[_Drives]] = {}
+        self._grouped: Sequence[FitRecord] = ()
 
     def outputs(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
         """Output of every drive, SI."""
         found = []
-        for cells, drives in _together(form, sets, records):
-            x, m = cells.follow(drives.omega, drives.r, drives.begins)
+        for cells, drives in self._together(form, sets, records):
+            omega, r, _ = drives.under(sets)
+            x, m = cells.follow(omega, r, drives.begins)
             for record, part in zip(drives.records, drives.parts, strict=True):
                 local = sets[record.gap]
                 b = m[part] + local.h * x[part]
@@ -40,67 +45,73 @@ class CellResponder:
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
     ) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield the output of every drive, and its derivatives by what the form names, (n, numbers)."""
-        for cells, drives in _together(form, sets, records):
-            path = cells.with_tangents(
-                drives.omega, drives.r, drives.own, drives.r_t, drives.begins
-            )
+        for cells, drives in self._together(form, sets, records):
+            omega, r, scale = drives.under(sets)
+            # What the circuit at other gaps adds through the past alone is left out.
+            r_t = np.stack([-r * drives.own / scale, -drives.own / scale], axis=1)
+            path = cells.with_tangents(omega, r, drives.own, r_t, drives.begins)
             for record, part in zip(drives.records, drives.parts, strict=True):
                 yield _differentiated(form, sets[record.gap], CellPath(*(v[part] for v in path)))
+
+    def _together(
+        self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
+    ) -> Iterator[tuple[CellPaths, _Drives]]:
+        """Give the cells of each group of drives that the same ones follow."""
+        cells = _cells(form, sets)
+        if records is not self._grouped:
+            self._groups, self._grouped = {}, records
+        alike = tuple(next(i for i, one in enumerate(cells) if one is own) for own in cells)
+        if alike not in self._groups:
+            self._groups[alike] = list(_grouped(records, alike))
+        for drives in self._groups[alike]:
+            yield cells[drives.records[0].gap], drives
 
 
 @dataclass(frozen=True, eq=False)
 class _Drives:
-    """Drives one after the other in the terms of the cells, what led up to each first.
-
-    ``own`` is 1 where the circuit is the one of the record's gap, else 0; ``r_t`` are the derivatives
-    of ``r`` by scale and in_0; ``begins`` is where each drive begins, ``parts`` where its record is.
-    """
+    """Drives one after the other, what led up to each first."""
 
     records: Sequence[FitRecord]
-    omega: FloatArray
-    r: FloatArray
-    own: FloatArray
-    r_t: FloatArray
-    begins: Sequence[int]
-    parts: Sequence[slice]
+    drive: FloatArray  # SI; shape (n,)
+    place: FloatArray  # place of the gap that the drive was at; shape (n,)
+    own: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
+    begins: Sequence[int]  # where each drive begins
+    parts: Sequence[slice]  # where its record is
+
+    def under(self, sets: Sequence[Local]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Put them in the terms of the cells: omega and right side; and the scale of each sample."""
+        omega, scale, in_0 = between(sets, self.place)
+        return omega, (self.drive - in_0) / scale, scale
 
 
-def _together(
-    form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
-) -> Iterator[tuple[CellPaths, _Drives]]:
-    """Group drives that the same cells follow, a few thousand samples at a time, in their order."""
-    cells = _cells(form, sets)
+def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Drives]:
+    """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
     group: list[FitRecord] = []
     for place, record in enumerate(records):
         group.append(record)
         last = place + 1 == len(records)
         if (
             last
-            or cells[records[place + 1].gap] is not cells[record.gap]
+            or alike[records[place + 1].gap] != alike[record.gap]
             or sum(one.input.size for one in group) > _TOGETHER
         ):
-            yield cells[record.gap], _joined(sets, group)
+            yield _joined(group)
             group = []
 
 
-def _joined(sets: Sequence[Local], records: Sequence[FitRecord]) -> _Drives:
-    omegas, rights, owns, scales, begins, parts = [], [], [], [], [], []
+def _joined(records: Sequence[FitRecord]) -> _Drives:
+    drives, places, owns, begins, parts = [], [], [], [], []
     end = 0
     for record in records:
-        local, before = sets[record.gap], record.before
-        omega, lead = driven_before(sets, before)
-        n = record.input.size
-        omegas += [omega, np.full(n, local.omega)]
-        rights += [lead, (record.input - local.in_0) / local.scale]
-        # What the circuit at other gaps adds through the past alone is left out of the derivatives.
+        before, n = record.before, record.input.size
+        drives += [before.drive, record.input]
+        places += [before.place, np.full(n, float(record.gap))]
         owns += [(before.place == record.gap).astype(np.float64), np.ones(n)]
-        scales.append(np.full(lead.size + n, local.scale))
         begins.append(end)
-        end += lead.size + n
+        end += before.drive.size + n
         parts.append(slice(end - n, end))
-    r, own, scale = (np.concatenate(values) for values in (rights, owns, scales))
-    r_t = np.stack([-r * own / scale, -own / scale], axis=1)
-    return _Drives(records, np.concatenate(omegas), r, own, r_t, begins, parts)
+    drive, place, own = (np.concatenate(values) for values in (drives, places, owns))
+    return _Drives(tuple(records), drive, place, own, begins, parts)
 
 
 def _differentiated(

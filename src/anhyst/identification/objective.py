@@ -114,18 +114,19 @@ class Objective:
         """
         self.evaluations += 1
         sets = self.space.unpack(theta)
-        numbers = len(self.space.form.names)
+        numbers = len(self.space.at_gap)
         squares = np.zeros((len(sets), numbers, numbers))
         slopes = np.zeros((len(sets), numbers))
         values, along = [], np.zeros((len(sets), numbers))
         first = 0
         for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
-            weights = record.weights
+            part = slice(first, first + output.size)
+            weights = self.weights[part]
             value, weighted = (output - record.output) * weights, by_local * weights[:, None]
             squares[record.gap] += weighted.T @ weighted
             slopes[record.gap] += value @ weighted
-            along[record.gap] += self._drift.way[first : first + value.size] @ weighted
-            first += value.size
+            along[record.gap] += self._drift.way[part] @ weighted
+            first = part.stop
             values.append(value)
         whole = np.concatenate(values)
         off, cost = self._drift.without(whole)

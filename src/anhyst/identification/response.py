@@ -242,13 +242,18 @@ def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
     return found
 
 
-def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
-    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps."""
+def between(sets: Sequence[Local], place: FloatArray) -> tuple[FloatArray, ...]:
+    """Return omega, scale and in_0 at places of gaps, and between them."""
     places = np.arange(len(sets))
-    omega, scale, in_0 = (
-        np.interp(past.place, places, values)
+    return tuple(
+        np.interp(place, places, values)
         for values in zip(*((one.omega, one.scale, one.in_0) for one in sets), strict=True)
     )
+
+
+def driven_before(sets: Sequence[Local], past: Past) -> tuple[FloatArray, FloatArray]:
+    """Put what was before a drive in the terms of the solver: omega and right side, at its gaps."""
+    omega, scale, in_0 = between(sets, past.place)
     return omega, (past.drive - in_0) / scale
 
 

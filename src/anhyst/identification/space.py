@@ -121,6 +121,11 @@ class CoordinateSpace:
         """Names of the coordinates, with the place of the gap where there is one for each."""
         return tuple(n if gap is None else f"{n}[{gap}]" for n, gap in self.entries)
 
+    @cached_property
+    def at_gap(self) -> tuple[str, ...]:
+        """Names of the parameters at one gap."""
+        return self.form.names
+
     @property
     def written_map(self) -> GapMap:
         """Gap map of the model that a fit makes."""
@@ -202,7 +207,7 @@ class CoordinateSpace:
             else:
                 single[name, gap] = (place, value, slope)
         found = []
-        names = self.form.names
+        names = self.at_gap
         for gap in range(self.records.gaps):
             values = dict.fromkeys(names, 0.0)
             jacobian = np.zeros((len(names), theta.size))
@@ -225,7 +230,7 @@ class CoordinateSpace:
         widest: tuple[int, float, float],
     ) -> None:
         """Take off the gain what passes beside the gap; place, value, slope are those of unpack."""
-        names, power = self.form.names, self.form.power
+        names, power = self.at_gap, self.form.power
         row, omega_row = names.index("gain"), names.index("omega")
         ratio = values["omega"] / max(widest[1], _LEAST_OMEGA)
         part = max(1.0 - leakage[1] * ratio, LEAST_GAP_FLUX)
@@ -241,7 +246,7 @@ class CoordinateSpace:
         """Fill in what follows from the rest: h, and the scale of the reluctance map."""
         if self.gap_map not in IN_SERIES:
             return self.form.local(values)
-        row, omega_row = self.form.names.index("scale"), self.form.names.index("omega")
+        row, omega_row = self.at_gap.index("scale"), self.at_gap.index("omega")
         ratio = 1.0 / (1.0 - min(self.form.h * values["omega"], 0.99))
         values["scale"] *= ratio
         jacobian[row] *= ratio
