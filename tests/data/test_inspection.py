@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from anhyst.data import History, Loop, Loops
 from anhyst.data.inspection import inspect
 from anhyst.data.plot import plot_inspection
+from anhyst.data.start import propose_histories
 from anhyst.data.verdict import judge, monotone_fit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.pays import LOOPS
@@ -224,3 +225,10 @@ def test_pictures_have_units_and_legends() -> None:
     assert isinstance(figure, Figure)
     assert loops.plot(figure.axes[0]) is figure.axes[0]
     figure.canvas.draw()
+
+
+def test_a_steep_cycle_without_its_last_sample_comes_back_to_its_start() -> None:
+    drive = 1.0 - np.abs(2.0 * np.arange(200) / 200 - 1.0)
+    rising = np.arange(200) <= 100
+    force = np.where(rising, drive**2, 0.45 * drive + 0.55 * drive**2) + 0.03
+    assert propose_histories([Loop("1", drive, force)], even=True)[0][0].kind == "settled"

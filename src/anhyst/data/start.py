@@ -257,6 +257,10 @@ def _return_to_start(drive: FloatArray, answer: FloatArray) -> float | None:
     again = crossings(drive[later], answer[later], float(drive[0]), rising=parts[0].rising)
     if again.size:
         return float(again[-1])
-    if abs(drive[-1] - drive[0]) <= _NEAR * float(np.ptp(drive)):
-        return float(answer[-1])
-    return None
+    missing, step = float(drive[0] - drive[-1]), float(drive[-1] - drive[-2])
+    if abs(missing) > _NEAR * float(np.ptp(drive)):
+        return None
+    # A cycle without its last sample ends a step before its start: where it was going to.
+    ahead = missing / step if step != 0.0 else 0.0
+    ahead = ahead if 0.0 < ahead <= 1.5 else 0.0
+    return float(answer[-1] + ahead * (answer[-1] - answer[-2]))
