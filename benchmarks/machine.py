@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from anhyst._core import batch_levels
-from anhyst.identification.dispatch import batch_level
+from anhyst.identification.screening import batch_level
 
 SOURCE = Path(__file__).with_name("yardstick.c")
 

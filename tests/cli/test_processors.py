@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import batch_levels
-from anhyst.identification.dispatch import VARIABLE
+from anhyst.identification.screening import VARIABLE
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
 from tests.study import bearings

@@ -11,9 +11,8 @@ import pytest
 import anhyst
 from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import export_fmu
-from anhyst.model.dynamics import Dynamics
+from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange
-from anhyst.model.layers import Layers
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES

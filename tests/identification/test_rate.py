@@ -14,8 +14,8 @@ from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
 from anhyst.identification.result import IdentifyResult
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Layers
 from anhyst.model.fit_record import ValidRange
-from anhyst.model.layers import Layers
 from anhyst.model.parameters import Parameter
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES

@@ -10,9 +10,8 @@ import pytest
 
 from anhyst.model.actuator import Model
 from anhyst.model.diff import diff
-from anhyst.model.dynamics import Dynamics
+from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.file import read_model
-from anhyst.model.layers import Layers
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Layers
 from anhyst.model.fit_record import ValidRange
-from anhyst.model.layers import Layers
 from anhyst.model.parameters import GapMap, Parameter
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

@@ -18,7 +18,7 @@ from tests.oracles.play_cells import PlayCells
 
 @dataclass(frozen=True)
 class SolidIron:
-    """Layers of play cells without interaction; the equations are those of `anhyst.model.layers`."""
+    """Layers of play cells without interaction; the equations are those of `anhyst.model.dynamics`."""
 
     iron: PlayCells
     count: int

@@ -17,8 +17,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import Dynamics
-from anhyst.model.layers import Layers
+from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.predict import as_history, initial_state
 from anhyst.support.arrays import FloatArray
 

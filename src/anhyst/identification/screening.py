@@ -6,20 +6,24 @@ reversibility, interaction and the scale of the input are left to sample.
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import batch
+from anhyst._core import batch, batch_levels
 from anhyst.data.path import thinned
-from anhyst.identification.dispatch import batch_level
 from anhyst.identification.fit_records import FitRecord, FitRecords
 from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.response import LOCAL, Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+
+VARIABLE = "ANHYST_DISPATCH"
+"""Environment variable that forces an instruction set on the batch."""
 
 OMEGA_JUMP = 3.0
 """At omega = -3 the law may begin to jump; the batch does not follow it there."""
@@ -40,6 +44,22 @@ _BOTH_SIDES = 0.3
 
 _THIN = 64
 """Samples a loop at the screening, at most."""
+
+
+def batch_level() -> str:
+    """Level of the batch: the processor's best unless the environment names one."""
+    levels = batch_levels()
+    wanted = os.environ.get(VARIABLE)
+    if wanted is None:
+        return levels[-1]
+    if wanted not in levels:
+        raise InputError(
+            f"{VARIABLE}: there is no level {wanted!r} on this processor; set one of "
+            f"{', '.join(levels)}, or unset it for the best",
+            code="unknown-level",
+            key=VARIABLE,
+        )
+    return wanted
 
 
 def evenly(dimensions: int, count: int, seed: int) -> FloatArray:

@@ -14,7 +14,7 @@ from anhyst.data.loops import Source
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
 from anhyst.laws.registry import LAWS, law_of
-from anhyst.model.dynamics import Dynamics
+from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import (
     CandidateFit,
     CrossValidation,
@@ -26,7 +26,6 @@ from anhyst.model.fit_record import (
     ValidRange,
 )
 from anhyst.model.keys import VERSION, Names, meant, section_names
-from anhyst.model.layers import Layers
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.schema import (

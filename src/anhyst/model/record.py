@@ -27,11 +27,10 @@ from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.laws.registry import DEFAULT_LAW, LAWS, law_of
 from anhyst.model.circuit import Circuit
-from anhyst.model.dynamics import Dynamics
+from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
 from anhyst.model.keys import Names, parameter_names
-from anhyst.model.layers import Layers
 from anhyst.model.parameters import CIRCUIT, GapMap, Parameter, find_problems, specs_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
-from anhyst.model.dynamics import Dynamics
+from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
 from anhyst.model.keys import FORMAT, VERSION, column
-from anhyst.model.layers import Layers
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.atomic import PathLike, atomic_writer
