@@ -6,7 +6,6 @@ import re
 import socket
 import struct
 import subprocess
-import time
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
-from anhyst.link.xcp_frame import framed, key_for, split
+from anhyst.link.xcp_frame import framed, key_for
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
 
@@ -38,7 +37,6 @@ from .xcp_master import ADDRESSES, ECU, SEGMENT, XCP, Samples, master_on, read, 
 EIGHT = ("demand", "force", "gap", "current", "drive", "flux", "state", "flags")
 TICK_NS = round(1e9 / RATE)
 FULL = (1 << 31) - 1
-MOST = PACKET + 4
 """Bytes of a packet and its head."""
 
 OVERLOAD = b"\xfd\x06"
@@ -378,15 +376,9 @@ def start_sampling(line: socket.socket, names: list[str], prescaler: int = 1) ->
 
 def take(line: socket.socket) -> bytes:
     """Return the next packet."""
-    packets: list[bytes] = []
-    give_up = time.monotonic() + 30.0  # half a packet is seen again and again where no more comes
-    while not packets:
-        seen = line.recv(MOST, socket.MSG_PEEK)
-        assert seen, "hung up"
-        packets = split(seen).packets
-        assert packets or time.monotonic() < give_up, f"{len(seen)} bytes and no more"
-    exactly(line, len(framed(packets[0])))
-    return packets[0]
+    # Read, not peeked at: what is left of a segment holds all of its memory, and so shuts the window.
+    length, _ = struct.unpack("<HH", exactly(line, 4))
+    return exactly(line, length)
 
 
 def exactly(line: socket.socket, count: int) -> bytes:
