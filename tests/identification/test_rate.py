@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, Loops
-from anhyst.data.speeds import rate_told, speeds_of
+from anhyst.data.speeds import rate_told, speeds_of, with_spread_times
 from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
 from anhyst.identification.result import IdentifyResult
@@ -90,6 +90,28 @@ def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
     assert speeds_of(loops.with_loops([*slow, *inner])) is None
     assert speeds_of(loops.with_loops([*slow, *steady])) is None
     assert speeds_of(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
+
+
+@pytest.mark.parametrize("digits", [4, 3])
+def test_a_clock_of_few_digits_will_do(digits: int) -> None:
+    """Of a cycle of 20 ms a tick of 1 ms leaves twenty times for two hundred samples."""
+    coarse = measured().with_loops(
+        replace(one, time=np.floor(one.time * 10.0**digits) / 10.0**digits)
+        for one in measured().loops
+        if one.time is not None
+    )
+    loops = with_spread_times(coarse)
+    assert loops.repairs
+    assert with_spread_times(loops) is loops
+    for one, true in zip(loops.loops, measured().loops, strict=True):
+        assert one.time is not None
+        assert true.time is not None
+        assert np.diff(one.time).min() > 0.0
+        assert np.abs(one.time - true.time).max() < 10.0**-digits
+    speeds = speeds_of(loops)
+    assert speeds is not None
+    end = fit_rate(truth().at_rest, loops, speeds)
+    assert missed(end.model, 20.0, 3.9e-4) < 0.02
 
 
 def test_inspecting_tells_from_which_rate_on_solid_iron_answers_late() -> None:

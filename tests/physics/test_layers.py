@@ -142,3 +142,32 @@ def test_a_loop_widens_with_its_speed_and_closes_when_repeated() -> None:
 def test_layers_out_of_range_are_refused(wrong: tuple[int, float, float]) -> None:
     with pytest.raises(ValueError, match="layers"):
         iron("cells").make_solid(*wrong)
+
+
+@pytest.mark.parametrize("family", NUMBERS)
+def test_drives_that_fade_to_nothing_are_followed(family: str) -> None:
+    """As in demagnetising: what laws leave by rounding is then more than is left of the drive."""
+    made, state = solid(family, 3, 0.1, 0.3)
+    fading = 5000.0 * 0.93 ** np.arange(400) * (-1.0) ** np.arange(400)
+    faint = 1e-7 * np.random.default_rng(5).normal(size=50)
+    for drive in (fading, faint):
+        for rho in (0.0, 3e-3, 1.0):
+            for eddy in (1e-3, 1.0, 1e6):
+                around = np.full(drive.size, rho), np.full(drive.size, eddy)
+                assert made.forward(drive, *around, state)[3] == 0
+
+
+@pytest.mark.parametrize("family", NUMBERS)
+def test_a_circuit_that_is_not_finite_is_refused(family: str) -> None:
+    made, state = solid(family, 3, 0.1, 0.3)
+    for rho, eddy in ((np.nan, 1.0), (np.inf, 1.0), (1e-3, np.nan), (1e-3, np.inf)):
+        around = np.array([rho]), np.array([eddy])
+        for step in (made.forward, made.inverse):
+            assert step(np.array([0.3]), *around, state)[3] != 0
+
+
+def test_a_very_soft_iron_is_solved_though_a_search_could_leave_the_law_s_range() -> None:
+    made = Iron(1.2e6, 1.0, 15.0, 0.1, 0.0)
+    made.make_solid(2, 0.01, 0.3)
+    drive, rho, eddy = np.linspace(-1e3, 3e3, 40) * (-1.0) ** np.arange(40), 1e-6, 10.0
+    assert made.forward(drive, np.full(40, rho), np.full(40, eddy), np.zeros(9))[3] == 0

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Layer j of N has a share phi_j of the section, a field H_j and a flux density B_j(H_j) of its own;
-   S_j = sum_{k>=j} phi_k*B_k flows in it and deeper, S_1 = B in all. Against every change of what
-   flows deeper, the layers between raise a field; what is laminated, a share l of the path, has the
-   field H_l(B) that the whole flux asks for:
+/* Layer j of N has a share phi_j of the section, a field H_j and a flux density B_j(H_j) of its
+   own; S_j = sum_{k>=j} phi_k*B_k flows in it and deeper, S_1 = B in all. Against every change of
+   what flows deeper, the layers between raise a field; what is laminated, a share l of the path,
+   has the field H_l(B) that the whole flux asks for:
 
      H_{j-1} = H_j + g*(S_j - S_j,before),   g = eddy/(N - 1),   j = 2..N
      drive = l*H_l(B) + (1 - l)*H_1 + rho*B/mu0
@@ -21,6 +21,9 @@ enum { STEPS = 200, HALVINGS = 30 };
 #define SOFTEST 1e-9
 /* What may be left of the equations where it no longer falls. */
 #define CLOSE 1e-10
+/* Parts of the law's scale that a flux density counts as at least: a law rounds in parts of it, and
+   of tiny drives nothing else would be left. */
+#define GRAIN 1e-2
 
 typedef struct {
   const anhyst_iron_f64 *iron;
@@ -75,8 +78,8 @@ static anhyst_status residuals(problem *of, const double *section, double *left)
   left[0] = laminated * of->field[layers] + (1.0 - laminated) * of->field[0] +
             of->circuit->gap_ratio * section[0] / ANHYST_MU0 - of->drive;
   for (int j = 1; j < layers; j++) {
-    left[j] = (1.0 - laminated) *
-              (of->field[j] - of->field[j - 1] + held * (section[j] - of->before[j]));
+    left[j] =
+        (1.0 - laminated) * (of->field[j] - of->field[j - 1] + held * (section[j] - of->before[j]));
   }
   return ANHYST_OK;
 }
@@ -121,11 +124,13 @@ static double along(const problem *of, const double *left, const double *step)
 /* The largest of what is left, in parts of the fields and of the fluxes' share in them. */
 static double size_of(const problem *of, const double *left, const double *section)
 {
+  const double grain = GRAIN * ANHYST_MU0 * of->iron->saturation * of->iron->grain;
   double most = fabs(of->drive) + of->circuit->gap_ratio * fabs(section[0]) / ANHYST_MU0;
   double largest = 0.0;
   for (int j = 0; j < of->iron->layers; j++) {
     most = fmax(most, fabs(of->field[j]) + fabs(section[j]) * of->stiffness[j] / of->share[j]);
     most = fmax(most, of->circuit->eddy * fabs(section[j]));
+    most = fmax(most, grain * of->stiffness[j] / of->share[j]);
   }
   for (int j = of->first; j < of->iron->layers; j++) {
     largest = fmax(largest, fabs(left[j]));
@@ -133,7 +138,8 @@ static double size_of(const problem *of, const double *left, const double *secti
   return largest > 0.0 ? largest / most : 0.0;
 }
 
-/* Goes along a step to where the slope has fallen to half or turned round by less, or to its end. */
+/* Goes along a step to where the slope has fallen to half or turned round by less, or to its end.
+ */
 static anhyst_status advance(problem *of, double *section, double *left, const double *step)
 {
   const double begin = along(of, left, step);
@@ -150,8 +156,12 @@ static anhyst_status advance(problem *of, double *section, double *left, const d
     }
     const anhyst_status status = residuals(of, section, left);
     const double slope = status == ANHYST_OK ? along(of, left, step) : -begin;
-    if (status != ANHYST_OK && i + 1 == HALVINGS) {
-      return status;
+    /* Where the law's range ends on the way, what lies before is progress enough. */
+    if (status != ANHYST_OK && (low > 0.0 || i + 1 == HALVINGS)) {
+      for (int j = of->first; j < of->iron->layers; j++) {
+        section[j] = start[j] + low * step[j];
+      }
+      return low > 0.0 ? residuals(of, section, left) : status;
     }
     if (status == ANHYST_OK && slope <= -0.5 * begin && (slope >= 0.5 * begin || part >= 1.0)) {
       return ANHYST_OK;
@@ -169,6 +179,12 @@ static anhyst_status advance(problem *of, double *section, double *left, const d
   return ANHYST_OK;
 }
 
+/* Written so that NaN fails too: the equations' sizes do not show it. */
+static int is_finite(const anhyst_circuit_f64 *circuit, double given)
+{
+  return circuit->gap_ratio <= 1e30 && circuit->eddy <= 1e30 && fabs(given) <= 1e30;
+}
+
 static anhyst_status solve(problem *of, double *section)
 {
   double left[ANHYST_LAYERS_MAX];
@@ -177,14 +193,17 @@ static anhyst_status solve(problem *of, double *section)
   double last = HUGE_VAL;
   for (int i = 0; i < STEPS && status == ANHYST_OK; i++) {
     const double size = size_of(of, left, section);
-    if (size <= 64.0 * DBL_EPSILON || (size <= CLOSE && size >= 0.25 * last)) {
+    if (size <= 64.0 * DBL_EPSILON || (size <= CLOSE && size >= 0.75 * last)) {
       return ANHYST_OK;
     }
     last = size;
     newton(of, left, step);
     status = advance(of, section, left, step);
   }
-  return status == ANHYST_OK ? ANHYST_NOT_CONVERGED : status;
+  if (status != ANHYST_OK) {
+    return status;
+  }
+  return size_of(of, left, section) <= CLOSE ? ANHYST_OK : ANHYST_NOT_CONVERGED;
 }
 
 /* Shares of the section and the fluxes of the state, from which the search sets out. */
@@ -204,14 +223,13 @@ static void begin(problem *of, double *section)
   }
 }
 
-anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron,
-                                        const anhyst_memory_f64 *state,
+anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                         const anhyst_circuit_f64 *circuit, double drive,
                                         anhyst_reaction_f64 *reaction)
 {
   problem of = {iron, state, circuit, drive, 0, {0}, {0}, reaction, {0}, {0}};
   double section[ANHYST_LAYERS_MAX];
-  if (!(fabs(drive) <= 1e30)) {
+  if (!is_finite(circuit, drive)) {
     return ANHYST_OUT_OF_RANGE;
   }
   begin(&of, section);
@@ -223,13 +241,15 @@ anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron,
   return status;
 }
 
-anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron,
-                                        const anhyst_memory_f64 *state,
+anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                         const anhyst_circuit_f64 *circuit, double flux,
                                         anhyst_reaction_f64 *reaction)
 {
   problem of = {iron, state, circuit, 0.0, 1, {0}, {0}, reaction, {0}, {0}};
   double section[ANHYST_LAYERS_MAX];
+  if (!is_finite(circuit, flux)) {
+    return ANHYST_OUT_OF_RANGE;
+  }
   begin(&of, section);
   section[0] = flux;
   const anhyst_status status = solve(&of, section);

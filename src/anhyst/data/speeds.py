@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,6 +84,26 @@ def _pace(loop: Loop) -> tuple[float, float]:
     return rate_of(loop.input, loop.time) or 0.5 / seconds, float(
         np.sum(np.abs(np.diff(loop.input))) / seconds
     )
+
+
+def with_spread_times(loops: Loops) -> Loops:
+    """Spread samples to which a clock of few digits gave one time evenly up to its next."""
+    if not any(loop.time is not None and np.any(np.diff(loop.time) == 0.0) for loop in loops.loops):
+        return loops
+    spread = [replace(loop, time=_spread(loop.time)) for loop in loops.loops]
+    return loops.with_loops(spread, "samples of one time are spread up to the next")
+
+
+def _spread(time: FloatArray | None) -> FloatArray | None:
+    """Count the time on from the first sample of each stamp, past the last as before it."""
+    if time is None:
+        return None
+    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
+    pace = (time[first[-1]] - time[first[-2]]) / (first[-1] - first[-2])
+    after = time[-1] + pace * (time.size - first[-1])
+    places = np.append(first, time.size)
+    spread: FloatArray = np.interp(np.arange(time.size), places, np.append(time[first], after))
+    return spread
 
 
 def rate_told(loops: Loops) -> str:

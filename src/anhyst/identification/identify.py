@@ -13,7 +13,7 @@ from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_electromagnet, output_map
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.speeds import Speeds, speeds_of
+from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
 from anhyst.identification.bare import model_of, valid_range
 from anhyst.identification.candidates import require_gaps
@@ -149,6 +149,7 @@ def identify(
         return replace(outcome, model=freed) if usable else outcome
 
     able = rate and search == "default" and not _creeps(loops, law, search)
+    loops = with_spread_times(loops) if able else loops
     outcome = _at_all_speeds(loops, static, speeds_of(loops) if able else None)
     warnings = [*odd, *_warnings(loops, outcome)]
     settings: dict[str, str | bool | int | float] = {

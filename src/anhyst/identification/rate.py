@@ -106,9 +106,6 @@ class _Path:
         ends = [int(np.argmin(loop.input)), int(np.argmax(loop.input)), loop.n - 1]
         kept = np.unique(np.concatenate([np.arange(0, loop.n, every), ends]))
         steps = np.diff(loop.time[kept])
-        steps = np.maximum(
-            steps, 1e-3 * float(np.median(steps))
-        )  # clocks of few digits stand still
         self.settled = loop.history.kind == "settled"
         first = 1.0 / float(np.median(steps)) if self.settled else 0.0
         self.rate = np.concatenate([[first], 1.0 / steps])

@@ -44,9 +44,9 @@ typedef struct {
 /* A solution that has not been committed. */
 typedef struct {
   anhyst_solution_f64 solution[ANHYST_MEMORIES_MAX]; /* of the memories */
-  double drive; /* c_H*I, or the applied field, A/m */
-  double field; /* in the iron, A/m */
-  double flux;  /* flux density B, T */
+  double drive;                                      /* c_H*I, or the applied field, A/m */
+  double field;                                      /* in the iron, A/m */
+  double flux;                                       /* flux density B, T */
 } anhyst_reaction_f64;
 
 /* Makes an iron of a law on the Langevin curve from physical parameters; k, r_d in A/m. Fills law,
@@ -62,9 +62,10 @@ anhyst_status anhyst_iron_init_f64(anhyst_iron_f64 *iron, anhyst_operator_f64 *l
 anhyst_status anhyst_iron_of_cells_f64(anhyst_iron_f64 *iron, const anhyst_cells_f64 *cells,
                                        double interaction);
 
-/* Makes an iron solid: 1 (as it is made) to ANHYST_LAYERS_MAX layers. Its state is then the memories of all layers,
-   the surface first, and that of what is laminated. Where no eddy field holds them apart, all layers
-   have one field, and the iron is what it was. Returns ANHYST_OK or ANHYST_BAD_PARAMETER. */
+/* Makes an iron solid: 1 (as it is made) to ANHYST_LAYERS_MAX layers. Its state is then the
+   memories of all layers, the surface first, and that of what is laminated. Where no eddy field
+   holds them apart, all layers have one field, and the iron is what it was. Returns ANHYST_OK or
+   ANHYST_BAD_PARAMETER. */
 anhyst_status anhyst_iron_layers_f64(anhyst_iron_f64 *iron, int layers, double surface,
                                      double laminated);
 
@@ -79,8 +80,9 @@ void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
                        const anhyst_reaction_f64 *reaction);
 
 /* Drive given: x + (R/(1+R) - alpha)*M = (drive + eddy*B0)/(1+R), R = rho + eddy*mu0; backward
-   Euler for the eddy field gamma*dB/dt. Solid iron: the equations of layers.c, to 1e-12 of the
-   fields in them. The state is not touched; status as anhyst_solve. */
+   Euler for the eddy field gamma*dB/dt. Solid iron: the equations of layers.c, at worst to 1e-10
+   of the fields in them, or to 1e-12 of the law's scale as a flux density. The state is not
+   touched; status as anhyst_solve. */
 anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                  const anhyst_circuit_f64 *circuit, double drive,
                                  anhyst_reaction_f64 *reaction);
