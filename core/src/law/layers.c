@@ -121,6 +121,8 @@ static double along(const problem *of, const double *left, const double *step)
   return sum;
 }
 
+static double larger(double one, double other) { return one > other ? one : other; }
+
 /* The largest of what is left, in parts of the fields and of the fluxes' share in them. */
 static double size_of(const problem *of, const double *left, const double *section)
 {
@@ -128,12 +130,12 @@ static double size_of(const problem *of, const double *left, const double *secti
   double most = fabs(of->drive) + of->circuit->gap_ratio * fabs(section[0]) / ANHYST_MU0;
   double largest = 0.0;
   for (int j = 0; j < of->iron->layers; j++) {
-    most = fmax(most, fabs(of->field[j]) + fabs(section[j]) * of->stiffness[j] / of->share[j]);
-    most = fmax(most, of->circuit->eddy * fabs(section[j]));
-    most = fmax(most, grain * of->stiffness[j] / of->share[j]);
+    most = larger(most, fabs(of->field[j]) + fabs(section[j]) * of->stiffness[j] / of->share[j]);
+    most = larger(most, of->circuit->eddy * fabs(section[j]));
+    most = larger(most, grain * of->stiffness[j] / of->share[j]);
   }
   for (int j = of->first; j < of->iron->layers; j++) {
-    largest = fmax(largest, fabs(left[j]));
+    largest = larger(largest, fabs(left[j]));
   }
   return largest > 0.0 ? largest / most : 0.0;
 }

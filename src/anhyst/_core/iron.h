@@ -25,8 +25,8 @@ public:
     anhyst_status status = enter(state, &now);
     if (status == ANHYST_OK) {
       nb::gil_scoped_release release;
-      status = anhyst_record_f64(&iron_, now.data(), inverse, n, given.data(), rho.data(), eddy.data(),
-                                 found.data(), field.data(), &index);
+      status = anhyst_record_f64(&iron_, now.data(), inverse, n, given.data(), rho.data(),
+                                 eddy.data(), found.data(), field.data(), &index);
     }
     return nb::make_tuple(found, field, leave(now), static_cast<int>(status), index);
   }
@@ -42,8 +42,8 @@ public:
     anhyst_status status = enter(state, &now);
     if (status == ANHYST_OK) {
       nb::gil_scoped_release release;
-      status = anhyst_settle_f64(&iron_, now.data(), inverse, given.shape(0), given.data(), rho.data(),
-                                 eddy.data(), tol, max_cycles, &cycles, &index);
+      status = anhyst_settle_f64(&iron_, now.data(), inverse, given.shape(0), given.data(),
+                                 rho.data(), eddy.data(), tol, max_cycles, &cycles, &index);
     }
     return nb::make_tuple(leave(now), cycles, static_cast<int>(status));
   }

@@ -21,8 +21,8 @@ typedef union {
 
 /* A solution that has not been committed. */
 typedef struct {
-  double x; /* effective field */
-  double m; /* magnetisation, both in units of the law */
+  double x;     /* effective field */
+  double m;     /* magnetisation, both in units of the law */
   double slope; /* dm/dx where it stands, along the way there */
   union {
     anhyst_state_f64 lag;
