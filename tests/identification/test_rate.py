@@ -135,6 +135,15 @@ def test_what_was_fitted_at_three_speeds_holds_between_them_at_a_gap_between() -
     assert not any("compiled" in text for text in result.warnings)
 
 
+def test_cells_of_each_gap_are_fitted_to_its_slow_loops_by_themselves() -> None:
+    loops = measured()
+    slow = loops.with_loops(loop for loop in loops.loops if loop.label == "0.5 Hz")
+    model = identify(slow, law="play-cells", gap_map="free").model
+    assert len(model.nodes) == len(GAPS)
+    assert model.fit is not None
+    assert model.fit.rms < 0.01 * model.fit.largest_output
+
+
 def test_sheets_measured_at_three_speeds_get_no_layers() -> None:
     loops = measured(gamma=0.0)
     speeds = speeds_of(loops)

@@ -303,13 +303,16 @@ def _weighed(
         _, slope, normal = Objective(levels.coarse, levels.tie).normal(theta)
     except NoResponseError:
         return -np.inf, theta
-    place = levels.coarse.names.index(f"share_{len(found.sets[0].law) // 4 + 1}")
-    others = np.arange(theta.size) != place
+    share_of_it = f"share_{len(found.sets[0].law) // 4 + 1}"
+    # Of a gap map that leaves everything free there is one a gap; they rise together.
+    own_places = np.array([name.partition("[")[0] == share_of_it for name in levels.coarse.names])
+    others = ~own_places
     inner = normal[np.ix_(others, others)]
     inner += 1e-6 * np.diag(np.diag(inner)) + 1e-12 * np.trace(inner) * np.eye(inner.shape[0])
-    carried = np.linalg.solve(inner, np.stack([normal[others, place], slope[others]], axis=1))
-    own = normal[place, place] - normal[place, others] @ carried[:, 0]
-    pull = slope[place] - normal[place, others] @ carried[:, 1]
+    across = normal[np.ix_(own_places, others)].sum(axis=0)
+    carried = np.linalg.solve(inner, np.stack([across, slope[others]], axis=1))
+    own = normal[np.ix_(own_places, own_places)].sum() - across @ carried[:, 0]
+    pull = slope[own_places].sum() - across @ carried[:, 1]
     step = -pull / max(own, 1e-30)  # of the logarithm, at this small share
     gained = max(step, 0.0) * -pull
     return gained, start(float(np.clip(_SMALL * (1.0 + step), *_SHARES)))
