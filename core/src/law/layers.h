@@ -6,12 +6,10 @@
 #include "anhyst/law/circuit.h"
 
 /* As anhyst_forward_f64 and anhyst_inverse_f64, for irons of several layers. */
-anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron,
-                                        const anhyst_memory_f64 *state,
+anhyst_status anhyst_layers_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                         const anhyst_circuit_f64 *circuit, double drive,
                                         anhyst_reaction_f64 *reaction);
-anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron,
-                                        const anhyst_memory_f64 *state,
+anhyst_status anhyst_layers_inverse_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *state,
                                         const anhyst_circuit_f64 *circuit, double flux,
                                         anhyst_reaction_f64 *reaction);
 
