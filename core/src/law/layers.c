@@ -30,13 +30,16 @@ typedef struct {
   const anhyst_memory_f64 *state;
   const anhyst_circuit_f64 *circuit;
   double drive;
-  int first;                        /* the first section whose flux is unknown: 0, or 1 */
+  int flux_given;                   /* whether that of the first section, all of it, is known */
   double share[ANHYST_LAYERS_MAX];  /* phi_j */
   double before[ANHYST_LAYERS_MAX]; /* S_j of the state */
   anhyst_reaction_f64 *reaction;
   double field[ANHYST_MEMORIES_MAX];     /* H_j, then H_l */
   double stiffness[ANHYST_MEMORIES_MAX]; /* dH/dB of these */
 } problem;
+
+/* The first section whose flux is unknown. */
+static int first_of(const problem *of) { return of->flux_given ? 1 : 0; }
 
 /* The field that a flux density asks for in one layer, or in what is laminated. */
 static anhyst_status look(problem *of, int at, double flux)
@@ -93,7 +96,7 @@ static void newton(const problem *of, const double *left, double *step)
   double pivot[ANHYST_LAYERS_MAX];
   double right[ANHYST_LAYERS_MAX];
   double inner[ANHYST_LAYERS_MAX]; /* between a section and the next deeper one */
-  for (int j = layers - 1; j >= of->first; j--) {
+  for (int j = layers - 1; j >= first_of(of); j--) {
     inner[j] = solid * of->stiffness[j] / of->share[j];
     pivot[j] = inner[j] + (j > 0 ? solid * (held + of->stiffness[j - 1] / of->share[j - 1])
                                  : of->iron->laminated * of->stiffness[layers] +
@@ -104,9 +107,9 @@ static void newton(const problem *of, const double *left, double *step)
       right[j] += inner[j] * right[j + 1] / pivot[j + 1];
     }
   }
-  for (int j = of->first; j < layers; j++) {
+  for (int j = first_of(of); j < layers; j++) {
     step[j] = right[j] / pivot[j];
-    if (j > of->first) {
+    if (j > first_of(of)) {
       step[j] += inner[j - 1] * step[j - 1] / pivot[j];
     }
   }
@@ -115,7 +118,7 @@ static void newton(const problem *of, const double *left, double *step)
 static double along(const problem *of, const double *left, const double *step)
 {
   double sum = 0.0;
-  for (int j = of->first; j < of->iron->layers; j++) {
+  for (int j = first_of(of); j < of->iron->layers; j++) {
     sum += left[j] * step[j];
   }
   return sum;
@@ -134,10 +137,18 @@ static double size_of(const problem *of, const double *left, const double *secti
     most = larger(most, of->circuit->eddy * fabs(section[j]));
     most = larger(most, grain * of->stiffness[j] / of->share[j]);
   }
-  for (int j = of->first; j < of->iron->layers; j++) {
+  for (int j = first_of(of); j < of->iron->layers; j++) {
     largest = larger(largest, fabs(left[j]));
   }
   return largest > 0.0 ? largest / most : 0.0;
+}
+
+static void go(const problem *of, const double *start, const double *step, double part,
+               double *section)
+{
+  for (int j = first_of(of); j < of->iron->layers; j++) {
+    section[j] = start[j] + part * step[j];
+  }
 }
 
 /* Goes along a step to where the slope has fallen to half or turned round by less, or to its end.
@@ -145,7 +156,7 @@ static double size_of(const problem *of, const double *left, const double *secti
 static anhyst_status advance(problem *of, double *section, double *left, const double *step)
 {
   const double begin = along(of, left, step);
-  double start[ANHYST_LAYERS_MAX];
+  double start[ANHYST_LAYERS_MAX] = {0};
   double low = 0.0;
   double high = 1.0;
   double part = 1.0;
@@ -153,16 +164,12 @@ static anhyst_status advance(problem *of, double *section, double *left, const d
     start[j] = section[j];
   }
   for (int i = 0; i < HALVINGS; i++) {
-    for (int j = of->first; j < of->iron->layers; j++) {
-      section[j] = start[j] + part * step[j];
-    }
+    go(of, start, step, part, section);
     const anhyst_status status = residuals(of, section, left);
     const double slope = status == ANHYST_OK ? along(of, left, step) : -begin;
     /* Where the law's range ends on the way, what lies before is progress enough. */
     if (status != ANHYST_OK && (low > 0.0 || i + 1 == HALVINGS)) {
-      for (int j = of->first; j < of->iron->layers; j++) {
-        section[j] = start[j] + low * step[j];
-      }
+      go(of, start, step, low, section);
       return low > 0.0 ? residuals(of, section, left) : status;
     }
     if (status == ANHYST_OK && slope <= -0.5 * begin && (slope >= 0.5 * begin || part >= 1.0)) {
@@ -189,8 +196,8 @@ static int is_finite(const anhyst_circuit_f64 *circuit, double given)
 
 static anhyst_status solve(problem *of, double *section)
 {
-  double left[ANHYST_LAYERS_MAX];
-  double step[ANHYST_LAYERS_MAX];
+  double left[ANHYST_LAYERS_MAX] = {0};
+  double step[ANHYST_LAYERS_MAX] = {0};
   anhyst_status status = residuals(of, section, left);
   double last = HUGE_VAL;
   for (int i = 0; i < STEPS && status == ANHYST_OK; i++) {
