@@ -18,6 +18,7 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/law/law_cells.c"
   "${ANHYST_CORE_DIR}/src/law/layers.c"
   "${ANHYST_CORE_DIR}/src/law/circuit.c"
+  "${ANHYST_CORE_DIR}/src/law/settle.c"
   "${ANHYST_CORE_DIR}/src/law/sensitivity.c"
   "${ANHYST_CORE_DIR}/src/law/batch_dispatch.c"
   "${ANHYST_CORE_DIR}/src/compensator/block.c"

@@ -10,7 +10,14 @@ import pytest
 from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
 CORE = (
-    *("law/circuit", "law/operator", "law/lag_exact", "law/lag_linear", "law/lag_1986"),
+    *(
+        "law/circuit",
+        "law/layers",
+        "law/operator",
+        "law/lag_exact",
+        "law/lag_linear",
+        "law/lag_1986",
+    ),
     *("law/law_lag", "law/law_cells", "law/cells", "law/cell_table", "law/cell_shape"),
     *("law/solver", "law/branch", "law/langevin", "numeric/elementary"),
 )

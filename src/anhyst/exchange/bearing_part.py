@@ -26,7 +26,8 @@ from anhyst.support.errors import InputError
 _FORMATS = ("f32", "f64")
 _CORE = (
     *("numeric/elementary.c", "numeric/factor.c"),
-    *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver", "circuit")),
+    *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver")),
+    *(f"law/{name}.c" for name in ("circuit", "layers")),
     *(f"law/{name}.c" for name in ("lag_exact", "lag_linear", "lag_1986", "law_lag")),
     *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
     *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in _FORMATS),
