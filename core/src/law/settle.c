@@ -44,7 +44,7 @@ anhyst_status anhyst_settle_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *
                                 const double *eddy, double tol, int most_cycles, int *cycles,
                                 size_t *index)
 {
-  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX]; /* since the last guess */
+  double ends[4][ANHYST_NUMBERS_MAX * ANHYST_MEMORIES_MAX] = {{0}}; /* since the last guess */
   int fresh = 0;
   const int count = leave(iron, state, ends[0]);
   for (*cycles = 1; *cycles <= most_cycles; (*cycles)++) {
