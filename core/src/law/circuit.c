@@ -71,7 +71,7 @@ int anhyst_memories_f64(const anhyst_iron_f64 *iron)
   return iron->layers > 1 ? iron->layers + 1 : 1;
 }
 
-static double flux_from(const anhyst_iron_f64 *iron, double x, double m)
+double anhyst_flux_from_f64(const anhyst_iron_f64 *iron, double x, double m)
 {
   return ANHYST_MU0 * (iron->shape * x + (1.0 - iron->interaction) * iron->saturation * m);
 }
@@ -84,7 +84,7 @@ double anhyst_flux_of_f64(const anhyst_iron_f64 *iron, const anhyst_memory_f64 *
   double x;
   double m;
   iron->law->read(iron->parameters, state, &x, &m);
-  return flux_from(iron, x, m);
+  return anhyst_flux_from_f64(iron, x, m);
 }
 
 void anhyst_accept_f64(const anhyst_iron_f64 *iron, anhyst_memory_f64 *state,
@@ -114,7 +114,7 @@ anhyst_status anhyst_forward_f64(const anhyst_iron_f64 *iron, const anhyst_memor
   }
   reaction->drive = drive;
   reaction->field = iron->shape * found->x - iron->interaction * iron->saturation * found->m;
-  reaction->flux = flux_from(iron, found->x, found->m);
+  reaction->flux = anhyst_flux_from_f64(iron, found->x, found->m);
   return ANHYST_OK;
 }
 

@@ -225,8 +225,7 @@ static void begin(problem *of, double *section)
     double m;
     of->share[j] = j == 0 ? iron->surface : (1.0 - iron->surface) / (iron->layers - 1);
     iron->law->read(iron->parameters, &of->state[j], &x, &m);
-    flux += of->share[j] * ANHYST_MU0 *
-            (iron->shape * x + (1.0 - iron->interaction) * iron->saturation * m);
+    flux += of->share[j] * anhyst_flux_from_f64(iron, x, m);
     of->before[j] = flux;
     section[j] = flux;
   }

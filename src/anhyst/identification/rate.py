@@ -129,7 +129,6 @@ class _Path:
         if self.settled:
             state = self.iron.settle(*around, state, False, MOST_CYCLES, SETTLED)[0]
         flux, _, _, status, _ = self.iron.forward(*around, state)
-        self.iron.make_solid(1, 1.0, 0.0)
         if status:
             return np.full(self.measured.size, _REFUSED)
         missed: FloatArray = (self.circuit.output(flux) - self.measured) / self.largest
@@ -140,24 +139,21 @@ class _Problem:
     """Fast loops in groups, around a static model."""
 
     def __init__(self, model: Model, speeds: Speeds, largest: float) -> None:
-        irons: dict[float | None, AnyIron] = {}
+        irons: dict[float | None, AnyIron] = {}  # own ones: fits cut them into layers
         law = model.operator_law
-        self.groups: list[list[_Path]] = []
-        self.gaps: list[list[float | None]] = []
-        for loops in (*speeds.fast, speeds.slow.loops):
-            paths = []
-            for loop in loops:
-                place = loop.schedule_value if model.fixed_gap_only else None
-                if place not in irons:
-                    at = model.parameters_at(place if place is not None else _any_place(model))
-                    made = law.iron(*(at[spec.name] for spec in law.parameters))
-                    assert isinstance(made, AnyIron)
-                    irons[place] = made
-                paths.append(_Path(model, loop, irons[place], largest))
-            self.groups.append(paths)
-            self.gaps.append([loop.schedule_value for loop in loops])
-        self.slow = self.groups.pop()
-        self.gaps.pop()
+
+        def path(loop: Loop) -> _Path:
+            place = loop.schedule_value if model.fixed_gap_only else None
+            if place not in irons:
+                at = model.parameters_at(place if place is not None else _any_place(model))
+                made = law.iron(*(at[spec.name] for spec in law.parameters))
+                assert isinstance(made, AnyIron)
+                irons[place] = made
+            return _Path(model, loop, irons[place], largest)
+
+        self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
+        self.gaps = [[loop.schedule_value for loop in loops] for loops in speeds.fast]
+        self.slow = [path(loop) for loop in speeds.slow.loops]
         last = self.groups[-1]
         density = max(float(np.ptp(path.circuit.flux_density(path.measured)[0])) for path in last)
         drive = max(float(np.ptp(path.drive)) for path in last)
