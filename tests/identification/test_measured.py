@@ -58,11 +58,15 @@ def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: i
     assert result.evaluations < 100
 
 
-def test_the_ferrite_is_fitted_no_worse_with_offsets(ferrite: Loops) -> None:
+def test_no_law_fits_the_ferrite_worse_with_offsets(ferrite: Loops) -> None:
+    """Only offsets that the loops demand are kept, which may cost a little."""
     held, found = (
-        identify(ferrite, offsets=offsets, weights="points") for offsets in (False, True)
+        {one.law: one.rms for one in fit_of(identify(ferrite, offsets=offsets)).candidates}
+        for offsets in (False, True)
     )
-    assert fit_of(found).rms <= (1.0 + 1e-9) * fit_of(held).rms
+    compared = held.keys() & found.keys()
+    assert {"effective-field", "play-cells, 1 population"} <= compared
+    assert all(found[law] <= 1.02 * held[law] for law in compared)
 
 
 def test_the_model_of_the_ferrite_predicts_its_loops(ferrite: Loops) -> None:

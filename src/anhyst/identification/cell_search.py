@@ -51,9 +51,6 @@ _CLOSE = 1e-5
 _AGREE = 1.1
 """Cost over the least one up to which an end agrees with the best."""
 
-_SAME = 1.001
-"""Cost over the least one up to which another descent has come to the same end."""
-
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
 
@@ -79,7 +76,7 @@ _DEAR = 1.2
 _BEHIND = 4.0
 """Cost over that of the other curve, with as many populations, up to which one more is tried."""
 
-_WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
+_WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0, 15.0), (0.1, 0.3, 1.0, 3.0)
 """Widths and pinnings of a further population that are weighed by the residual, of the first's."""
 
 _SMALL, _SHARES = 0.03, (0.05, 1.0)
@@ -112,13 +109,9 @@ class _Levels:
         ):
             ends = [follow(space, theta, tolerance, most, self.tie) for theta in chosen]
             spent += sum(one.evaluations for one in ends)
-            ends = self._apart(sorted(ends, key=lambda one: one.cost)[:kept])
+            ends = sorted(ends, key=lambda one: one.cost)[:kept]
             chosen = [one.theta for one in ends]
         return [replace(ends[0], evaluations=spent), *ends[1:]]
-
-    def _apart(self, ends: list[FoundModel]) -> list[FoundModel]:
-        """Leave out what ends where the best does."""
-        return [ends[0], *(one for one in ends[1:] if one.cost > _SAME * ends[0].cost)]
 
 
 def _cost(objective: Objective, theta: FloatArray) -> float:
@@ -161,22 +154,28 @@ def search_cells(
         last = {shape: found for shape, found in new.items() if found[0].cost <= _BEHIND * least}
         shapes = set(last)
     return {
-        one: Fits(found[0], _only_demanded(one, found, records, base))
+        one: Fits(found[0], _only_demanded(one, found, records, base, seed, leaves_something))
         for one, found in ends.items()
     }
 
 
 def _only_demanded(
-    one: ModelCandidate, ends: Sequence[FoundModel], records: FitRecords, base: FoundModel
+    one: ModelCandidate,
+    ends: Sequence[FoundModel],
+    records: FitRecords,
+    base: FoundModel,
+    seed: int,
+    leaves_something: Callable[[FoundModel], bool],
 ) -> FoundModel:
-    """Leave out offsets that the loops do not demand; where that is dear, from all ends."""
+    """Leave out offsets that the loops do not demand; where that is dear, search without them."""
     found = only_demanded(ends[0], _CLOSE, _TO_END)
     if found.cost <= _DEAR * ends[0].cost:
         return found
     form, held = ends[0].space.form, found.space.held
     levels = _levels(replace(one, held=held), form, records, base)
     known = [levels.coarse.pack(end.sets) for end in (found, *ends)]
-    other, *_ = levels.ends(known)
+    assert one.cells is not None
+    other, *_ = _search(levels, one.cells, known, seed, leaves_something)
     return min(found, other, key=lambda end: end.cost)
 
 
@@ -199,7 +198,7 @@ def _search(
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
 ) -> list[FoundModel]:
-    """Draw starts until all ends agree, or leave nothing."""
+    """Draw starts until the last ends agree, or leave nothing."""
     ends: list[FoundModel] = []
     drawn = _DRAWN if kernel.populations < 3 else 0
     for turn in range(_ROUNDS):
@@ -209,7 +208,7 @@ def _search(
         new = levels.ends([*known, *thetas])
         ends = sorted([*ends, *new], key=lambda one: one.cost)[:_ENDED]
         known = []
-        agreed = ends[-1].cost < _AGREE * ends[0].cost
+        agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
         if not drawn or agreed or not leaves_something(ends[0]):
             break
     return ends
