@@ -46,6 +46,14 @@ def drafted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return (folder / "made").rename(folder / "my")
 
 
+@pytest.mark.parametrize(
+    "drafted",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in LEFT))
+        for name in [*sorted(MAGNETS), *BUNDLED]
+    ],
+    indirect=True,
+)
 def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
     rig, controller = (
         read_bearing(drafted / "rig.toml"),

@@ -83,7 +83,9 @@ def test_the_truth_behind_clean_loops_is_found_from_every_seed(
     assert result.model.gap_map == truth.gap_map
 
 
-@pytest.mark.parametrize("history", ["settled", "demagnetised"])
+@pytest.mark.parametrize(
+    "history", ["settled", pytest.param("demagnetised", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(
     "truth",
     [
