@@ -77,19 +77,28 @@ def shares_said(title: str, said: str) -> list[int]:
 
 
 def quick(
-    *arguments: object, cwd: Path, ordinary: bool = False, file_size: int | None = None
+    *arguments: object,
+    cwd: Path,
+    ordinary: bool = False,
+    file_size: int | None = None,
+    patience: float = PATIENCE,
 ) -> Result:
     """Run a command to its end in a process that has imported already; see `warm`.
 
-    An ordinary user obeys permissions; no file becomes larger than a size that is given.
+    An ordinary user obeys permissions; no file becomes larger than a size that is given. After
+    `patience` seconds the command is killed.
     """
     if not hasattr(os, "fork"):
-        return anhyst(*arguments, cwd=cwd, preexec_fn=as_ordinary_user() if ordinary else None)
+        drop = as_ordinary_user() if ordinary else None
+        return anhyst(*arguments, cwd=cwd, patience=patience, preexec_fn=drop)
     server = _server()
     assert server.stdin is not None
     assert server.stdout is not None
     words = list(map(str, arguments))
-    request = {"arguments": words, "cwd": str(cwd), "ordinary": ordinary, "file_size": file_size}
+    request = {
+        **{"arguments": words, "cwd": str(cwd), "patience": int(patience)},
+        **{"ordinary": ordinary, "file_size": file_size},
+    }
     print(json.dumps(request), file=server.stdin, flush=True)
     code, printed, said = json.loads(server.stdout.readline())
     return Result(words, code, printed, said)

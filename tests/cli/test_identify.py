@@ -10,7 +10,7 @@ import pytest
 
 from tests.refusals import says
 
-from .command import anhyst, quick
+from .command import quick
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 TWO_GAPS = ("0.00030", "0.00060")
@@ -18,7 +18,7 @@ TWO_GAPS = ("0.00030", "0.00060")
 
 def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: Path) -> None:
     given = [EXAMPLE / "loops.csv", "--out", "model.toml", "--json", "--law", "effective-field"]
-    result = anhyst("identify", *given, cwd=tmp_path)
+    result = quick("identify", *given, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     summary = json.loads(result.stdout)
     assert summary["gap_map"] in {"scaling", "reluctance"}
@@ -26,7 +26,7 @@ def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: P
     assert not summary["interrupted"]
     assert [path.name for path in tmp_path.iterdir()] == ["model.toml"]
     unseen = EXAMPLE / "unseen_truth.csv"
-    result = anhyst("predict", "model.toml", unseen, "-o", "f.csv", "--json", cwd=tmp_path)
+    result = quick("predict", "model.toml", unseen, "-o", "f.csv", "--json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     apart = json.loads(result.stdout)["deviation"]
     assert apart["mean_abs"] < 0.005 * apart["largest"]

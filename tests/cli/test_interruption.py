@@ -14,7 +14,7 @@ import pytest
 
 from anhyst.model.file import read_model
 
-from .command import PATIENCE, anhyst, contents, quick, start
+from .command import PATIENCE, contents, quick, start
 from .records import model
 
 IDENTIFY = ["identify", "loops.csv", "--out", "model.toml", "--history", "settled"]
@@ -126,13 +126,13 @@ def test_a_killed_search_goes_on_to_the_same_model(tmp_path: Path, loops: str) -
         (folder / "loops.csv").write_text(loops)
     whole, killed = folders
     free = [*SLOW, "--gap-map", "free", "--no-offsets"]
-    ended = anhyst(*free, cwd=whole)
+    ended = quick(*free, cwd=whole)
     process = start(*free, cwd=killed)
     wait_until(process, (killed / "model.toml.checkpoint").exists)
     process.kill()
     process.communicate()
     assert not (killed / "model.toml").exists()
-    result = anhyst(*free, cwd=killed)
+    result = quick(*free, cwd=killed)
     assert result.returncode == ended.returncode, result.stderr
     assert "anhyst: warning: went on from a checkpoint: " in result.stderr
     assert contents(killed) == contents(whole)
@@ -146,7 +146,7 @@ def test_a_checkpoint_of_other_loops_is_not_used(tmp_path: Path, loops: str) -> 
     process.kill()
     process.communicate()
     (tmp_path / "loops.csv").write_text(record(80, (0.3,)))
-    result = anhyst(*SLOW, "--no-offsets", cwd=tmp_path)
+    result = quick(*SLOW, "--no-offsets", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "checkpoint" not in result.stderr
     assert sorted(contents(tmp_path)) == ["loops.csv", "model.toml"]

@@ -14,7 +14,7 @@ import pytest
 from anhyst.cli.progress import Pace
 from tests.foreign.magnets import MAGNETS
 
-from .command import anhyst, shares_said, speaking
+from .command import quick, shares_said, speaking
 
 SHORT = ("--law", "play-cells", "--gap-map", "reluctance", "--out", "m.toml")
 """A search that lasts a few seconds."""
@@ -40,7 +40,7 @@ def test_off_a_terminal_lines_come_on_standard_error_and_json_stays_clean(here: 
 
 
 def test_a_command_that_is_over_within_the_minute_says_nothing(here: Path) -> None:
-    result = anhyst("inspect", "loops.csv", "--json", cwd=here)
+    result = quick("inspect", "loops.csv", "--json", cwd=here)
     assert result.returncode == 0
     assert "so far" not in result.stderr
 

@@ -15,7 +15,7 @@ from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import says
 
-from .command import anhyst, contents, quick, refused
+from .command import contents, quick, refused
 from .records import model
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
@@ -474,7 +474,7 @@ def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path)
 
 def test_nothing_shows_progress_in_a_pipe(folder: Path) -> None:
     change(folder / "rig.toml", "force_N = 150.0", "force_N = 350.0")
-    result = anhyst(*RUN, cwd=folder)
+    result = quick(*RUN, cwd=folder)
     assert result.returncode == 2
     assert len(result.stderr.splitlines()) == 1
     assert "Traceback" not in result.stderr

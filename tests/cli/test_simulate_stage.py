@@ -12,7 +12,7 @@ import pytest
 from anhyst.study.tracking.plants import ERRORS
 from tests.refusals import says
 
-from .command import anhyst, refused
+from .command import quick, refused
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"
 SECOND = re.findall(
@@ -88,7 +88,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     change(rig, "noise_seeds = 10", "noise_seeds = 2")
     change(rig, "[loops]", '[loops]\nlaw = "effective-field"')
     (folder / "out").mkdir()
-    done = anhyst("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
+    done = quick("simulate", "rig.toml", "--out", "out/run.csv", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "against 'single-valued': Worth it" in done.stdout
     head = (folder / "out" / "run.csv").read_text().splitlines()[0].split(",")
@@ -98,7 +98,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     page = (folder / "out" / "report.html").read_text()
     for key in ("scan", "settling", "learning", "limits"):
         assert f'id="{key}"' in page
-    wrong = anhyst("simulate", "rig.toml", "--out", "w.jsonl", "--monte-carlo", "2", cwd=folder)
+    wrong = quick("simulate", "rig.toml", "--out", "w.jsonl", "--monte-carlo", "2", cwd=folder)
     assert wrong.returncode == 0, wrong.stderr
     found = json.loads((folder / "montecarlo.json").read_text())
     assert [row["error"] for row in found["variants"]["full"]["average_m"]] == [*ERRORS]

@@ -18,9 +18,6 @@ import tempfile
 from collections.abc import Callable
 from typing import IO, Any
 
-PATIENCE = 180
-"""Seconds after which a command is killed."""
-
 
 def serve() -> None:
     """Answer requests until there are no more."""
@@ -79,7 +76,8 @@ def run(request: dict[str, Any]) -> tuple[int, str, str]:
 
 
 def limit(request: dict[str, Any]) -> None:
-    """Take from this process what the request says that it has not."""
+    """Take from this process what the request says that it has not, and time without end."""
+    signal.alarm(request["patience"])
     if request["file_size"] is not None:
         import resource
 
@@ -111,7 +109,6 @@ def become(arguments: list[str], cwd: str, out: IO[bytes], err: IO[bytes]) -> No
     """Turn this process into a command; does not return."""
     from anhyst.cli.app import main
 
-    signal.alarm(PATIENCE)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(out.fileno(), 1)
     os.dup2(err.fileno(), 2)

@@ -379,7 +379,10 @@ def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     ("request_", "culprit", "advice"),
     [
         (CompileRequest("simplified", "q15", 1e4, 0.5), "straight anhysteretic", "--kind full"),
-        (CompileRequest("full", "q31", 1e4, 0.001), "tables", "hold no more"),
+        pytest.param(
+            *(CompileRequest("full", "q31", 1e4, 0.001), "tables", "hold no more"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_unreachable_accuracy_names_its_cause(

@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.control.controller_file import read_controller
 from anhyst.support.errors import RenamedWarning
-from tests.cli.command import anhyst
+from tests.cli.command import quick
 from tests.refusals import refused
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "bearing" / "controller.toml"
@@ -57,7 +57,7 @@ def test_the_command_line_prints_the_warning(tmp_path: Path) -> None:
         tmp_path, ('variant = "full"', 'variant = "static"'), ("rate_Hz = 20000.0", "rate_Hz = 3e4")
     )
     rig = EXAMPLE.with_name("rig.toml")
-    done = anhyst("simulate", rig, "--controller", controller, "--out", "run.csv", cwd=tmp_path)
+    done = quick("simulate", rig, "--controller", controller, "--out", "run.csv", cwd=tmp_path)
     warning, error = done.stderr.splitlines()
     assert warning.startswith(f"anhyst: warning: {controller}:")
     assert warning.endswith('"static" is now called "single-valued"; write that')

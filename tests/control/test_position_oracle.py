@@ -114,7 +114,13 @@ def test_a_whole_run(control: PositionControl) -> None:
     assert everything == set(Phase) - {Phase.CONDITION}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(seed, marks=[pytest.mark.slow, pytest.mark.campaign] * (seed > 0))
+        for seed in range(4)
+    ],
+)
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_signals_that_make_no_sense(control: PositionControl, seed: int) -> None:
     """Random samples of any size, commands at random: still the same bits."""

@@ -19,16 +19,13 @@ FOLLOWED = {"README.md", "boards.md", "contributing.md"}
 """Pages whose code test_readme.py, tests/link/test_docs.py and tests/house/test_openness.py run."""
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
-SLOW = [
-    name
-    for name, page in zip(NAMES, PAGES, strict=True)
-    if any(one.marker == "slow" for one in blocks(page.read_text(encoding="utf-8")))
-]
 RUNNING = [
     name
     for name, page in zip(NAMES, PAGES, strict=True)
     if page.name not in FOLLOWED
-    and any(one.language in RUN and not one.marker for one in blocks(page.read_text("utf-8")))
+    and any(
+        one.language in RUN and one.marker != "not run" for one in blocks(page.read_text("utf-8"))
+    )
 ]
 
 
@@ -48,37 +45,26 @@ def place(
     return tmp_path
 
 
-def run(name: str, place: Path, monkeypatch: pytest.MonkeyPatch, markers: set[str]) -> None:
-    folder = place / ("empty" if Path(name).name in EMPTY else "page")
-    monkeypatch.chdir(folder)
-    names: dict[str, object] = {}
-    for block in blocks(text_of(name)):
-        if block.language not in RUN or block.marker not in markers:
-            continue
-        if block.language == "sh":
-            shell(block.code, folder)
-        else:
-            exec(compile(block.code, f"{name}:{block.line}", "exec"), names)
-
-
-@pytest.mark.parametrize("name", RUNNING)
-def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run(name, place, monkeypatch, {""})
-
-
 # The tutorial runs in tests/package/test_wheel.py too, from the wheel alone.
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(name, marks=[pytest.mark.campaign] * name.endswith("tutorial.md"))
-        for name in SLOW
+        for name in RUNNING
     ],
 )
-def test_slow_blocks_of_the_page_run(
-    name: str, place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run(name, place, monkeypatch, {"", "slow"})
+def test_blocks_of_the_page_run(name: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = place / ("empty" if Path(name).name in EMPTY else "page")
+    monkeypatch.chdir(folder)
+    names: dict[str, object] = {}
+    for block in blocks(text_of(name)):
+        if block.language not in RUN or block.marker == "not run":
+            continue
+        if block.language == "sh":
+            shell(block.code, folder)
+        else:
+            exec(compile(block.code, f"{name}:{block.line}", "exec"), names)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -50,6 +50,7 @@ def test_two_pieces_of_one_iron_in_series_are_that_iron(irons: ModuleType) -> No
     assert np.max(np.abs(two.linkage - one.linkage)) < 1e-6 * np.max(one.linkage)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tellinen", "langevin"])
 def test_irons_that_are_integrated_do_not_depend_on_the_steps(
     irons: ModuleType, kind: str, monkeypatch: pytest.MonkeyPatch

@@ -20,6 +20,7 @@ def share(line: str) -> float:
     return 1.0 / float(line.rsplit("1/", 1)[1])
 
 
+@pytest.mark.slow
 def test_the_demo_models_unseen_gaps_and_compiles_the_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,6 +21,7 @@ ROWS = [
 ]
 
 
+@pytest.mark.slow
 def test_python_of_the_readme_gives_forces_and_currents(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

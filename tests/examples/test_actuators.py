@@ -22,6 +22,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 PIEZO = EXAMPLES / "piezo"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["piezo", "magnetostrictive"])
 def test_the_files_are_made_again_byte_by_byte(name: str, tmp_path: Path) -> None:
     script = EXAMPLES / name / "make_loops.py"

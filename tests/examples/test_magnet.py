@@ -71,11 +71,13 @@ def slope_after_turning(magnet: Any, current: float, gap: float) -> float:
     return float((force - magnet.step(current - step, gap)) / step)
 
 
+@pytest.mark.slow
 def test_committed_files_are_what_the_script_writes(example: ModuleType) -> None:
     for name, text in example.files().items():
         assert (FOLDER / name).read_bytes() == text.encode(), name
 
 
+@pytest.mark.slow
 def test_script_writes_into_the_folder_it_is_reported(
     example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -18,9 +18,7 @@ from tests.cli.command import quick
 from tests.foreign.identified import identified_once
 from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
-NAMES = [
-    pytest.param(name, marks=[pytest.mark.slow] * (name == "hard")) for name in sorted(MAGNETS)
-]
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name != "u")) for name in sorted(MAGNETS)]
 Found = Callable[[str], tuple[Model, Any]]
 
 
@@ -81,7 +79,7 @@ def test_the_default_can_be_compiled_and_passes_its_acceptance_test(
     assert not any("compiled" in text for text in reported["warnings"])
 
 
-@pytest.mark.parametrize("name", ["u", "soft"])
+@pytest.mark.parametrize("name", ["u", pytest.param("soft", marks=pytest.mark.slow)])
 def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> None:
     """Of the current none above 0.02 % of its range: so much an iron may take from a law."""
     model, reported = found(name)
@@ -92,6 +90,7 @@ def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> N
         assert abs(rest[0]) < 1e-4 * reported["fit"]["largest_output"]
 
 
+@pytest.mark.slow
 def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any]) -> None:
     model, reported = hard
     true = MAGNETS["hard"].sensors.current_offset
@@ -102,7 +101,7 @@ def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any
     assert abs(model.parameters["in_0"] - true) < 4.0 * std  # type: ignore[operator]
 
 
-@pytest.mark.parametrize("offset", [-2.5, 2.5])
+@pytest.mark.parametrize("offset", [-2.5, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
     place: Path, offset: float
 ) -> None:
@@ -130,6 +129,7 @@ def test_what_is_promised_between_the_gaps_is_kept(found: Found, name: str) -> N
     assert promised.high < 5.0 * promised.error  # an interval that holds everything says nothing
 
 
+@pytest.mark.slow
 def test_a_record_from_the_demagnetised_state_is_used_from_its_first_sample(
     place: Path, found: Found
 ) -> None:
@@ -162,6 +162,7 @@ def test_a_force_that_falls_as_the_current_rises_is_a_negative_result(
     assert "from the demagnetised state" in failing.text("A")
 
 
+@pytest.mark.slow
 def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Model, Any]) -> None:
     write_model(hard[0], place / "hard.toml")
     assert quick("report", "hard.toml", "--out", "hard.html", cwd=place).returncode == 0
@@ -178,6 +179,7 @@ def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     assert "expected between the measured values" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_load_cell_that_nobody_tared_is_found_out(place: Path) -> None:
     soft = MAGNETS["soft"]
     untared = replace(soft, name="untared", sensors=replace(soft.sensors, force_offset=4.0))
@@ -185,6 +187,7 @@ def test_a_load_cell_that_nobody_tared_is_found_out(place: Path) -> None:
     assert model.parameters["out_0"] == pytest.approx(4.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_gauge_whose_zero_is_anywhere_is_no_obstacle(place: Path, measurements: Path) -> None:
     # A piezo actuator: the displacement starts at -123 um, two and a half times its range.
     loops = measurements / "piezo_flexure" / "model_run.csv"

@@ -13,7 +13,7 @@ from anhyst.control.controller_file import read_controller
 from anhyst.rig.bearing.controller_check import check_controller
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.force.file import read_rig
-from tests.cli.command import anhyst, quick
+from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 
 PATIENCE = 1200.0
@@ -26,6 +26,9 @@ GIVEN: dict[str, tuple[object, ...]] = {
     "soft": ("--mass", 0.1, "--load", 1, "--gap", 0.25e-3),
 }
 """What is said of a machine; of the others nothing at all."""
+
+LEFT = ("hard", "bearing")
+"""Those that a campaign flies: like others of these."""
 
 LAGGING = ("hard", "u", "electromagnet")
 """Those whose hysteresis is more than what drafted instruments and plant are off."""
@@ -43,6 +46,14 @@ def drafted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return (folder / "made").rename(folder / "my")
 
 
+@pytest.mark.parametrize(
+    "drafted",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in LEFT))
+        for name in [*sorted(MAGNETS), *BUNDLED]
+    ],
+    indirect=True,
+)
 def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
     rig, controller = (
         read_bearing(drafted / "rig.toml"),
@@ -54,11 +65,19 @@ def test_a_draft_of_any_magnet_fits_its_schemas(drafted: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "drafted",
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] * (name in LEFT))
+        for name in [*sorted(MAGNETS), *BUNDLED]
+    ],
+    indirect=True,
+)
 def test_a_draft_of_any_magnet_levitates_at_once(drafted: Path) -> None:
     rig = read_bearing(drafted / "rig.toml").settings
     heights = [rig.step.heights_m[0], rig.step.heights_m[-1]]
     shortened(drafted / "rig.toml", noise_seeds="2", also_gaps_m="[]", heights_m=f"{heights}")
-    done = anhyst("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)
+    done = quick("simulate", "rig.toml", "--out", "run.csv", cwd=drafted, patience=PATIENCE)
     assert done.returncode == 0, done.stderr
     figures: dict[str, Any] = json.loads((drafted / "figures.json").read_text())
     assert figures["lost_in"] == []
@@ -79,7 +98,13 @@ def shortened(path: Path, **values: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*sorted(MAGNETS), *BUNDLED])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.campaign] * (name in {"soft", "bearing", "u"}))
+        for name in [*sorted(MAGNETS), *BUNDLED]
+    ],
+)
 def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str) -> None:
     loops = EXAMPLES / name / "loops.csv"
     if name in MAGNETS:
@@ -89,7 +114,7 @@ def test_the_force_of_any_magnet_is_controlled_at_once(tmp_path: Path, name: str
     rig = read_rig(tmp_path / "my" / "rig.toml").settings
     ends = [rig.held.gaps_m[0], rig.held.gaps_m[-1]]
     shortened(tmp_path / "my" / "rig.toml", gaps_m=f"{ends}")
-    done = anhyst("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
+    done = quick("force-control", "my/rig.toml", "--out", "run", cwd=tmp_path, patience=PATIENCE)
     assert done.returncode == 0, done.stderr
     figures: dict[str, Any] = json.loads((tmp_path / "run" / "figures.json").read_text())
     assert figures["ticks_that_differ"] == 0

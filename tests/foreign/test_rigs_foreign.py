@@ -14,7 +14,7 @@ from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.distance import along, distance, follower
 from anhyst.rig.from_loops import FittedPlant, complete_rig, fit_magnet
 from anhyst.rig.magnet_table import MagnetTable
-from tests.cli.command import Result, anhyst, contents, refused
+from tests.cli.command import Result, contents, quick, refused
 from tests.foreign.magnets import MAGNETS
 from tests.foreign.rigs import FROM_LOOPS, write_bearing, write_force_control
 from tests.refusals import says
@@ -108,7 +108,7 @@ def test_a_bearing_with_iron_from_its_loops_levitates(name: str, tmp_path: Path)
     (tmp_path / "loops.csv").rename(tmp_path / "loops" / "one.csv")
     rig = (tmp_path / "rig.toml").read_text()
     (tmp_path / "rig.toml").write_text(rig.replace('"loops.csv"', '"loops"'))
-    plant = carried(anhyst(*RUN, cwd=tmp_path), tmp_path)
+    plant = carried(quick(*RUN, cwd=tmp_path), tmp_path)
     assert plant["guessed"] == ["resistance_ohm", "iron_length_m"]
     assert "The plant" in (tmp_path / "report.html").read_text()
 
@@ -116,7 +116,7 @@ def test_a_bearing_with_iron_from_its_loops_levitates(name: str, tmp_path: Path)
 @pytest.mark.slow
 def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
     write_bearing(MAGNETS["u"], tmp_path, TYPED)
-    result = anhyst(*RUN, cwd=tmp_path)
+    result = quick(*RUN, cwd=tmp_path)
     assert "anhyst: warning: the plant is " in result.stderr
     assert 'set iron = "from loops"' in result.stderr
     assert "errors of that size are those of the plant" in (tmp_path / "report.html").read_text()

@@ -13,7 +13,7 @@ from anhyst.compensate.plan import find_limits, find_scales
 from anhyst.model.file import read_model
 from anhyst.verification import verify
 from tests.actuators import reversals
-from tests.cli.command import Result, anhyst
+from tests.cli.command import Result, quick
 from tests.foreign.identified import identified_once
 from tests.foreign.magnets import MAGNETS
 from tests.swaps import jump
@@ -25,14 +25,13 @@ TRIES = 60
 """Sets of gains, a quarter of what is usual: the aims must be met even so."""
 
 
-STRAIGHT = [
-    pytest.param(name, marks=[] if name == "u" else pytest.mark.slow) for name in sorted(MAGNETS)
-]
+MARKS = {"hard": [pytest.mark.slow], "soft": [pytest.mark.slow, pytest.mark.campaign]}
+STRAIGHT = [pytest.param(name, marks=MARKS.get(name, [])) for name in sorted(MAGNETS)]
 
 
 def run(folder: Path, *arguments: object) -> Result:
     """Run a command that must succeed."""
-    done = anhyst(*arguments, cwd=folder, patience=1800.0)
+    done = quick(*arguments, cwd=folder, patience=1800.0)
     assert done.returncode == 0, (arguments, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
     return done

@@ -128,6 +128,7 @@ def test_the_papers_search_is_for_laws_of_the_core(measured: Path) -> None:
         identify(read_loops(measured), law="play", search="paper")
 
 
+@pytest.mark.slow
 def test_the_law_is_found_again(found: Path) -> None:
     model = read_model(found)
     assert model.law == "play"
@@ -149,6 +150,7 @@ def test_the_model_predicts_between_the_gaps_and_inverts(found: Path) -> None:
     assert [stepper.commit(i) for i in drive[:5]] == pytest.approx(force[:5].tolist())
 
 
+@pytest.mark.slow
 def test_prediction_report_and_comparison_know_it(
     measured: Path, found: Path, tmp_path: Path
 ) -> None:
@@ -162,6 +164,7 @@ def test_prediction_report_and_comparison_know_it(
     assert "the two models compute the same" in run("diff", found, found)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
     commands = [block.code for block in blocks(PAGE) if block.language == "sh"]
     assert len(commands) == 2
@@ -170,6 +173,7 @@ def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
     assert (measured.parent / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_the_board_of_the_page_is_built_and_driven(
     tmp_path: Path,
     tmp_path_factory: pytest.TempPathFactory,

@@ -15,6 +15,7 @@ from anhyst.model.fit_record import FitFigures
 from tests.identification.truths import predicted
 
 pytestmark = pytest.mark.slow  # the measurements are not in the package
+AGAIN = pytest.mark.campaign  # the same material once more
 
 OPTIMUM = 0.021936834
 """Least sum of squares of the law without dead band over mnzn_hp_ferrite_4loops, T^2."""
@@ -42,7 +43,9 @@ def gapped_core(measurements: Path) -> Loops:
     )
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(one, marks=[pytest.mark.campaign] * (one > 2)) for one in range(10)]
+)
 def test_the_ferrite_is_fitted_to_the_optimum_of_the_law(ferrite: Loops, seed: int) -> None:
     result = identify(
         ferrite,
@@ -114,9 +117,11 @@ def test_two_gaps_of_the_core_predict_the_third_in_its_place(
     ("name", "columns", "loop", "most"),
     [
         ("ferrite_mnzn/mnzn_ferrite_3loops.csv", None, None, 0.010),
-        ("ferrite_mnzn/mnzn_ferrite_4loops.csv", None, None, 0.016),
+        pytest.param("ferrite_mnzn/mnzn_ferrite_4loops.csv", None, None, 0.016, marks=AGAIN),
         ("steel_m130_27s/m130_27s_steel_raw_3loops.csv", None, None, 0.025),
-        ("steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv", None, None, 0.024),
+        pytest.param(
+            "steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv", None, None, 0.024, marks=AGAIN
+        ),
         ("steel_core1_dc/loops.csv", None, "nominal_Hmax_A_per_m", 0.016),
         ("steel_team32/loops.csv", {"bmax_T": "loop"}, None, 0.046),
     ],
@@ -125,7 +130,7 @@ def test_one_parameter_set_fits_all_loops_of_a_material(
     measurements: Path, name: str, columns: dict[str, str] | None, loop: str | None, most: float
 ) -> None:
     loops = read_loops(measurements / name, columns=columns, loop=loop)
-    ends = [identify(loops, law="effective-field", seed=seed) for seed in (1, 2, 3)]
+    ends = [identify(loops, law="effective-field", seed=seed) for seed in (1, 2)]
     costs = [fit_of(end).rms for end in ends]
     assert relative_rms(ends[0]) < most
     assert max(costs) < (1.0 + 1e-5) * min(costs)

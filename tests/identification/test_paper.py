@@ -193,7 +193,9 @@ def whole(two_gaps: Loops) -> paper_sequence.Sequence:
     return search_paper(run_of(two_gaps), two_gaps, "auto", LEAST)
 
 
-@pytest.mark.parametrize("stage", [1, 5, 20])
+@pytest.mark.parametrize(
+    "stage", [5, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 20))]
+)
 def test_a_killed_run_goes_on_to_the_same_result(
     stage: int, two_gaps: Loops, whole: paper_sequence.Sequence, tmp_path: Path
 ) -> None:

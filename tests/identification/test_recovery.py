@@ -60,17 +60,13 @@ def wanted_map(model: Model) -> str:
     return "auto" if model.gap_map == "none" else model.gap_map
 
 
+AGAIN = [pytest.mark.slow, pytest.mark.campaign]
 SEEDS = [
     ("settled", 1),
-    *(
-        pytest.param(history, seed, marks=pytest.mark.slow)
-        for history, seed in (
-            ("settled", 2),
-            ("settled", 3),
-            ("demagnetised", 4),
-            ("conditioned", 4),
-        )
-    ),
+    pytest.param("demagnetised", 4, marks=pytest.mark.slow),
+    pytest.param("conditioned", 4, marks=pytest.mark.slow),
+    pytest.param("settled", 2, marks=AGAIN),
+    pytest.param("settled", 3, marks=AGAIN),
 ]
 
 
@@ -87,7 +83,9 @@ def test_the_truth_behind_clean_loops_is_found_from_every_seed(
     assert result.model.gap_map == truth.gap_map
 
 
-@pytest.mark.parametrize("history", ["settled", "demagnetised"])
+@pytest.mark.parametrize(
+    "history", ["settled", pytest.param("demagnetised", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(
     "truth",
     [

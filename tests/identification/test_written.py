@@ -173,10 +173,17 @@ CELLS: list[Any] = [
     for history in HISTORIES
 ]
 CELLS += [
-    pytest.param(law, gap_map, history, id=f"{law}-{gap_map}-{history}", marks=pytest.mark.slow)
-    for law in ("play-cells", "play-cells-langevin")
-    for gap_map in ("scaling", "reluctance", "circuit")
-    for history in HISTORIES
+    pytest.param(
+        law,
+        gap_map,
+        history,
+        id=f"{law}-{gap_map}-{history}",
+        # Each law meets each map and each history once, a campaign all of them together.
+        marks=[pytest.mark.slow] + [pytest.mark.campaign] * ((i + j + k) % len(HISTORIES) != 0),
+    )
+    for i, law in enumerate(("play-cells", "play-cells-langevin"))
+    for j, gap_map in enumerate(("scaling", "reluctance", "circuit"))
+    for k, history in enumerate(HISTORIES)
 ]
 
 

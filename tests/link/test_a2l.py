@@ -92,6 +92,7 @@ def described(
         yield Description(folder, board)
 
 
+@pytest.mark.slow
 def test_nothing_is_wrong_with_the_file(described: Description) -> None:
     found = Validator(described.database.session)()  # type: ignore[no-untyped-call]
     # It has no place in memory for an EPK; identifiers may have dots since version 1.6.

@@ -22,7 +22,7 @@ from tests.refusals import refused
 from .handmade import write_parameters
 from .plant import NoisyPlant
 
-COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "10000"))
+COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "3000"))
 """CI sends 30000."""
 
 

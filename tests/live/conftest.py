@@ -159,7 +159,7 @@ def shown(browser: Browser, served: Served) -> Iterator[Page]:
     wrong: list[str] = []
     context = browser.new_context(viewport={"width": 1440, "height": 860})
     page = context.new_page()
-    page.set_default_timeout(30_000)
+    page.set_default_timeout(180_000)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on(
         "console",
@@ -185,8 +185,8 @@ def show(browser: Browser) -> Iterator[Show]:
         yield lambda served: stack.enter_context(shown(browser, served))
 
 
-def wait_for(check: Callable[[], object], seconds: float = 30.0) -> None:
-    """Wait until something is true."""
+def wait_for(check: Callable[[], object], seconds: float = 180.0) -> None:
+    """Wait until something is true; give up where it never will be, on a busy machine too."""
     end = time.monotonic() + seconds
     while not check():
         assert time.monotonic() < end, "waited in vain"

@@ -136,7 +136,7 @@ def test_a_force_limit_is_kept_from_the_first_tick_on(session: LiveSession) -> N
     read: list[float] = []
     session.listen(lambda rows: read.append(float(rows[:, at].max())))
     order(session, "measure", limits={"force_N": limit})
-    wait_for(lambda: session.status()["improve"]["share"] > 0.0 or not drives(session), 60.0)
+    wait_for(lambda: session.status()["improve"]["share"] > 0.0 or not drives(session))
     order(session, "cancel")
     wait_for(lambda: not drives(session))
     assert 0.8 * limit < max(read) < limit
@@ -172,4 +172,5 @@ def test_loops_are_measured_through_a_board_without_a_page(
     reached = ["--xcp", board.xcp.removeprefix("socket://"), "--folder", str(folder_of(prepared))]
     assert main(["excite", str(prepared.rig), *reached, "--out", str(out)]) == 0
     assert board.bus.state is State.IDLE
-    assert main(["identify", str(out), "--out", str(tmp_path / "model.toml")]) == 0
+    given = ["--law", "effective-field", "--out", str(tmp_path / "model.toml")]
+    assert main(["identify", str(out), *given]) == 0

@@ -43,7 +43,7 @@ def done(session: LiveSession, step: str) -> Mapping[str, Any]:
     """Order a step, wait for it, and return what it left."""
     assert session.improver is not None
     order(session, step)
-    wait_for(lambda: not session.status()["improve"]["step"], 120.0)
+    wait_for(lambda: not session.status()["improve"]["step"])
     assert session.status()["improve"]["trouble"] == ""
     return session.improver.results[step]
 

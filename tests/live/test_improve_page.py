@@ -36,9 +36,9 @@ def test_an_unknown_iron_is_improved_without_leaving_the_page(
     until(page, "document.getElementById('notice').textContent.includes('current_A: is not above')")
     page.get_by_label("current_A").fill("1.2")
     press(page, "1. measure")
-    page.get_by_role("button", name="2. identify").click(timeout=60_000)
-    page.get_by_role("button", name="3. compile").click(timeout=120_000)
-    page.get_by_role("button", name="4. swap").click(timeout=60_000)
+    page.get_by_role("button", name="2. identify").click()
+    page.get_by_role("button", name="3. compile").click()
+    page.get_by_role("button", name="4. swap").click()
     until(page, "document.getElementById('improving').textContent.startsWith('new model in force')")
     assert cell(page, 2) < 0.3 * cell(page, 0)
     with page.expect_download() as saved:

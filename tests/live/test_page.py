@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Fault, State
+from anhyst.dashboard.frames import Outbox
 from tests.live.conftest import Serve, Served, Show, wait_for
 from tests.live.test_recorder import numbers
 
@@ -105,6 +107,13 @@ def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) 
     state_is(second, "fault")
 
 
+@pytest.fixture
+def _every_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a page get all samples however slow it is: else it is sent fewer (test_frames.py)."""
+    monkeypatch.setattr("anhyst.dashboard.server.Outbox", partial(Outbox, 10**8))
+
+
+@pytest.mark.usefixtures("_every_row")
 def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> None:
     served = serve()
     page = show(served)
@@ -123,6 +132,7 @@ def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> No
     assert end - hit == pytest.approx(0.8 * window, abs=1)
 
 
+@pytest.mark.usefixtures("_every_row")
 def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     serve: Serve, show: Show
 ) -> None:

@@ -80,6 +80,12 @@ def test_the_same_subject_gives_the_same_bytes(html: str, subject: SimulationSub
     assert render(subject) == html
 
 
+@pytest.fixture
+def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the pictures out: the test is about words and tables."""
+    monkeypatch.setattr("anhyst.reports.bearing.page.svg_text", lambda figure, prefix: "<svg/>")
+
+
 def every_variant(subject: SimulationSubject) -> SimulationSubject:
     """Steps at three gaps with every variant, and remarks beside many of them."""
     (one,) = (cell for cell in cells() if cell.variant == "full" and cell.height == 10e-6)
@@ -93,6 +99,7 @@ def every_variant(subject: SimulationSubject) -> SimulationSubject:
     return replace(subject, steps=grouped(steps))
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_tables_with_every_variant_wrap_and_narrow_ones_do_not(subject: SimulationSubject) -> None:
     page = Page(render(every_variant(subject)))
     tables = [str(given.get("class")) for tag, given in page.tags if tag == "figure"]
@@ -100,6 +107,7 @@ def test_tables_with_every_variant_wrap_and_narrow_ones_do_not(subject: Simulati
     assert tables.count("table") >= 3
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_a_browser_shows_every_table_whole(subject: SimulationSubject, tmp_path: Path) -> None:
     chromium = shutil.which("chromium")
     if chromium is None:
@@ -157,6 +165,7 @@ def test_every_percentage_names_its_baseline(page: Page) -> None:
     assert "60 % less +2.1 points" in text  # against ratio, in the table below
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_the_tiles_name_the_strongest_baseline_and_measured_flux(
     subject: SimulationSubject,
 ) -> None:
@@ -214,6 +223,7 @@ def test_zones_follow_the_peak(page: Page) -> None:
     assert "ratio: peak 4.40, zone C; single-valued: peak 2.00, zone A" in page.text
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_lost_levitation_is_reported_first(subject: SimulationSubject) -> None:
     fallen = [
         replace(cell, figures={}, lost=7) if cell.variant == "ratio" else cell for cell in cells()
@@ -225,6 +235,7 @@ def test_lost_levitation_is_reported_first(subject: SimulationSubject) -> None:
     assert "nan" not in text
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_an_overshoot_that_is_noise_is_marked(subject: SimulationSubject) -> None:
     same = Interval(OVERSHOOT["full"][1][0], 0.3, 20)
     noisy = [
@@ -239,6 +250,7 @@ def test_an_overshoot_that_is_noise_is_marked(subject: SimulationSubject) -> Non
     assert "24.75 ± 0.30 7.12 ± 0.30 7.25 ± 0.25 ≤ noise" in text
 
 
+@pytest.mark.usefixtures("_undrawn")
 def test_no_difference_within_the_noise_of_a_standstill_is_certain(
     subject: SimulationSubject,
 ) -> None:

@@ -28,15 +28,9 @@ SOFT, FALL = 5e-3, 0.12
 
 QUICK = (
     "no samples any more",
-    "samples missing for 2 ms",
     "position jumps",
-    "position frozen, target stepped",
-    "current sensor's error code",
-    "five ticks missed",
     "link lost",
     "supply sags to a fifth",
-    "amplifier reports a fault",
-    "another block swapped in",
 )
 LANDS = {
     "samples missing for 2 ms",

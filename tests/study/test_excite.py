@@ -159,8 +159,18 @@ def test_loops_are_read_back_with_their_histories(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["bearing", "solenoid"])
-@pytest.mark.parametrize("iron", [None, "preisach-usual", "duhem-usual"])
+@pytest.mark.parametrize(
+    ("kind", "iron"),
+    [
+        *(("bearing", None), ("solenoid", "preisach-usual"), ("bearing", "duhem-usual")),
+        *(
+            pytest.param(*one, marks=pytest.mark.campaign)
+            for one in (
+                *(("solenoid", None), ("bearing", "preisach-usual"), ("solenoid", "duhem-usual")),
+            )
+        ),
+    ],
+)
 def test_a_model_of_these_loops_is_as_good_as_one_of_the_bundled_campaign(
     kind: str, iron: str | None, tmp_path: Path
 ) -> None:

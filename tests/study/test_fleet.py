@@ -20,7 +20,7 @@ from anhyst.study.fleet.pilots import decide
 from anhyst.study.fleet.spread import MagnetEstimate, coordinate_of, spread_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
-from tests.cli.command import anhyst
+from tests.cli.command import quick
 from tests.refusals import refused, says
 from tests.study.fleets import (
     SCATTER,
@@ -246,7 +246,7 @@ def test_the_magnets_that_choose_are_identified_once(
 
 @pytest.mark.slow
 def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
-    done = anhyst(
+    done = quick(
         *("fleet", magnets, "--out", found.out, "--tolerance", "0.5", "--history", "settled"),
         *("--law", "effective-field", "--gap-map", "reluctance", "--json"),
         cwd=found.out.parent,
@@ -261,7 +261,7 @@ def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
 
 def test_an_empty_folder_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "magnets").mkdir()
-    done = anhyst("fleet", "magnets", "--out", "out", cwd=tmp_path)
+    done = quick("fleet", "magnets", "--out", "out", cwd=tmp_path)
     assert done.returncode == 2
     assert says(done.stderr, "no-files: magnets")
     assert not (tmp_path / "out").exists()

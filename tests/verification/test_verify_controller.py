@@ -62,6 +62,7 @@ def plausible(result: TargetResult, folder: Path) -> None:
     assert 0 < result.stack_measured < 1280
 
 
+@pytest.mark.slow
 def test_cortex_m4_gives_the_bits_of_the_host(folder: Path) -> None:
     portable, port = ticks_of(verify(folder, "cortex-m4", target_steps=5_000))
     manifest = json.loads((folder / "manifest.json").read_text())
@@ -171,6 +172,7 @@ def test_a_fault_on_the_target_is_found_in_the_controller_alone(
     assert "cortex-m3 (portable, controller): " in controller.verdict()
 
 
+@pytest.mark.slow
 def test_a_golden_answer_that_is_not_met_is_found(folder: Path, tmp_path: Path) -> None:
     line = (folder / "controller.csv").read_text().splitlines()[801]
     *cells, demand, state, flags = line.split(",")

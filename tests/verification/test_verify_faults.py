@@ -64,6 +64,7 @@ def only(results: tuple[TargetResult, ...]) -> TargetResult:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_on_the_target_is_found(with_fault: Seed, fault: str) -> None:
     name, right, wrong, expected = FAULTS[fault]
@@ -83,6 +84,7 @@ def demand_at(folder: Path, step: int, scratch: Path) -> int:
     return word - (1 << 32) if word >> 31 else word
 
 
+@pytest.mark.slow
 def test_a_fault_of_a_single_step_is_found_in_that_step(
     compiled: Compile, with_fault: Seed, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +105,7 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
     assert str(STEP) in (folder / "verify.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_fault_that_does_not_repeat_is_reported_as_such(with_fault: Seed) -> None:
     twist = "  static int32_t calls;\n  demand ^= ++calls == 1500 ? 1 << 29 : 0;"
     wrong = f"{SOLVE}#ifdef __thumb__\n{twist}\n#endif\n"
@@ -123,6 +126,7 @@ def test_a_golden_vector_that_is_not_met_is_found(with_fault: Seed) -> None:
 VECTOR_BEFORE = "demand,gap,applied,current\n0,0,0,123456789\n"
 
 
+@pytest.mark.slow
 def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
     wrong = f"{SOLVE}#ifdef __thumb__\n  *(volatile int32_t *)0x40000000 = demand;\n#endif\n"
     result = only(
@@ -132,6 +136,7 @@ def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
     assert "UNMAPPED" in result.failure
 
 
+@pytest.mark.slow
 @pytest.mark.needs("gcc")
 def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
     with_fault: Seed, monkeypatch: pytest.MonkeyPatch

@@ -43,7 +43,11 @@ def plausible(result: TargetResult) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "io", "rounded", "worst"),
-    [("full", "q31", 2450, 3700), ("cells", "q31", 3100, 4500), ("simplified", "q15", 1150, 1600)],
+    [
+        pytest.param("full", "q31", 2450, 3700, marks=pytest.mark.slow),
+        ("cells", "q31", 3100, 4500),
+        pytest.param("simplified", "q15", 1150, 1600, marks=pytest.mark.slow),
+    ],
 )
 def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
     compiled: Compile, kind: str, io: str, rounded: int, worst: int
@@ -77,6 +81,7 @@ def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(
     assert hard.costs[0].most < soft.costs[0].most / 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["cortex-m3", "cortex-m7"])
 def test_the_other_cortex_m_do_too(compiled: Compile, target: str) -> None:
     for result in agrees(verify(compiled("full", "q31"), target, target_steps=2_000)).results:
@@ -116,13 +121,17 @@ def test_host_builds_agree_under_sanitizers_too(
 
 
 @needs_avr
-@pytest.mark.parametrize(("kind", "io"), KINDS)
+@pytest.mark.parametrize(
+    ("kind", "io"),
+    [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] != "simplified")) for one in KINDS],
+)
 def test_avr_gives_the_bits_of_the_host(compiled: Compile, kind: str, io: str) -> None:
     (result,) = agrees(verify(compiled(kind, io), "avr", target_steps=300)).results
     plausible(result)
     assert result.unit == "cycles"
 
 
+@pytest.mark.slow
 @pytest.mark.needs("mspdebug")
 def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("simplified", "q15"), "msp430", target_steps=300)).results

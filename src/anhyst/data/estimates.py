@@ -218,28 +218,29 @@ def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
 
 
 def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> FloatArray:
-    """Misfit of the output around a reversal of the input, for each of the delays tried."""
-    return np.array([_tip_misfit(loop, tip, width, delay, powers) for delay in _DELAYS])
+    """Misfit around a reversal of the input, a row for each delay tried, all fitted at once.
 
-
-def _tip_misfit(loop: Loop, tip: int, width: int, delay: float, powers: int) -> float:
-    """Squared misfit to a polynomial of the input, ``delay`` samples late, on each side."""
+    Squared, to a polynomial of the delayed input on each side; relative to the output's variance.
+    """
     rows = np.arange(tip - width, tip + width + 1)
-    whole = int(np.floor(delay))
-    share = delay - whole
+    delays = _DELAYS[:, np.newaxis]
+    whole = np.floor(delays).astype(int)
+    share = delays - whole
     # Input delayed by d samples: in(k - d), between its neighbours.
     drive = (1.0 - share) * loop.input[rows - whole] + share * loop.input[rows - whole - 1]
     answer = loop.output[rows]
-    span = float(np.ptp(drive)) or 1.0
-    u = (drive - loop.input[tip]) / span
-    after = rows > tip + delay
+    span = np.ptp(drive, axis=1, keepdims=True)
+    u = (drive - loop.input[tip]) / np.where(span == 0.0, 1.0, span)
+    after = rows > tip + delays
     parts = [np.ones_like(u)]
     for side in (after, ~after):
         parts += [np.where(side, u**power, 0.0) for power in range(1, powers + 1)]
-    basis = np.stack(parts, axis=1)
-    fit, *_ = np.linalg.lstsq(basis, answer, rcond=None)
-    left = float(np.sum((answer - basis @ fit) ** 2)) / (float(np.var(answer)) or 1.0)
-    return left / float(rows.size - basis.shape[1])
+    across, sizes, _ = np.linalg.svd(np.stack(parts, axis=2), full_matrices=False)
+    told = sizes > np.finfo(np.float64).eps * rows.size * sizes[:, :1]
+    shares = told * (answer @ across)
+    left = answer - (across @ shares[:, :, np.newaxis])[:, :, 0]
+    size = (float(np.var(answer)) or 1.0) * (rows.size - len(parts))
+    return np.asarray(np.sum(left**2, axis=1) / size)
 
 
 @dataclass(frozen=True, slots=True)
