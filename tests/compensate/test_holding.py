@@ -86,6 +86,7 @@ def test_the_dead_band_of_an_identified_model_holds_an_output(io: Io) -> None:
     assert worst(plan_of("bearing", io=io)) < 2e-4
 
 
+@pytest.mark.slow
 def test_without_a_dead_band_it_creeps_away() -> None:
     plan = plan_of("electromagnet", dead_band=False)
     held = hold(plan)

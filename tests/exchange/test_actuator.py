@@ -113,9 +113,9 @@ def test_it_gives_the_force_of_the_model_bit_for_bit(
 @pytest.mark.parametrize(
     ("law", "gap_map"),
     [
-        ("jiles-atherton-1986", "scaling"),
+        pytest.param("jiles-atherton-1986", "scaling", marks=pytest.mark.slow),
         ("play-cells", "reluctance"),
-        ("play-cells-langevin", "scaling"),
+        pytest.param("play-cells-langevin", "scaling", marks=pytest.mark.slow),
         ("effective-field", "circuit"),
     ],
 )

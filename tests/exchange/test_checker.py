@@ -29,6 +29,7 @@ def findings(path: Path) -> tuple[str | None, list[str]]:
 
 
 @needs_binary
+@pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
 def test_models_break_no_rule(of: Of, fmi: FmiVersion, fmu: Fmu, identified: anhyst.Model) -> None:

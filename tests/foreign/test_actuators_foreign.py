@@ -131,6 +131,7 @@ def test_one_that_falls_as_the_voltage_rises_is_told_to_flip_a_column(place: Pat
     assert says(done.stderr, "output-falls: displacement; voltage")
 
 
+@pytest.mark.slow
 def test_strain_of_what_a_field_magnetises_is_even(place: Path) -> None:
     field = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0)
     lagging = 20.0 * np.sin(2.0 * np.pi * np.arange(241) / 80.0 - 0.15)

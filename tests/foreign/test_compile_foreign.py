@@ -77,6 +77,7 @@ def test_a_core_that_couples_more_than_its_gap_compiles_and_verifies(ring: Path)
     check_bits(ring / "c")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["full", "simplified"])
 @pytest.mark.parametrize("io", ["q31", "f32"])
 def test_every_kind_and_format_of_it_compiles(ring: Path, kind: str, io: str) -> None:

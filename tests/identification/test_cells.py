@@ -165,6 +165,7 @@ def test_a_past_at_a_gap_that_is_left_out_lies_between_its_neighbours() -> None:
     assert past.place.tolist() == [0.0, 0.5, 1.0]
 
 
+@pytest.mark.slow
 def test_a_drift_of_the_sensor_is_no_force() -> None:
     truth = cells_magnet()
     clean = one_after_another(loops_of(truth))
@@ -191,6 +192,7 @@ def test_the_bundled_magnet_is_met_at_gaps_that_were_not_measured() -> None:
     assert off.max() < 8e-3
 
 
+@pytest.mark.slow
 def test_noise_does_not_decide_in_which_valley_a_fit_of_cells_ends() -> None:
     loops = read_loops(FOLDER.parent / "stage" / "loops.csv").at([0.48e-3])
     left = []

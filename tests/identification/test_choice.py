@@ -175,7 +175,7 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
     assert fit_of(identify(loops, gap_map=gap_map)).monotone is True
 
 
-@pytest.mark.parametrize("output", ["force", "flux_linkage"])
+@pytest.mark.parametrize("output", ["force", pytest.param("flux_linkage", marks=pytest.mark.slow)])
 def test_a_map_that_bends_between_the_gaps_is_not_taken(
     output: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -224,6 +224,7 @@ def smooth_truth() -> Model:
     )
 
 
+@pytest.mark.slow
 def test_the_free_map_predicts_a_smooth_truth_between_gaps() -> None:
     loops = loops_of(smooth_truth(), samples=60)
     law = "effective-field"

@@ -143,6 +143,7 @@ def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: Identify
         assert np.abs(off).max() < 0.02 * largest
 
 
+@pytest.mark.slow
 def test_how_much_one_loop_leaves_open_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a ring pinned as strongly as it is driven a loop says little of what happens within it."""
     monkeypatch.setattr(candidates, "POPULATIONS", 1)

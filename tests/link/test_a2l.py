@@ -76,7 +76,7 @@ class Resting(NoisyPlant):
         return super().step(tick, currents)._replace(position=1e-4 * (tick % 2))
 
 
-@pytest.fixture(scope="module", params=["force", "position"])
+@pytest.fixture(scope="module", params=["force", pytest.param("position", marks=pytest.mark.slow)])
 def described(
     request: pytest.FixtureRequest,
     compiled: Compile,  # noqa: F811

@@ -242,12 +242,12 @@ def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(
             session.start()
             for command in (Command.DEMAGNETISED, Command.LIFT):
                 session.do(partial(session.bench.command, command))
-            wait_for(lambda: abs(plant.bearing.gap - bearings.GAP) < 2e-6, 120.0)
+            wait_for(lambda: abs(plant.bearing.gap - bearings.GAP) < 2e-6)
             port.cut.set()
             wait_for(lambda: board.bus.state is State.FAULT)
             assert board.bus.fault is Fault.LINK_LOST
             gone(session)
-            wait_for(lambda: plant.bearing.gap >= rest, 120.0)
+            wait_for(lambda: plant.bearing.gap >= rest)
             assert plant.fastest < 0.02  # m/s; without current the load throws it at 0.1 m/s
             port.cut.clear()
             wait_for(lambda: said(session, "in the state fault (link lost)"))

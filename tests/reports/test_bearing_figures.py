@@ -102,8 +102,16 @@ def tuned(controller: ControllerTable) -> ControllerTable:
 
 
 @pytest.mark.parametrize("variant", list(COLOURS))
-@pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize("after_tuning", [False, True])
+@pytest.mark.parametrize(
+    ("full", "after_tuning"),
+    [
+        (True, True),
+        *(
+            pytest.param(*one, marks=pytest.mark.slow)
+            for one in ((False, False), (False, True), (True, False))
+        ),
+    ],
+)
 def test_no_text_of_the_diagram_leaves_its_box_or_meets_another(
     rig: BearingRig,
     controller: ControllerTable,

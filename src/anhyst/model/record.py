@@ -184,7 +184,7 @@ class ActuatorRecord:
         """Power of the flux density in the output."""
         return output_map(self.output).power
 
-    @property
+    @cached_property
     def varying(self) -> tuple[str, ...]:
         """Names of the parameters that really differ between nodes."""
         return tuple(
@@ -193,7 +193,7 @@ class ActuatorRecord:
             if isinstance(value, tuple) and len(set(value)) > 1
         )
 
-    @property
+    @cached_property
     def fixed_gap_only(self) -> bool:
         """Whether the scheduling variable must hold its value during a run (a ``free`` gap map)."""
         own = {spec.name for spec in self.operator_law.parameters}
@@ -210,7 +210,7 @@ class ActuatorRecord:
         late = self.dynamics is not None and self.dynamics.needs_time
         return late or self.has_eddy_currents
 
-    @property
+    @cached_property
     def has_eddy_currents(self) -> bool:
         """Whether the iron itself answers late."""
         return bool(np.any(self.parameters["gamma"]))
@@ -326,8 +326,17 @@ class ActuatorRecord:
         InputError
             The core refuses the parameters.
         """
-        at = np.array([self.schedule_or_default(schedule) if self.fixed_gap_only else 0.0])
-        law = self.operator_law
+        if self.fixed_gap_only:
+            return self._iron(self.schedule_or_default(schedule))
+        return self._iron_everywhere
+
+    @cached_property
+    def _iron_everywhere(self) -> IronOperator:
+        """The iron, the same at all values of the scheduling variable."""
+        return self._iron(0.0)
+
+    def _iron(self, schedule: float) -> IronOperator:
+        at, law = np.array([schedule]), self.operator_law
         values = (float(self.over_schedule(spec.name, at)[0]) for spec in law.parameters)
         return _iron(law, self.layers, *values)
 
