@@ -39,7 +39,9 @@ class Judged:
     slow: float  # rms of the slow loops with layers, in parts of that at rest
     seconds: float
     chosen: str
-    force: tuple[float, float]  # worst error of an open loop, % of F_max, compiled with rate and at rest
+    force: tuple[
+        float, float
+    ]  # worst error of an open loop, % of F_max, compiled with rate and at rest
 
 
 def judge(number: int) -> Judged:
@@ -75,7 +77,9 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float) -> float:
     The armature is held, and the current flows as the compensator in single precision has computed it.
     """
     plan = make_plan(model, CompileRequest("full", "f32", TICKS), 0)
-    reached = float(model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1])
+    reached = float(
+        model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1]
+    )
     ticks = round(TICKS / SPEEDS[-1])
     place = np.arange(CYCLES * ticks) / ticks
     part = BAND[0] + (BAND[1] - BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))

@@ -10,7 +10,11 @@ import pytest
 from anhyst import _core
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
 from anhyst.compensate.floating import RealBlock, RealIo, build_real
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.hysteresis_inverse import full_inverse
+from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.twin import RealTwin
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
@@ -181,3 +185,29 @@ def test_more_layers_than_there_is_room_for_are_refused() -> None:
 def test_fixed_point_refuses_layers() -> None:
     with refused("layers-need-f32 layers"):
         make_plan(magnet(LAYERS["two"]), CompileRequest("full", "q15", RATE), 0)
+
+
+@pytest.mark.parametrize("number_format", ["f64", "f32"])
+def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: NumberFormat) -> None:
+    model = magnet(LAYERS["three and sheets"])
+    where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
+    made = full_inverse(Sources(where, model=model), number_format)
+    demand, gap = ramps(6, 1200)
+    current = ForceController("full", number_format, made).run(demand, gap)
+    assert np.abs(force_of(model, current, gap) - demand).max() < 4e-3 * TOP
+
+
+def test_a_force_controller_in_fixed_point_refuses_layers() -> None:
+    where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
+    with refused("layers-need-f32 layers"):
+        full_inverse(Sources(where, model=magnet(LAYERS["two"])), "fixed")
+
+
+def test_what_all_layers_remember_can_be_taken_over() -> None:
+    parameters = block(magnet(LAYERS["three and sheets"]))
+    demand, gap = ramps(7, 1500)
+    first, second = RealTwin(parameters, "f64"), RealTwin(parameters, "f64")
+    first.run(demand[:900], gap[:900])
+    second.start_from(first.memory)
+    later = [one.run(demand[900:], gap[900:]) for one in (first, second)]
+    assert np.array_equal(later[0], later[1])

@@ -1,4 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#if ANHYST_MEMORIES > 1
+#include "solid.h"
+#endif
 
 /* State that changes: at most 224 bytes for thin iron, in either precision. */
 typedef char ANHYST_NAME(anhyst_state_is_small)
@@ -99,10 +102,6 @@ static int ANHYST_NAME(rows_is_valid)(const ANHYST_NAME(anhyst_parameters) *para
   }
   return 1;
 }
-
-#if ANHYST_MEMORIES > 1
-#include "solid.h"
-#endif
 
 /* What stands for the field in the current: that of the law, unless the iron is solid. */
 static ANHYST_REAL ANHYST_NAME(field_for)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
