@@ -90,6 +90,8 @@ add_library(anhyst_core STATIC ${ANHYST_CORE_SOURCES} ${ANHYST_BATCH_OBJECTS})
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   target_compile_definitions(anhyst_core PRIVATE ANHYST_BATCH_X86)
 endif()
+# Room for four layers of solid iron and what is laminated.
+target_compile_definitions(anhyst_core PUBLIC ANHYST_MEMORIES=5)
 target_include_directories(anhyst_core
   PUBLIC "${ANHYST_CORE_DIR}/include" PRIVATE "${ANHYST_CORE_DIR}/src")
 set_target_properties(anhyst_core PROPERTIES

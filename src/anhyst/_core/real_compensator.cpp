@@ -33,27 +33,37 @@ public:
     F::swap(&state_, parameters.get());
   }
 
+  // Of every memory of the law five numbers and, with plays, where these rest; the surface first.
   Out memory() const
   {
-    Out out = make_array(has_plays() ? 5 + ANHYST_CELLS : 5);
-    const typename F::Memory &now = state_.memory;
-    const Real values[] = {now.x, now.y, now.p, now.turn, now.level};
-    double *rest = std::copy(std::begin(values), std::end(values), out.data());
-    if (has_plays()) {
-      std::copy(std::begin(state_.plays), std::end(state_.plays), rest);
+    Out out = make_array(memories() * stride());
+    double *to = out.data();
+    for (size_t i = 0; i < memories(); i++, to += stride()) {
+      const typename F::Memory &now = i == 0 ? state_.memory : state_.deeper[i - 1].memory;
+      const Real *plays = i == 0 ? state_.plays : state_.deeper[i - 1].plays;
+      const Real values[] = {now.x, now.y, now.p, now.turn, now.level};
+      std::copy(plays, plays + stride() - 5, std::copy(std::begin(values), std::end(values), to));
     }
     return out;
   }
   void set_memory(const In &values)
   {
-    same_length(has_plays() ? 5 + ANHYST_CELLS : 5, values.shape(0), "memory");
+    same_length(memories() * stride(), values.shape(0), "memory");
     const auto real = [&](size_t i) { return static_cast<Real>(values(i)); };
-    if (!(is_level(values(1)) && is_level(values(4)))) {
-      throw std::invalid_argument("a level lies within -1..1");
+    for (size_t i = 0; i < memories(); i++) {
+      const size_t at = i * stride();
+      if (!(is_level(values(at + 1)) && is_level(values(at + 4)))) {
+        throw std::invalid_argument("a level lies within -1..1");
+      }
     }
-    state_.memory = {real(0), real(1), real(2), real(3), real(4)};
-    for (size_t i = 5; i < values.shape(0); i++) {
-      state_.plays[i - 5] = real(i);
+    for (size_t i = 0; i < memories(); i++) {
+      const size_t at = i * stride();
+      Real *plays = i == 0 ? state_.plays : state_.deeper[i - 1].plays;
+      typename F::Memory &now = i == 0 ? state_.memory : state_.deeper[i - 1].memory;
+      now = {real(at), real(at + 1), real(at + 2), real(at + 3), real(at + 4)};
+      for (size_t play = 0; play < stride() - 5; play++) {
+        plays[play] = real(at + 5 + play);
+      }
     }
     state_.solved = 0;
   }
@@ -77,7 +87,15 @@ public:
   Real conditioning(int32_t tick) const { return F::conditioning(&state_, tick); }
 
 private:
-  bool has_plays() const { return state_.parameters->kernel->keep != nullptr; }
+  size_t memories() const
+  {
+    const auto *solid = state_.parameters->solid;
+    return solid == nullptr ? 1U : solid->layers + (solid->laminated > 0 ? 1U : 0U);
+  }
+  size_t stride() const
+  {
+    return state_.parameters->kernel->keep != nullptr ? 5U + ANHYST_CELLS : 5U;
+  }
 
   static bool is_level(double value) { return value >= -1.0 && value <= 1.0; }
 

@@ -15,12 +15,14 @@ struct F64 {
   using Full = anhyst_full_law_f64;
   using Simplified = anhyst_simplified_law_f64;
   using Cells = anhyst_cells_law_f64;
+  using Solid = anhyst_solid_f64;
   using Parameters = anhyst_parameters_f64;
   using Memory = anhyst_memory_f64;
   using Compensator = anhyst_compensator_f64;
   static constexpr auto kernel_full = &anhyst_kernel_full_f64;
   static constexpr auto kernel_simplified = &anhyst_kernel_simplified_f64;
   static constexpr auto kernel_cells = &anhyst_kernel_cells_f64;
+  static constexpr auto cells_stand = anhyst_cells_stand_f64;
   static constexpr auto check = anhyst_parameters_check_f64;
   static constexpr auto init = anhyst_compensator_init_f64;
   static constexpr auto swap = anhyst_compensator_swap_f64;
@@ -37,12 +39,14 @@ struct F32 {
   using Full = anhyst_full_law_f32;
   using Simplified = anhyst_simplified_law_f32;
   using Cells = anhyst_cells_law_f32;
+  using Solid = anhyst_solid_f32;
   using Parameters = anhyst_parameters_f32;
   using Memory = anhyst_memory_f32;
   using Compensator = anhyst_compensator_f32;
   static constexpr auto kernel_full = &anhyst_kernel_full_f32;
   static constexpr auto kernel_simplified = &anhyst_kernel_simplified_f32;
   static constexpr auto kernel_cells = &anhyst_kernel_cells_f32;
+  static constexpr auto cells_stand = anhyst_cells_stand_f32;
   static constexpr auto check = anhyst_parameters_check_f32;
   static constexpr auto init = anhyst_compensator_init_f32;
   static constexpr auto swap = anhyst_compensator_swap_f32;
@@ -177,12 +181,27 @@ private:
         table(tables, "rows", (cells_.cells + 1U) * (2U * (cells_.narrow + cells_.wide) + 1U));
     parameters_.kernel = F::kernel_cells;
     parameters_.cells = &cells_;
+    if (from.contains("layers")) {
+      solid(from);
+    }
+  }
+
+  void solid(const nb::dict &from)
+  {
+    solid_.stand = F::cells_stand;
+    solid_.hold = real(from, "hold");
+    solid_.own = real(from, "own");
+    solid_.surface = real(from, "surface");
+    solid_.laminated = real(from, "laminated");
+    solid_.layers = count(from, "layers");
+    parameters_.solid = &solid_;
   }
 
   typename F::Parameters parameters_{};
   typename F::Full full_{};
   typename F::Simplified simplified_{};
   typename F::Cells cells_{};
+  typename F::Solid solid_{};
   std::vector<typename F::AtGap> gaps_;
   std::vector<std::vector<Real>> tables_;
 };

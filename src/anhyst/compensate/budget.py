@@ -22,11 +22,14 @@ from anhyst.compensate.measure import (
     between,
     deviation,
     interpolation,
+    off_demand,
+    resolution,
     snapped,
 )
-from anhyst.compensate.paths import Path, find_reach, paths
+from anhyst.compensate.paths import Path, fast_paths, find_reach, paths
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.search import FINE
+from anhyst.compensate.twin import AnyBlock, twin_of
 from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
@@ -75,7 +78,7 @@ class Budget:
 
 def measure_budget(plan: Plan) -> Budget:
     """Measure what a plan costs."""
-    model, block, io = plan.model, plan.block, plan.request.io
+    model, block, io = plan.model, plan.still, plan.request.io
     ways = paths(model, block.scales, block.limits, seed=SEED, length=LENGTH)
     everything, runs = against_demand(model, block, io, ways)
     compiled = _part("compiled", "compiled, all at once", everything, runs)
@@ -86,8 +89,9 @@ def measure_budget(plan: Plan) -> Budget:
         _quantisation(plan, ways),
         *_gap(plan, ways),
         _sampling(plan),
+        *_rate(plan),
     )
-    known = [part for part in parts if part.name in {"model_fit", "sample_rate"}]
+    known = [part for part in parts if part.name in {"model_fit", "sample_rate", "rate"}]
     added = [compiled, *known]
     total = BudgetPart(
         "total",
@@ -164,7 +168,7 @@ def _tables(plan: Plan, ways: list[Path]) -> BudgetPart:
 
 def _quantisation(plan: Plan, ways: list[Path]) -> BudgetPart:
     same = plan.builder.exact(plan.sizes)
-    off = between(plan.model, (plan.block, plan.request.io), (same, "f64"), ways)
+    off = between(plan.model, (plan.still, plan.request.io), (same, "f64"), ways)
     note = (
         f"{plan.request.io} and {plan.sizes.iterations} iterations against double precision, many "
         "iterations and the same tables"
@@ -208,6 +212,35 @@ def _sampling(plan: Plan) -> BudgetPart:
     )
     off = deviation([("sample_rate", error)])
     return BudgetPart("sample_rate", "sample rate", off.worst, off.rms, note)
+
+
+def _rate(plan: Plan) -> list[BudgetPart]:
+    """Follow demands as fast as was measured, with the layers and without."""
+    late, block = plan.builder.late, plan.block
+    if late is None:
+        return []
+    ways = fast_paths(late, block.scales, block.limits, plan.request.rate)
+
+    def off(used: AnyBlock) -> OutputDeviation:
+        errors = []
+        for path in ways:
+            current = twin_of(used, plan.request.io).run(path.demand, path.gap)
+            # A record begins at rest: a sample before the first tick, at which nothing flows.
+            drive, gap = np.append(0.0, current), path.gap
+            gap = gap if gap is None else np.append(gap[0], gap)
+            time = np.arange(drive.size) / plan.request.rate
+            output = late.predict(drive, gap, time, history="demagnetised").output[1:]
+            run = PathRun(path, current, output, np.ones(current.size, dtype=bool))
+            errors.append((path.name, off_demand(run, block.limits, resolution(block.scales))))
+        return deviation(errors)
+
+    found, still = off(block), off(plan.still)
+    titles = " and ".join(path.title for path in ways)
+    note = (
+        f"{titles}, against the model with its layers; compiled at rest it would be "
+        f"{100.0 * still.worst / plan.largest:.2g} %"
+    )
+    return [BudgetPart("rate", "rate", found.worst, found.rms, note)]
 
 
 def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:

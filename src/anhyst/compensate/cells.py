@@ -36,6 +36,8 @@ from anhyst.support.errors import InputError
 MARGIN = 1.02
 """Rows reach a little further than any current within its limits drives the field."""
 
+SOLID = 2.0
+"""The same of solid iron, in which the field at the surface runs ahead."""
 
 ZONES = range(6)
 """Halvings of the largest field where narrow segments may end."""
@@ -141,11 +143,17 @@ def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
 
 
 def cell_rows(
-    weights: CellWeights, arms: Arms, limits: DemandLimits, sizes: TableSizes
+    weights: CellWeights,
+    arms: Arms,
+    limits: DemandLimits,
+    sizes: TableSizes,
+    *,
+    solid: bool = False,
 ) -> CellRows:
     """Return the rows of a law, as far as currents within their limits lead."""
-    reach = MARGIN * largest_field(weights, arms, limits.current)
-    few = fewer(weights, sizes.cells, reach / MARGIN)
+    largest = largest_field(weights, arms, limits.current)
+    reach = (SOLID if solid else MARGIN) * largest
+    few = fewer(weights, sizes.cells, largest)
     if few.thresholds.size < 2:
         raise InputError(
             "model: no hysteresis within the range of its input, where the least threshold of its "

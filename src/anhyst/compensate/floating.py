@@ -18,11 +18,13 @@ from anhyst._core import Parameters, ParametersF32
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import cell_rows
 from anhyst.compensate.full import full_tables, normal
-from anhyst.compensate.irons import cell_weights
+from anhyst.compensate.irons import cell_weights, iron_of
 from anhyst.compensate.scheduled import arms_of, flux_gain, flux_unit, nodes, refuse_uncompilable
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Layers
 from anhyst.support.arrays import FloatArray
+from anhyst.support.units import MU_0
 
 RealKind = Literal["full", "simplified", "cells"]
 RealIo = Literal["f32", "f64"]
@@ -68,8 +70,10 @@ def build_real(
     sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     law: ClosedForm | None = None,
+    *,
+    still: bool = False,
 ) -> RealBlock:
-    """Make the parameters of a floating-point compensator."""
+    """Make the parameters of a floating-point compensator; `still` leaves layers out but for their reach."""
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
@@ -84,6 +88,8 @@ def build_real(
     offset = model.over_schedule("out_0", at) if offset is None else offset
     rows = (flux_gain(model, scales, at), offset, *arms)
     common = _common(model, scales, limits, sizes, conditioning)
+    if model.layers is not None and not still:
+        numbers |= solid_numbers(model, model.layers, conditioning.rate)
     gaps = np.ascontiguousarray(np.column_stack(rows))
     return RealBlock(kind, scales, limits, common | numbers, gaps, tables)
 
@@ -109,6 +115,23 @@ def _common(
         "power": model.power,
         "condition_cycles": conditioning.cycles,
         "condition_ticks": conditioning.ramp_ticks,
+    }
+
+
+def solid_numbers(model: Model, layers: Layers, rate: float) -> dict[str, float]:
+    """Return the fields of ``anhyst_solid`` but for the function, A/m and parts of the flux.
+
+    One tick is one implicit step of the diffusion. In a layer ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)``, as in
+    :func:`~anhyst.compensate.scheduled.arms_of`.
+    """
+    iron, unit = iron_of(model), flux_unit(model)
+    alpha = iron["alpha"]
+    return {
+        "hold": iron["gamma"] * rate / (layers.count - 1) * unit * (1.0 - alpha),
+        "own": -alpha * unit / MU_0,
+        "surface": layers.surface,
+        "laminated": layers.laminated,
+        "layers": layers.count,
     }
 
 
@@ -142,7 +165,8 @@ def _full(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes)
 
 def _cells(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     arms = arms_of(model, at)
-    found = cell_rows(cell_weights(model), arms, limits, sizes)
+    solid = model.layers is not None
+    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=solid)
     numbers = {
         "air": arms.air,
         "reach": found.reach,

@@ -156,7 +156,7 @@ class _Pair:
 
     def __init__(self, plan: Plan, home: float) -> None:
         self.model: Model = plan.model
-        self.twin = twin_of(plan.block, plan.request.io)
+        self.twin = twin_of(plan.still, plan.request.io)
         self.iron = plan.model.iron_at(home if plan.model.needs_schedule else None)
         self.state = np.zeros(plan.model.operator_law.states)
 

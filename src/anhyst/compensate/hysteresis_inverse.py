@@ -14,6 +14,7 @@ from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.irons import full_kind
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Sources
+from anhyst.compensate.twin import Io
 from anhyst.support.errors import InputError
 
 
@@ -64,9 +65,11 @@ def _compile(
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
     narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
-    plan = make_plan(narrowed, CompileRequest(kind, "q31", where.rate), 0)
+    solid = kind == "full" and number_format != "fixed" and narrowed.layers is not None
+    io: Io = "f32" if solid else "q31"
+    plan = make_plan(narrowed, CompileRequest(kind, io, where.rate), 0)
     block = plan.block
-    if number_format != "fixed":
+    if number_format != "fixed" and not solid:
         law = plan.builder.law if kind == "simplified" else None
         made = full_kind(plan.model) if kind == "full" else kind
         given = plan.model, made, block.scales, block.limits, plan.sizes

@@ -20,6 +20,13 @@ GAPS = 33
 """Places over the gap at which it is found out what can be reached."""
 
 
+CYCLES, MOST_TICKS = 3, 8000
+"""Of fast demands: cycles, and ticks of all of them at most."""
+
+BAND = (0.1, 0.6)
+"""Of fast demands, in parts of what can be reached at rest: they take more current."""
+
+
 @dataclass(frozen=True)
 class Path:
     """A demand over a gap, sample by sample."""
@@ -81,6 +88,29 @@ def paths(
         said = title if model.needs_schedule else title.removesuffix(", gap at rest")
         demand = reach.demand(part, gap, lifted)
         found.append(Path(name, said, demand, gap if model.needs_schedule else None))
+    return found
+
+
+def fast_paths(model: Model, scales: Scales, limits: DemandLimits, rate: float) -> list[Path]:
+    """Return demands as fast as the model was seen to hold, and a tenth of it; the gap moves slowly."""
+    fastest = model.dynamics.fastest if model.dynamics else 0.0
+    fastest = min(fastest or rate / 200.0, rate / 20.0)
+    reach = find_reach(model.at_rest, scales, limits)
+    found = []
+    for speed in (fastest, 0.1 * fastest):
+        ticks = min(round(CYCLES * rate / speed), MOST_TICKS)
+        place = np.arange(ticks) * speed / rate
+        part = 1.0 - np.abs(2.0 * (place % 1.0) - 1.0)
+        rise = np.minimum(place / 0.5, 1.0)  # from rest
+        gap = scales.gap_low + (scales.gap_high - scales.gap_low) * 0.5 * (
+            1.0 - np.cos(2.0 * np.pi * place / CYCLES)
+        )
+        low, high = (BAND[0] * rise, BAND[0] + (BAND[1] - BAND[0]) * rise)
+        demand = reach.demand(low + (high - low) * part, gap)
+        title = f"triangles of {speed:.3g} Hz, gap moving"
+        found.append(
+            Path(f"fast_{speed:.3g}", title, demand, gap if model.needs_schedule else None)
+        )
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -146,8 +147,13 @@ class Plan:
 
     @property
     def model(self) -> Model:
-        """The model."""
+        """The model at rest."""
         return self.builder.model
+
+    @cached_property
+    def still(self) -> AnyBlock:
+        """The parameters without what answers late: those of the plan unless iron is solid."""
+        return self.block if self.builder.late is None else self.builder(self.sizes)
 
     @property
     def name(self) -> str:
@@ -193,6 +199,15 @@ def make_plan(
 ) -> Plan:
     """Decide how a model is compiled."""
     refuse_uncompilable(model)
+    late = None if model.layers is None else model
+    if late is not None and (request.kind, request.io) != ("full", "f32"):
+        raise InputError(
+            "layers: solid iron is compiled with --kind full --io f32; give these, or take the "
+            "model at rest (at_rest)",
+            code="layers-need-f32",
+            key="layers",
+        )
+    model = model.at_rest
     limits = find_limits(model)
     scales = scales or find_scales(model, limits)
     flux_shift(flux_gain(model, scales, np.linspace(scales.gap_low, scales.gap_high, GAPS)))
@@ -206,9 +221,9 @@ def make_plan(
     except InputError as error:
         raise not_computed(error) from error
     given = model, request.kind, request.io, scales, limits
-    builder = Builder(*given, start.conditioning, model_hash)
+    builder = Builder(*given, start.conditioning, model_hash, late)
     found = BlockSearch(builder, share * allowance).run()
-    block = builder(found.sizes)
+    block = builder.whole(found.sizes)
     return Plan(request, builder, found.sizes, block, start, found, allowance)
 
 

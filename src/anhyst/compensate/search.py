@@ -83,6 +83,7 @@ class Builder:
     limits: DemandLimits
     conditioning: Conditioning = field(default_factory=Conditioning)
     model_hash: int = 0
+    late: Model | None = None  # the model with its layers, where these are compiled
 
     @property
     def block_kind(self) -> Kind:
@@ -98,7 +99,7 @@ class Builder:
         return fit_closed_form(self.model, self.limits, at, room=room)
 
     def __call__(self, sizes: TableSizes) -> AnyBlock:
-        """Return the block with these sizes."""
+        """Return the block with these sizes, of the iron at rest."""
         if self.io == "f32":
             return self._real(sizes)
         given = (self.model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
@@ -117,11 +118,16 @@ class Builder:
         """
         return self._real(replace(sizes, iterations=FINE.iterations))
 
-    def _real(self, sizes: TableSizes) -> RealBlock:
+    def whole(self, sizes: TableSizes) -> AnyBlock:
+        """Return the block with these sizes, layers included where there are some."""
+        return self(sizes) if self.late is None else self._real(sizes, still=False)
+
+    def _real(self, sizes: TableSizes, *, still: bool = True) -> RealBlock:
         kind: RealKind = full_kind(self.model) if self.kind == "full" else "simplified"
         law = None if self.kind == "full" else self.law
-        given = self.model, kind, self.scales, self.limits, sizes, self.conditioning
-        return build_real(*given, law)
+        model = self.late or self.model
+        given = model, kind, self.scales, self.limits, sizes, self.conditioning
+        return build_real(*given, law, still=still)
 
 
 @dataclass(frozen=True)

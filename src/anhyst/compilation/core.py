@@ -46,8 +46,15 @@ def read_core(name: str) -> str:
     return (core_folder() / name).read_text(encoding="utf-8")
 
 
-def core_files(sources: Iterable[str]) -> dict[str, str]:
-    """Return sources of the core with every header that they include, as they are."""
+ROOM = f"{INCLUDE}/anhyst/compensator/plays.h"
+"""Says how many memories of its law a compensator has room for."""
+
+
+def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
+    """Return sources of the core with every header that they include, as they are.
+
+    With more than one memory the header that says so is made to.
+    """
     files: dict[str, str] = {}
     waiting = [f"{SRC}/{name}" for name in sources]
     while waiting:
@@ -55,6 +62,8 @@ def core_files(sources: Iterable[str]) -> dict[str, str]:
         if name not in files:
             files[name] = read_core(name)
             waiting += [_place(name, included) for included in _INCLUDED.findall(files[name])]
+    if memories > 1:
+        files[ROOM] = files[ROOM].replace("ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}")
     return dict(sorted(files.items()))
 
 

@@ -8,6 +8,7 @@ from textwrap import wrap
 import numpy as np
 
 from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.twin import AnyBlock
 from anhyst.compensate.words import Names
 from anhyst.support.units import Quantity
 
@@ -58,6 +59,15 @@ LAWS = {
         "segments": "up to the first octave and in each",
     },
 }
+SOLID = {
+    "hold": "field that a flux of 1 a tick holds back from layer to layer",
+    "own": "field for a unit of flux in a layer",
+    "surface": "share of the first layer in the section",
+    "laminated": "share of the path that answers at once",
+    "layers": "from the surface to the middle",
+}
+"""What the fields of ``anhyst_solid_f32`` are."""
+
 TABLES = {
     ("full", "curve"): "Anhysteretic curve over fields of 0 to {reach:.6g}",
     ("full", "branch"): "Ascending branch over fields of -{reach:.6g} to {reach:.6g}",
@@ -75,8 +85,17 @@ def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quanti
     """Return the definitions of a compensator's parameters in single precision."""
     parts = [_table(block, table) for table in block.tables]
     parts += [_gaps(block, names, schedule), _law(block)]
+    if memories(block) > 1:
+        parts.append(_solid(block))
     parts.append(_parameters(name, block, names, schedule))
     return "\n\n".join("\n".join(part) for part in parts)
+
+
+def memories(block: AnyBlock) -> int:
+    """Return of how many memories of its law the iron consists."""
+    if not isinstance(block, RealBlock) or "layers" not in block.numbers:
+        return 1
+    return int(block.numbers["layers"]) + (block.numbers["laminated"] > 0.0)
 
 
 def literal(value: float) -> str:
@@ -131,6 +150,17 @@ def _law(block: RealBlock) -> Iterator[str]:
     yield "};"
 
 
+def _solid(block: RealBlock) -> Iterator[str]:
+    yield f"#if ANHYST_MEMORIES < {memories(block)}"
+    yield '#error "ANHYST_MEMORIES: too few for the layers of this iron; see plays.h"'
+    yield "#endif"
+    yield "/* Layers of solid iron. */"
+    yield "static const anhyst_solid_f32 solid = {"
+    fields = [("stand", f"anhyst_{block.kind}_stand_f32", "")]
+    yield from _fields(fields + [(name, _number(block, name), doc) for name, doc in SOLID.items()])
+    yield "};"
+
+
 def _parameters(
     actuator: str, block: RealBlock, names: Names, schedule: Quantity | None
 ) -> Iterator[str]:
@@ -146,6 +176,8 @@ def _parameters(
         ("gap_segments", str(len(block.gaps) - 1), ""),
     ]
     fields += [(name, _number(block, name), doc.format(**units)) for name, doc in COMMON.items()]
+    if memories(block) > 1:
+        fields.append(("solid", "&solid", ""))
     yield f"const anhyst_parameters_f32 {actuator}_parameters = {{"
     yield from _fields(fields)
     yield "};"

@@ -9,9 +9,16 @@ from functools import cache
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.twin import AnyBlock
 from anhyst.compilation.core import read_core
+from anhyst.compilation.floating_source import memories
 
 REAL_STATE_BYTES = 112
 """Of ``anhyst_compensator_f32``."""
+
+DEEPER_BYTES = (5 + 12 + 5) * 4
+"""Of ``anhyst_deeper_f32``, of each memory of solid iron beyond the first."""
+
+SOLID_BYTES = 6 * 4 + 4
+"""Of ``anhyst_solid_f32`` and the pointer to it."""
 
 COMMON_BYTES = 4 * 4 + 9 * 4 + 4 + 4 * 2
 """Of ``anhyst_parameters_f32``: pointers to the law, numbers, pointer to the rows, counts."""
@@ -30,13 +37,16 @@ LAW_BYTES = {
 def parameters_bytes(block: AnyBlock) -> int:
     """Return the size of everything that is constant."""
     if isinstance(block, RealBlock):
-        return 4 * block.entries + COMMON_BYTES + LAW_BYTES[block.kind]
+        solid = SOLID_BYTES if memories(block) > 1 else 0
+        return 4 * block.entries + COMMON_BYTES + LAW_BYTES[block.kind] + solid
     return block.size
 
 
 def state_bytes(block: AnyBlock) -> int:
     """Return the size of everything that changes."""
-    return REAL_STATE_BYTES if isinstance(block, RealBlock) else _fixed_state_bytes()
+    if isinstance(block, RealBlock):
+        return REAL_STATE_BYTES + DEEPER_BYTES * (memories(block) - 1)
+    return _fixed_state_bytes()
 
 
 def controller_bytes(magnets: int) -> int:

@@ -34,6 +34,7 @@ from anhyst.compilation.page import budget_page
 from anhyst.compilation.source import sources
 from anhyst.compilation.vectors import golden_vectors, vectors_csv
 from anhyst.model.actuator import Model
+from anhyst.model.compilable import has_layers
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
@@ -177,8 +178,7 @@ def compile_model(
     """Compile a model into a folder of C, with a controller of the position or without."""
     check_folder(out)
     model = read_model(model_path)
-    late = not_compiled(model)
-    model = model.at_rest
+    model, late = compilable(model, request)
     controller = None
     if controller_path is not None:
         controller = read_fitting(controller_path, request, model_path)
@@ -211,13 +211,21 @@ def compile_model(
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"), late)
 
 
-def not_compiled(model: Model) -> tuple[str, ...]:
+def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
+    """Return what of a model is compiled, and say what is not."""
+    if has_layers(model) and request.kind == "full" and request.io == "f32":
+        return model, not_compiled(model, layers=True)
+    return model.at_rest, not_compiled(model)
+
+
+def not_compiled(model: Model, *, layers: bool = False) -> tuple[str, ...]:
     """Say what comes late and is left to what stands around the compensator."""
     late, said = model.dynamics, []
-    if model.has_eddy_currents:
+    if model.has_eddy_currents and not layers:
+        better = "; --kind full --io f32 has it" if has_layers(model) else ""
         said.append(
             "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
-            "are, and anhyst predict with column t_s says what that leaves"
+            f"are, and anhyst predict with column t_s says what that leaves{better}"
         )
     if late is not None and late.lag > 0.0:
         said.append(f"the lag of {late.lag:.3g} s is not compiled: give the demand so much earlier")

@@ -15,7 +15,7 @@ from anhyst.compensate.words import Names
 from anhyst.compilation.controller import ControllerPlan
 from anhyst.compilation.controller_source import controller_values
 from anhyst.compilation.core import CONTROL, SINGLE, SOURCES, SRC, core_files, read_core
-from anhyst.compilation.floating_source import c_parameters_f32
+from anhyst.compilation.floating_source import c_parameters_f32, memories
 from anhyst.compilation.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compilation.parameters import parameters_source, scales_source
 from anhyst.support.units import Quantity
@@ -42,7 +42,7 @@ def sources(
         "own": [f"{plan.name}_{part}.c" for part in parts],
     }
     parameters = common | _parameters(plan)
-    files = core_files(taken) | {
+    files = core_files(taken, memories(plan.block)) | {
         f"{plan.name}_parameters.h": render("parameters.h.j2", parameters),
         f"{plan.name}_parameters.c": render("parameters.c.j2", parameters),
         "main.c": render("main.c.j2", common),

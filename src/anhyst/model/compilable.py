@@ -39,9 +39,23 @@ def obstacle(model: Model) -> str | None:
             "gap map 'free' cannot be compiled: the iron itself would change with the gap; "
             "identify with --gap-map scaling or reluctance"
         )
-    if model.has_eddy_currents:
+    if model.has_eddy_currents and not has_layers(model):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
     return _jump(model)
+
+
+MOST_LAYERS = 4
+"""That a compensator has room for."""
+
+
+def has_layers(model: Model) -> bool:
+    """Whether a compensator can follow the layers of a model."""
+    return (
+        model.layers is not None
+        and model.layers.count <= MOST_LAYERS
+        and model.operator_law.cells is not None
+        and "gamma" not in model.varying
+    )
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:

@@ -348,6 +348,23 @@ static void ANHYST_NAME(cells_carry)(const ANHYST_NAME(anhyst_parameters) *befor
   memory->y = R(0.0);
 }
 
+#if ANHYST_MEMORIES > 1
+ANHYST_REAL ANHYST_NAME(anhyst_cells_stand)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                            const ANHYST_NAME(anhyst_memory) *memory,
+                                            const ANHYST_REAL *plays, ANHYST_REAL *slope)
+{
+  const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
+  const ANHYST_NAME(cell_path) along = ANHYST_NAME(begin)(law, memory, plays);
+  const uint16_t segment = ANHYST_NAME(segment_of)(&along, along.x);
+  const ANHYST_REAL *row = ANHYST_NAME(row_of)(law, along.active) + segment;
+  const ANHYST_REAL width =
+      ANHYST_NAME(node)(&along, (uint16_t)(segment + 1U)) - ANHYST_NAME(node)(&along, segment);
+  *slope = width / (row[1] - row[0] + law->air * width);
+  const ANHYST_REAL m = ANHYST_NAME(moving)(&along, along.active, along.x) + along.rest;
+  return ANHYST_NAME(facing)(m + law->air * along.x, along.falling);
+}
+#endif
+
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells) = {
     ANHYST_NAME(cells_field), ANHYST_NAME(cells_flux), ANHYST_NAME(cells_is_valid),
     ANHYST_NAME(cells_carry), ANHYST_NAME(cells_keep)};

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#if ANHYST_MEMORIES > 1
+#include "solid.h"
+#endif
 
-/* State that changes: at most 224 bytes, in either precision. */
-typedef char ANHYST_NAME(anhyst_state_is_small)[sizeof(ANHYST_NAME(anhyst_compensator)) <= 224U
-                                                    ? 1
-                                                    : -1];
+/* State that changes: at most 224 bytes for thin iron, in either precision. */
+typedef char ANHYST_NAME(anhyst_state_is_small)
+    [sizeof(ANHYST_NAME(anhyst_compensator)) <= 224U + (ANHYST_MEMORIES - 1U) * 176U ? 1 : -1];
 
 /* The row of this gap, interpolated. */
 static ANHYST_NAME(anhyst_at_gap)
@@ -101,6 +103,43 @@ static int ANHYST_NAME(rows_is_valid)(const ANHYST_NAME(anhyst_parameters) *para
   return 1;
 }
 
+/* What stands for the field in the current: that of the law, unless the iron is solid. */
+static ANHYST_REAL ANHYST_NAME(field_for)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
+{
+  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+#if ANHYST_MEMORIES > 1
+  if (parameters->solid != 0) {
+    return ANHYST_NAME(solid_field)(c, flux);
+  }
+#endif
+  return parameters->kernel->field(parameters, &c->memory, c->plays, flux, &c->next);
+}
+
+/* The flux to which a current leads. */
+static ANHYST_REAL ANHYST_NAME(flux_under)(ANHYST_NAME(anhyst_compensator) *c,
+                                           const ANHYST_NAME(anhyst_at_gap) *row,
+                                           ANHYST_REAL current)
+{
+  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+#if ANHYST_MEMORIES > 1
+  if (parameters->solid != 0) {
+    return ANHYST_NAME(solid_flux)(c, row, current);
+  }
+#endif
+  return parameters->kernel->flux(parameters, &c->memory, c->plays, row, current, &c->next);
+}
+
+/* Goes on with the memory after a step. */
+static void ANHYST_NAME(keep)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                              ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays,
+                              const ANHYST_NAME(anhyst_memory) *next)
+{
+  if (parameters->kernel->keep != 0) {
+    parameters->kernel->keep(parameters, memory, next, plays);
+  }
+  *memory = *next;
+}
+
 anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const int valid = parameters->kernel != 0 && parameters->gaps != 0 &&
@@ -117,6 +156,11 @@ anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_para
   if (!valid || !ANHYST_NAME(rows_is_valid)(parameters) || !parameters->kernel->valid(parameters)) {
     return ANHYST_BAD_PARAMETER;
   }
+#if ANHYST_MEMORIES > 1
+  if (parameters->solid != 0 && !ANHYST_NAME(solid_is_valid)(parameters)) {
+    return ANHYST_BAD_PARAMETER;
+  }
+#endif
   return ANHYST_OK;
 }
 
@@ -137,6 +181,11 @@ void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
                                           const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   parameters->kernel->carry(c->parameters, &c->memory, c->plays);
+#if ANHYST_MEMORIES > 1
+  for (int i = 0; c->parameters->solid != 0 && i < ANHYST_MEMORIES - 1; i++) {
+    parameters->kernel->carry(c->parameters, &c->deeper[i].memory, c->deeper[i].plays);
+  }
+#endif
   c->parameters = parameters;
   c->solved = 0;
 }
@@ -149,8 +198,7 @@ ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator
   c->flags = 0;
   c->gap = gap;
   c->flux = ANHYST_NAME(flux_of)(c, demand, &row);
-  const ANHYST_REAL field =
-      parameters->kernel->field(parameters, &c->memory, c->plays, c->flux, &c->next);
+  const ANHYST_REAL field = ANHYST_NAME(field_for)(c, c->flux);
   const ANHYST_REAL wanted = row.bias + row.flux_arm * c->flux + row.field_arm * field;
   c->current =
       ANHYST_NAME(anhyst_limited)(wanted, parameters->current_low, parameters->current_high);
@@ -170,14 +218,16 @@ void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, 
     c->flux_applied = c->flux;
   } else {
     const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
-    c->flux_applied =
-        parameters->kernel->flux(parameters, &c->memory, c->plays, &row, applied, &c->next);
+    c->flux_applied = ANHYST_NAME(flux_under)(c, &row, applied);
     c->gap = gap;
   }
-  if (parameters->kernel->keep != 0) {
-    parameters->kernel->keep(parameters, &c->memory, &c->next, c->plays);
+  ANHYST_NAME(keep)(parameters, &c->memory, c->plays, &c->next);
+#if ANHYST_MEMORIES > 1
+  for (int i = 0; parameters->solid != 0 && i < ANHYST_NAME(memories_of)(parameters) - 1; i++) {
+    ANHYST_NAME(anhyst_deeper) *deeper = &c->deeper[i];
+    ANHYST_NAME(keep)(parameters, &deeper->memory, deeper->plays, &deeper->next);
   }
-  c->memory = c->next;
+#endif
   c->solved = 0;
 }
 

@@ -52,6 +52,12 @@ static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *c)
   for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
     c->compensator.plays[i] = R(0.0);
   }
+#if ANHYST_MEMORIES > 1
+  static const ANHYST_NAME(anhyst_deeper) none;
+  for (uint16_t i = 0; i < ANHYST_MEMORIES - 1U; i++) {
+    c->compensator.deeper[i] = none;
+  }
+#endif
   c->compensator.solved = 0;
 }
 

@@ -70,6 +70,9 @@ typedef struct {
 } ANHYST_NAME(anhyst_cells_law);
 
 typedef struct ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel);
+#if ANHYST_MEMORIES > 1
+typedef struct ANHYST_NAME(anhyst_solid) ANHYST_NAME(anhyst_solid);
+#endif
 
 /* What a compensator knows of its actuator; constant. */
 typedef struct {
@@ -92,6 +95,9 @@ typedef struct {
   uint16_t power;                         /* 2: output is a force, flux its root; 1: linear */
   uint16_t condition_cycles;              /* ramps up and down that make the state known, 0..64 */
   uint16_t condition_ticks;               /* ticks of one ramp, 2..32767 */
+#if ANHYST_MEMORIES > 1
+  const ANHYST_NAME(anhyst_solid) *solid; /* 0: thin iron */
+#endif
 } ANHYST_NAME(anhyst_parameters);
 
 /* What the iron remembers, as in compensator.h. All zero is the demagnetised state. Beside where it
@@ -137,6 +143,35 @@ extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full);
 extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified);
 extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells);
 
+#if ANHYST_MEMORIES > 1
+/* Solid iron: layers of the law, the first at the surface; N of them, with a tick of T. */
+struct ANHYST_NAME(anhyst_solid) {
+  /* The flux under which a memory stands, and how the field rises with it, the way it came:
+     anhyst_cells_stand_... */
+  ANHYST_REAL (*stand)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                       const ANHYST_NAME(anhyst_memory) *memory, const ANHYST_REAL *plays,
+                       ANHYST_REAL *slope);
+  ANHYST_REAL hold;      /* field from layer to layer where a flux of 1 is more than a tick before,
+                            gamma/((N - 1)*T) in units of field over flux, >= 0 */
+  ANHYST_REAL own;       /* field for a unit of flux in a layer, beside that of the law, <= 0 */
+  ANHYST_REAL surface;   /* share of the first layer in the section, 0..1 */
+  ANHYST_REAL laminated; /* share of the path in which the field is the same throughout, 0..1 */
+  uint16_t layers;       /* N, 2 to ANHYST_MEMORIES; one less if there is something laminated */
+};
+
+/* Of the law of cells. */
+ANHYST_REAL ANHYST_NAME(anhyst_cells_stand)(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                            const ANHYST_NAME(anhyst_memory) *memory,
+                                            const ANHYST_REAL *plays, ANHYST_REAL *slope);
+
+/* A layer below the surface, or what is laminated. */
+typedef struct {
+  ANHYST_NAME(anhyst_memory) memory;
+  ANHYST_REAL plays[ANHYST_CELLS];
+  ANHYST_NAME(anhyst_memory) next;
+} ANHYST_NAME(anhyst_deeper);
+#endif
+
 /* One compensator: 112 bytes in single precision on targets with 32-bit pointers. */
 typedef struct {
   const ANHYST_NAME(anhyst_parameters) *parameters;
@@ -149,6 +184,9 @@ typedef struct {
   ANHYST_REAL gap;                   /* for which was solved */
   uint16_t flags;                    /* of the last solve, see flags.h */
   uint16_t solved;                   /* whether next belongs to memory */
+#if ANHYST_MEMORIES > 1
+  ANHYST_NAME(anhyst_deeper) deeper[ANHYST_MEMORIES - 1];
+#endif
 } ANHYST_NAME(anhyst_compensator);
 
 /* Whether parameters are valid: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry of the

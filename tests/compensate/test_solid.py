@@ -1,0 +1,213 @@
+"""Solid iron in a compensator: it follows the model's layers, tick by tick, in both precisions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst import _core
+from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
+from anhyst.compensate.floating import RealBlock, RealIo, build_real
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.hysteresis_inverse import full_inverse
+from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.twin import RealTwin
+from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import QUANTITIES
+from tests.refusals import refused
+
+RATE = 20_000.0
+GAPS = (3e-4, 5e-4)
+TOP = 250.0
+SIZES = TableSizes(gap_segments=4, curve_segments=8, cells=12)
+LAYERS = {
+    "two": Layers(2, 0.2),
+    "three and sheets": Layers(3, 0.1, 0.25),
+    "four and sheets": Layers(4, 0.05, 0.1),
+}
+
+
+def magnet(layers: Layers | None, gamma: float = 5.0) -> Model:
+    """Return a magnet of solid iron whose reluctance runs over the gap."""
+    return Model(
+        "magnet",
+        QUANTITIES["current"],
+        QUANTITIES["force"],
+        {
+            **{"M_0": 4e4, "a_0": 400.0, "M_1": 9e5, "a_1": 90.0, "k_1": 60.0, "s_1": 2.0},
+            **{"c_H": 1250.0, "rho": (2.7e-3, 4.4e-3), "c_out": 170.0, "gamma": gamma},
+        },
+        law="play-cells",
+        gap_map="reluctance",
+        schedule=QUANTITIES["gap"],
+        nodes=GAPS,
+        valid=ValidRange((0.0, 6.0), (0.0, TOP), GAPS),
+        layers=layers,
+        dynamics=Dynamics(fastest=50.0),
+    )
+
+
+def block(model: Model, *, still: bool = False) -> RealBlock:
+    scales = Scales(300.0, 8.0, *GAPS)
+    limits = DemandLimits((0.0, TOP), (0.0, 6.0))
+    start = Conditioning(1, 100, RATE)
+    return build_real(model, "cells", scales, limits, SIZES, start, still=still)
+
+
+def ramps(seed: int, size: int = 3000) -> tuple[FloatArray, FloatArray]:
+    """Return demands of any speed up to 100 Hz, and a gap that moves."""
+    random = np.random.default_rng(seed)
+    time = np.concatenate([[0.0, 0.005], 0.005 + np.cumsum(random.uniform(0.003, 0.03, 40))])
+    ends = np.concatenate([[0.0, 20.0], random.uniform(20.0, 120.0, 40)])
+    clock = np.arange(size) / RATE
+    gap = 4e-4 + 0.9e-4 * np.sin(2.0 * np.pi * 7.0 * clock)
+    return np.interp(clock, time, ends), gap
+
+
+def force_of(model: Model, current: FloatArray, gap: FloatArray) -> FloatArray:
+    """Return what the model makes of ticks that follow a rest without current."""
+    time = np.arange(current.size + 1) / RATE
+    drive, gap = np.append(0.0, current), np.append(gap[0], gap)
+    return model.predict(drive, gap, time, "demagnetised").output[1:]
+
+
+@pytest.mark.parametrize("io", ["f64", "f32"])
+@pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
+def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: RealIo) -> None:
+    demand, gap = ramps(1)
+    current = RealTwin(block(magnet(layers)), io).run(demand, gap)
+    assert np.all((current > 0.0) & (current < 6.0) | (demand == 0.0))
+    off = np.abs(force_of(magnet(layers), current, gap) - demand)
+    assert off.max() < 2e-3 * TOP
+    assert np.sqrt(np.mean(off**2)) < 3e-4 * TOP
+
+
+def test_at_rest_it_would_be_off_by_far_more() -> None:
+    model = magnet(LAYERS["three and sheets"])
+    demand, gap = ramps(1)
+    with_layers, still = (
+        np.abs(force_of(model, RealTwin(one, "f64").run(demand, gap), gap) - demand).max()
+        for one in (block(model), block(model, still=True))
+    )
+    assert still > 20.0 * with_layers
+
+
+@pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
+def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
+    demand, gap = ramps(2)
+    random = np.random.default_rng(3)
+    twin = RealTwin(block(magnet(layers)), "f64")
+    applied, expected = [], []
+    for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
+        current = twin.solve(wanted, at)
+        current = min(max(current + 0.3 * random.standard_normal(), 0.0), 6.0)
+        applied.append(current)
+        expected.append(twin.commit(current, at))
+    made = force_of(magnet(layers), np.array(applied), gap)
+    assert np.array(expected) == pytest.approx(made, abs=3e-3 * TOP)
+
+
+def test_a_solve_does_not_move_time() -> None:
+    model = magnet(LAYERS["two"])
+    once, often = (RealTwin(block(model), "f64") for _ in range(2))
+    for wanted in np.linspace(0.0, 100.0, 50).tolist():
+        for other in (20.0, 150.0, 80.0):
+            often.solve(other, 3.5e-4)
+        currents = [twin.solve(wanted, 4e-4) for twin in (once, often)]
+        assert currents[0] == currents[1]
+        for twin in (once, often):
+            twin.commit(currents[0], 4e-4)
+
+
+def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:
+    model = magnet(LAYERS["three and sheets"])
+    demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
+    gap = np.full(demand.size, 4e-4)
+    late, still = (
+        RealTwin(one, "f64").run(demand, gap) for one in (block(model), block(model, still=True))
+    )
+    assert late[199] > 1.02 * still[199]
+    assert late[-1] == pytest.approx(still[-1], rel=0.02)  # the surface has seen more
+    assert abs(late[-1] - late[-2]) < 1e-9
+
+
+def test_without_diffusion_all_layers_are_the_iron_at_rest() -> None:
+    model = magnet(Layers(3, 0.1), gamma=1e-12)
+    demand, gap = ramps(4)
+    late, still = (
+        RealTwin(one, "f64").run(demand, gap) for one in (block(model), block(model, still=True))
+    )
+    assert np.sqrt(np.mean((late - still) ** 2)) < 2e-4 * 6.0
+
+
+def test_a_swap_keeps_what_every_layer_remembers() -> None:
+    model = magnet(LAYERS["two"])
+    demand, gap = ramps(5)
+    parameters = block(model)
+    first = _core.Compensator(parameters.double)
+    other = _core.Compensator(parameters.double)
+    first.run(demand[:1500], gap[:1500])
+    other.run(demand[:1500], gap[:1500])
+    first.swap(parameters.double)
+    later = [one.run(demand[1500:], gap[1500:]) for one in (first, other)]
+    assert later[0] == pytest.approx(later[1], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("layers", count) for count in (1, 6)),
+        *(("surface", share) for share in (0.0, 1.0, np.nan)),
+        *(("laminated", share) for share in (-0.1, 1.0, np.nan)),
+        *(("hold", field) for field in (-1.0, np.inf, np.nan)),
+        *(("own", field) for field in (1.0, -np.inf, np.nan)),
+    ],
+)
+def test_numbers_of_layers_that_make_no_sense_are_refused(key: str, value: float) -> None:
+    given = block(magnet(LAYERS["two"]))
+    wrong = replace(given, numbers=given.numbers | {key: value})
+    with pytest.raises(ValueError, match="not valid"):
+        RealTwin(wrong, "f64")
+
+
+def test_more_layers_than_there_is_room_for_are_refused() -> None:
+    with refused("no-fixed-point-form"):
+        make_plan(magnet(Layers(5, 0.1)), CompileRequest("full", "f32", RATE), 0)
+
+
+def test_fixed_point_refuses_layers() -> None:
+    with refused("layers-need-f32 layers"):
+        make_plan(magnet(LAYERS["two"]), CompileRequest("full", "q15", RATE), 0)
+
+
+@pytest.mark.parametrize("number_format", ["f64", "f32"])
+def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: NumberFormat) -> None:
+    model = magnet(LAYERS["three and sheets"])
+    where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
+    made = full_inverse(Sources(where, model=model), number_format)
+    demand, gap = ramps(6, 1200)
+    current = ForceController("full", number_format, made).run(demand, gap)
+    assert np.abs(force_of(model, current, gap) - demand).max() < 4e-3 * TOP
+
+
+def test_a_force_controller_in_fixed_point_refuses_layers() -> None:
+    where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
+    with refused("layers-need-f32 layers"):
+        full_inverse(Sources(where, model=magnet(LAYERS["two"])), "fixed")
+
+
+def test_what_all_layers_remember_can_be_taken_over() -> None:
+    parameters = block(magnet(LAYERS["three and sheets"]))
+    demand, gap = ramps(7, 1500)
+    first, second = RealTwin(parameters, "f64"), RealTwin(parameters, "f64")
+    first.run(demand[:900], gap[:900])
+    second.start_from(first.memory)
+    later = [one.run(demand[900:], gap[900:]) for one in (first, second)]
+    assert np.array_equal(later[0], later[1])

@@ -1,0 +1,60 @@
+"""Solid iron compiled: its layers in single precision, said where they are left out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compilation.core import ROOM
+from anhyst.compilation.output import Compiled, compile_model
+from anhyst.compilation.toolchain import Build, compile_c
+from anhyst.support.core_folder import core_folder
+from tests.compensate.test_solid import LAYERS, RATE, TOP, magnet
+from tests.compilation.test_compile import compiles_alone_on_16_bits
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    folder = tmp_path_factory.mktemp("solid")
+    magnet(LAYERS["three and sheets"]).save(folder / "magnet.toml")
+    request = CompileRequest("full", "f32", RATE)
+    return compile_model(folder / "magnet.toml", folder / "out", request)
+
+
+def test_the_budget_says_what_the_layers_leave_of_fast_demands(compiled: Compiled) -> None:
+    rate = compiled.budget.part("rate")
+    assert rate is not None
+    assert rate.worst is not None
+    assert rate.worst < 3e-3 * TOP
+    parts = json.loads((compiled.out / "budget.json").read_text())["parts"]
+    assert "rate" in {part["name"] for part in parts}
+    assert compiled.left_out == ()
+
+
+def test_only_the_room_for_memories_differs_from_the_core(compiled: Compiled) -> None:
+    for name in compiled.files:
+        if name.startswith(("include/", "src/")):
+            same = (compiled.out / name).read_bytes() == (core_folder() / name).read_bytes()
+            assert same == (name != ROOM), name
+
+
+def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
+    compiles_alone_on_16_bits(compiled.out)
+
+
+def test_the_example_compiles_without_a_warning(compiled: Compiled, tmp_path: Path) -> None:
+    sources = tuple(sorted(compiled.out.rglob("*.c")))
+    build = Build(sources, (compiled.out, compiled.out / "include"), flags=("-Wpedantic",))
+    assert compile_c(["cc"], build, tmp_path / "program", "host") == 0
+
+
+def test_fixed_point_is_at_rest_and_says_so(tmp_path: Path) -> None:
+    magnet(LAYERS["two"]).save(tmp_path / "magnet.toml")
+    request = CompileRequest("full", "q15", RATE)
+    found = compile_model(tmp_path / "magnet.toml", tmp_path / "out", request)
+    assert len(found.left_out) == 1
+    assert "f32" in found.left_out[0]
+    assert found.budget.part("rate") is None
