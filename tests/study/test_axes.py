@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.interface import MethodName
+from anhyst.reports.tracking import write_tracking_report
 from anhyst.rig.iron_table import IronEntry
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage
@@ -117,7 +118,7 @@ def three_magnets(folder: Path) -> Path:
         for way in ("1.0, 0.0, 0.0", "0.0, 1.0, 0.0")
     ]
     text = text.replace(head, f"{heads[0]}\n\n[[sensor]]\n{heads[1]}")
-    text = text.replace("slit_s", "direction = [0.6, 0.8, 0.0]\nslit_s")
+    text = text.replace("slit_s", "direction = [0.0, 1.0, 0.0]\nslit_s")
     for key in ("train", "test"):
         begin = text.index(f"{key}_m_per_s2")
         text = (
@@ -140,5 +141,9 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     assert own.of("peak_m").mean < 0.5 * plain.of("peak_m").mean
     shown = own.shown
     assert {"error_x_m", "error_y_m", "current_3_A"} <= set(shown.columns)
-    aside = 0.8 * shown["error_x_m"] - 0.6 * shown["error_y_m"]
-    assert np.abs(aside).max() < 1e-6
+    assert own.cross_talk("x").mean < 1e-6
+    variants = study.figures["variants"]
+    assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.cross_talk("x").mean
+    page = tmp_path / "report.html"
+    write_tracking_report(page, study, "anhyst simulate rig.toml")
+    assert 'id="cross-talk"' in page.read_text()

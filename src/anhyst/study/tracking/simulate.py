@@ -231,6 +231,8 @@ class TrackingStudy(Result):
         for name, one in self.tried.items():
             peak, average = 1e9 * one.of("peak_m").mean, 1e9 * one.of("average_m").mean
             told[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
+            for axis in one.crossed:
+                told[name] += f", {axis} {1e9 * one.cross_talk(axis).mean:.0f} n{unit_of(axis)}"
         return told | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
