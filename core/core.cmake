@@ -58,7 +58,9 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/control/allocation.c"
   "${ANHYST_CORE_DIR}/src/control/allocation_real.c"
   "${ANHYST_CORE_DIR}/src/control/tracking.c"
-  "${ANHYST_CORE_DIR}/src/control/tracking_real.c")
+  "${ANHYST_CORE_DIR}/src/control/tracking_real.c"
+  "${ANHYST_CORE_DIR}/src/control/wrench.c"
+  "${ANHYST_CORE_DIR}/src/control/axes.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)

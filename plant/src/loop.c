@@ -65,18 +65,21 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   double *position = head + body->heads;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
   double away[ANHYST_PLANT_AXES] = {0.0};
+  double ridden[ANHYST_PLANT_AXES] = {0.0}; /* with the frame, and what is injected */
   int j;
   anhyst_plant_read(body, loop->state, &readings);
   for (j = 0; j < body->coordinates; j++) {
     const int axis = body->coordinate[j].axis;
     away[axis] = inject[j];
+    ridden[axis] = inject[j] + (events->frame ? events->frame[row + (size_t)j] : 0.0);
     position[j] = loop->state->pose[axis] + (events->frame ? events->frame[row + (size_t)j] : 0.0) +
                   inject[j];
   }
   for (j = 0; j < body->heads; j++) {
     head[j] = events->command[i] & ANHYST_LOOP_DROP
                   ? (double)NAN
-                  : head[j] + anhyst_plant_moved(&body->head[j].line, away);
+                  : head[j] + anhyst_plant_moved(&body->head[j].line,
+                                                 body->head[j].absolute ? ridden : away);
   }
   sample->magnets = body->magnets;
   sample->heads = body->heads;

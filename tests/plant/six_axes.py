@@ -81,7 +81,10 @@ class Body:
             | {"current_sensor": wide, "flux_probe": wide}
             for one in self.lines
         ]
-        heads = [{"line": line(*one), "zero": 0.0, "sensor": wide} for one in self.lines[:6]]
+        heads = [
+            {"line": line(*one), "zero": 0.0, "sensor": wide, "absolute": 0}
+            for one in self.lines[:6]
+        ]
         return Plant(body, actuators, heads, example.load, [magnet] * len(actuators), 0)
 
 

@@ -70,6 +70,7 @@ typedef struct {
   anhyst_plant_line line;
   double zero; /* m */
   anhyst_plant_sensor sensor;
+  int absolute; /* looks past the frame: a loop adds how far that has moved along the line */
 } anhyst_plant_head;
 
 typedef struct {

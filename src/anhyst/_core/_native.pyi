@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
+_Numbers = Mapping[str, float]
 
 class AnyIron:
     """A material in physical units, of any law: A/m, and T for flux density."""
@@ -38,10 +39,7 @@ class AnyIron:
         """Return the flux density of a state, T."""
 
 class Iron(AnyIron):
-    """An iron of a law on the Langevin curve; ValueError if out of range.
-
-    Its state is x/a, M_irr/M_s, p/a.
-    """
+    """An iron of a law on the Langevin curve; its state is x/a, M_irr/M_s, p/a."""
 
     def __init__(
         self,
@@ -378,13 +376,11 @@ class Steel:
     """
 
     @overload
-    def __init__(
-        self, numbers: Mapping[str, float], thresholds: _Array, weights: _Array
-    ) -> None: ...
+    def __init__(self, numbers: _Numbers, thresholds: _Array, weights: _Array) -> None: ...
     @overload
-    def __init__(self, numbers: Mapping[str, float], everett: _Array) -> None: ...
+    def __init__(self, numbers: _Numbers, everett: _Array) -> None: ...
     @overload
-    def __init__(self, numbers: Mapping[str, float]) -> None: ...
+    def __init__(self, numbers: _Numbers) -> None: ...
 
 class Piece:
     """A piece of steel with its memory; starts demagnetised."""
@@ -409,11 +405,9 @@ class Magnet:
     """An electromagnet, plant/include/anhyst_plant/magnet.h: an iron, or a law and a table."""
 
     @overload
-    def __init__(self, numbers: Mapping[str, float], steel: Steel) -> None: ...
+    def __init__(self, numbers: _Numbers, steel: Steel) -> None: ...
     @overload
-    def __init__(
-        self, numbers: Mapping[str, float], iron: AnyIron, rows: _Array, psi: _Array
-    ) -> None: ...
+    def __init__(self, numbers: _Numbers, iron: AnyIron, rows: _Array, psi: _Array) -> None: ...
 
 class Coil:
     """The winding of a magnet with its memory; starts demagnetised."""
@@ -439,10 +433,7 @@ class Coil:
     def energy(self) -> float: ...
 
 class Plant:
-    """A body, its magnets, position heads and load drive, plant/include/anhyst_plant/body.h.
-
-    All numbers by the names there. It is at rest, its irons demagnetised.
-    """
+    """A body at rest, irons demagnetised, by the names of plant/include/anhyst_plant/body.h."""
 
     def __init__(
         self,
@@ -499,14 +490,11 @@ class _RealPosition(_Position):
         self,
         gains: _Array,
         magnets: list[ForceController] | list[ForceControllerF32],
-        settings: Mapping[str, float],
+        settings: _Numbers,
     ) -> None: ...
 
 class Position(_RealPosition):
-    """A controller of position_real.h with its force controllers, one or two; ValueError if not valid.
-
-    ``gains`` is ``PositionControl.gains``, ``settings`` is ``PositionControl.settings``.
-    """
+    """A controller of position_real.h by the numbers of ``PositionControl``, one or two magnets."""
 
 class PositionF32(_RealPosition):
     """The same in single precision, with force controllers of that."""
@@ -515,16 +503,13 @@ class FixedPosition(_Position):
     """The same in fixed point, position.h; signals of `tick` are SI here too."""
 
     def __init__(
-        self,
-        gains: NDArray[np.int32],
-        magnets: list[FixedForceController],
-        settings: Mapping[str, float],
+        self, gains: NDArray[np.int32], magnets: list[FixedForceController], settings: _Numbers
     ) -> None: ...
 
 class BusController(LoopController):
     """A controller at the other end of a plant bus, plant/include/anhyst_plant/bus.h."""
 
-    def __init__(self, socket: int, scales: Mapping[str, float]) -> None: ...
+    def __init__(self, socket: int, scales: _Numbers) -> None: ...
     def take(self) -> NDArray[np.uint32]:
         """Return its answers since the last time, a row of words a tick."""
     @property
@@ -536,9 +521,7 @@ _Drive = ForceController | ForceControllerF32 | FixedForceController
 class Tracking(LoopController):
     """PID, feedforward and allocation of a pair, plant/include/anhyst_plant/tracking.h."""
 
-    def __init__(
-        self, magnets: list[_Drive], pid: _Array, settings: Mapping[str, float]
-    ) -> None: ...
+    def __init__(self, magnets: list[_Drive], pid: _Array, settings: _Numbers) -> None: ...
 
 class TrackingF32(Tracking):
     """The same in single precision, its magnets too."""
@@ -547,15 +530,33 @@ class FixedTracking(LoopController):
     """The same in fixed point; the PID is words of PIDD2, currents and idle force are codes."""
 
     def __init__(
-        self, magnets: list[_Drive], pid: NDArray[np.int32], settings: Mapping[str, float]
+        self, magnets: list[_Drive], pid: NDArray[np.int32], settings: _Numbers
+    ) -> None: ...
+
+class WrenchLayout:
+    """Drives that only pull, around a body, by the names of core/include/anhyst/control/wrench.h."""
+
+    def __init__(
+        self, pull: _Array, against: Sequence[int], kind: int, idle: float, least: float
+    ) -> None: ...
+    def share(self, wrench: Sequence[float]) -> tuple[list[float], bool]:
+        """Return the forces, N, for a wrench, N and N m, and whether they make it."""
+
+class TrackingAxes(LoopController):
+    """PIDs of several axes and allocation, core/include/anhyst/control/axes.h: rows as there."""
+
+    def __init__(
+        self,
+        magnets: list[_Drive],
+        layout: WrenchLayout,
+        rows: Mapping[str, _Array],
+        settings: _Numbers,
     ) -> None: ...
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""
 
-    def __init__(
-        self, stage: Mapping[str, float], creep_times: _Array, creep_shares: _Array
-    ) -> None: ...
+    def __init__(self, stage: _Numbers, creep_times: _Array, creep_shares: _Array) -> None: ...
     def run(self, command: _Array) -> _Array:
         """Return where the stage is at each tick, m, from long rest; its command then holds."""
     def follow(
@@ -563,7 +564,7 @@ class PiezoMotion:
         drive: _Drive,
         filters: list[_Array],
         pid: _Array,
-        settings: Mapping[str, float],
+        settings: _Numbers,
         wanted: _Array,
         expected: _Array,
         noise: _Array,
@@ -577,10 +578,7 @@ class PlantLoop:
     """A plant and its controller in lock-step, plant/include/anhyst_plant/loop.h."""
 
     def __init__(
-        self,
-        plant: Plant,
-        controller: LoopController,
-        current_loops: Sequence[Mapping[str, float]],
+        self, plant: Plant, controller: LoopController, current_loops: Sequence[_Numbers]
     ) -> None: ...
     @property
     def signals(self) -> list[tuple[str, str, int]]:

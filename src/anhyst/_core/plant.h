@@ -133,7 +133,7 @@ public:
     for (const nb::dict &head : heads) {
       Settings given(head);
       heads_.push_back({to_line(given.take<nb::dict>("line")), given.take<double>("zero"),
-                        to_sensor(given.take<nb::dict>("sensor"))});
+                        to_sensor(given.take<nb::dict>("sensor")), given.take<int>("absolute")});
       given.finish();
     }
     read_load(load);

@@ -24,17 +24,14 @@ inline anhyst_tracking_scales take_scales(Settings &given)
   return scales;
 }
 
-template <class F> class TrackingLaw {
+// Force controllers as the drives of one controller, each of its own.
+template <class F> class Drives {
 public:
-  using Real = typename F::Real;
+  Drives() = default;
+  Drives(const Drives &) = delete;
+  Drives &operator=(const Drives &) = delete;
 
-  TrackingLaw() = default;
-  TrackingLaw(const TrackingLaw &) = delete;
-  TrackingLaw &operator=(const TrackingLaw &) = delete;
-
-  // Takes what the settings say of the law; magnets are its drives.
-  void start(const nb::list &magnets, const nb::list &filters, const typename F::Pid &pid,
-             Settings &given, const anhyst_tracking_scales &scales)
+  void start(const nb::list &magnets, const anhyst_tracking_scales &scales)
   {
     for (size_t i = 0; i < magnets.size(); i++) {
       for (size_t j = 0; j < i; j++) {
@@ -45,25 +42,10 @@ public:
       magnets_.push_back(nb::borrow(magnets[i]));
       drives_.push_back(drive_of(magnets[i], scales));
     }
-    for (nb::handle filter : filters) {
-      filters_.push_back(F::filter(nb::cast<typename F::Row>(filter)));
-    }
-    filtered_.resize(filters_.size());
-    settings_.pid = pid;
-    settings_.allocation.kind = given.take<uint16_t>("allocation");
-    settings_.allocation.idle = given.take<Real>("idle");
-    settings_.current_low = given.take<Real>("current_low");
-    settings_.current_high = given.take<Real>("current_high");
-    settings_.current_step = given.take<Real>("current_step");
-    settings_.filter = filters_.data();
-    settings_.filters = static_cast<uint16_t>(filters_.size());
-    if (F::init(&tracking_, &settings_, drives_.data(), static_cast<uint16_t>(drives_.size()),
-                filtered_.data()) != ANHYST_OK) {
-      throw std::invalid_argument("the settings of the controller are not valid");
-    }
   }
 
-  typename F::State *get() { return &tracking_; }
+  typename F::Drive *const *data() const { return drives_.data(); }
+  uint16_t size() const { return static_cast<uint16_t>(drives_.size()); }
 
 private:
   typename F::Drive *drive_of(nb::handle magnet, const anhyst_tracking_scales &scales)
@@ -96,6 +78,39 @@ private:
   std::deque<anhyst_tracking_drive_f32> narrow_;
   std::deque<anhyst_force_controller_f64> in_si_;
   std::vector<typename F::Drive *> drives_;
+};
+
+template <class F> class TrackingLaw {
+public:
+  using Real = typename F::Real;
+
+  // Takes what the settings say of the law; magnets are its drives.
+  void start(const nb::list &magnets, const nb::list &filters, const typename F::Pid &pid,
+             Settings &given, const anhyst_tracking_scales &scales)
+  {
+    drives_.start(magnets, scales);
+    for (nb::handle filter : filters) {
+      filters_.push_back(F::filter(nb::cast<typename F::Row>(filter)));
+    }
+    filtered_.resize(filters_.size());
+    settings_.pid = pid;
+    settings_.allocation.kind = given.take<uint16_t>("allocation");
+    settings_.allocation.idle = given.take<Real>("idle");
+    settings_.current_low = given.take<Real>("current_low");
+    settings_.current_high = given.take<Real>("current_high");
+    settings_.current_step = given.take<Real>("current_step");
+    settings_.filter = filters_.data();
+    settings_.filters = static_cast<uint16_t>(filters_.size());
+    if (F::init(&tracking_, &settings_, drives_.data(), drives_.size(), filtered_.data()) !=
+        ANHYST_OK) {
+      throw std::invalid_argument("the settings of the controller are not valid");
+    }
+  }
+
+  typename F::State *get() { return &tracking_; }
+
+private:
+  Drives<F> drives_;
   std::vector<typename F::Filter> filters_;
   std::vector<typename F::FilterState> filtered_;
   typename F::Settings settings_{};

@@ -315,6 +315,12 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     )
     for name, one in found.tried.items():
         rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
+    own = next(iter(found.tried.values()))
+    crossed = table("largest error of what is held", ["", *own.crossed])
+    for name, one in found.tried.items():
+        crossed.add_row(
+            name, *(interval_text(one.cross_talk(axis), factor=1e9) for axis in one.crossed)
+        )
     judged = (
         f"verdict: {verdict(found).sentence}",
         *(f"against '{name}': {one.sentence}" for name, one in verdicts(found).items()),
@@ -323,6 +329,7 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     show(
         *(f"lost: {one}" for one in found.lost_in),
         rows,
+        *((crossed, "in nm and nrad") if own.crossed else ()),
         f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
         f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
         *(() if found.lost_in else judged),

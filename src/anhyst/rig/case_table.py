@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from anhyst.rig.magnet_table import OPENS, Direction
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
     BRANCH,
@@ -59,6 +60,7 @@ class ScanCase(Table):
     train_m_per_s2: Peaks
     test_m_per_s2: Peaks
     slit_s: Positive
+    direction: Direction = OPENS  # of a body of several coordinates
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

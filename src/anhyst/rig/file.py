@@ -161,6 +161,22 @@ class RigFile(Table):
         return None if self.opposite is None else self.gap_m + self.opposite.gap_m
 
     @property
+    def several(self) -> bool:
+        """Whether the body is free in more than one coordinate."""
+        bodies = [body for body in self.bodies if isinstance(body, BodyTable)]
+        return isinstance(self.control, TrackingTable) and any(len(one.free) > 1 for one in bodies)
+
+    @property
+    def placed(self) -> list[MagnetTable | LikeTable]:
+        """Everything that pulls at the body, as listed."""
+        return [one for one in self.magnets if isinstance(one, MagnetTable | LikeTable)]
+
+    @property
+    def position_sensors(self) -> list[PositionSensorTable]:
+        """What the pose of the body is found from."""
+        return [one for one in self.sensors if isinstance(one, PositionSensorTable)]
+
+    @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file
         """What each magnet of a pair pulls with where no net force is wanted."""
         control = self.control

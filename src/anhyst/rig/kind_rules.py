@@ -37,6 +37,7 @@ from anhyst.rig.tables import (
     StackAmplifierTable,
     StackTable,
     TimingTable,
+    TrackingTable,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import NAMES, FileKind
@@ -55,6 +56,8 @@ class KindRule:
     # keys that a table of it must have though others may leave them out, and those without a use
     needed: Mapping[type[Table], tuple[str, ...]] = field(default_factory=dict)
     unused: Mapping[type[Table], tuple[str, ...]] = field(default_factory=dict)
+    # how many tables there are instead where the body is free in several coordinates
+    several: Mapping[type[Table], tuple[float, float]] = field(default_factory=dict)
 
 
 _READ: Mapping[type[Table], tuple[float, float]] = {
@@ -71,6 +74,23 @@ _BODY_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     CurrentSensorTable: ("offset_A",),
     PositionSensorTable: ("step_m",),
 }
+
+
+_SEVERAL_NEED: Mapping[type[Table], tuple[str, ...]] = {
+    MagnetTable: ("direction", "position_m"),
+    LikeTable: ("position_m",),
+    PositionSensorTable: ("direction", "position_m"),
+}
+"""Keys that say where things are on a body of several coordinates."""
+_ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
+    MagnetTable: ("position_m",),
+    LikeTable: ("position_m",),
+    PositionSensorTable: ("direction", "position_m"),
+    BodyTable: ("centre_m", "inertia_kg_m2", "tilt_rad"),
+    ScanCase: ("direction",),
+    TrackingTable: ("force_min_N",),
+}
+"""Keys without a use where there is one coordinate."""
 
 
 def _no_spread(kind: FileKind) -> tuple[str, ...]:
@@ -101,7 +121,11 @@ RULES: Mapping[FileKind, KindRule] = {
             "noise_seeds": False,
         },
         needed=_BODY_NEEDS,
-        unused={**_BODY_UNUSED, SpreadTable: _no_spread(FileKind.BEARING)},
+        unused={
+            **_BODY_UNUSED,
+            BodyTable: ("free",),
+            SpreadTable: _no_spread(FileKind.BEARING),
+        },
     ),
     FileKind.STAGE: KindRule(
         tables={
@@ -125,6 +149,7 @@ RULES: Mapping[FileKind, KindRule] = {
         },
         needed=_BODY_NEEDS,
         unused={**_BODY_UNUSED, SpreadTable: _no_spread(FileKind.STAGE)},
+        several={LikeTable: MANY, PositionSensorTable: MANY},
     ),
     FileKind.FORCE: KindRule(
         tables={
@@ -195,9 +220,10 @@ def rule_faults(file: RigFile) -> list[FileFault]:
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
     rule, whose = RULES[file.kind], NAMES[file.kind][0]
+    counts = {**rule.tables, **(rule.several if file.several else {})}
     for kind, (key, title) in _TITLES.items():
         places = [place for place, table in file.tables() if type(table) is kind]
-        least, most = rule.tables.get(kind, (0, 0))
+        least, most = counts.get(kind, (0, 0))
         if len(places) < least:
             yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
         elif len(places) > most:
@@ -223,13 +249,19 @@ def _single_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _key_faults(file: RigFile) -> Iterator[FileFault]:
     rule, whose = RULES[file.kind], NAMES[file.kind][0]
-    single: list[tuple[Any, Table]] = [(("timing",), file.timing), (("spread",), file.spread)]
+    single: list[tuple[Any, Table]] = [
+        (("timing",), file.timing),
+        (("control",), file.control),
+        (("spread",), file.spread),
+    ]
+    also = _SEVERAL_NEED if file.several else {}
+    besides = {} if file.several else _ONE_UNUSED
     for place, table in [*file.tables(), *single]:
-        for key in rule.needed.get(type(table), ()):
+        for key in (*rule.needed.get(type(table), ()), *also.get(type(table), ())):
             if key not in table.model_fields_set:
                 text = f"is missing, {whose} needs it; add it"
                 yield FileFault((*place, key), text, code="missing")
-        for key in rule.unused.get(type(table), ()):
+        for key in (*rule.unused.get(type(table), ()), *besides.get(type(table), ())):
             if key in table.model_fields_set:
                 text = f"{whose} has no use for it; remove it"
                 yield FileFault((*place, key), text, code="not-for-this-kind")
@@ -257,7 +289,7 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             yield FileFault((*place, "iron"), text, code="unknown-name")
         if isinstance(magnet, LikeTable):
             yield from _opposite_faults(file, place, magnet)
-        elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES:
+        elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES and not file.several:
             text = f"the first magnet pulls along {CLOSES}, towards smaller gaps; write that"
             yield FileFault((*place, "direction"), text, code="wrong-direction")
     if file.kind is FileKind.BEARING and (file.opposite is None) != (file.bias_N is None):
@@ -274,7 +306,7 @@ def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[F
     if first is not None and magnet.like != first.name:
         text = f"names no magnet; write '{first.name}'"
         yield FileFault((*place, "like"), text, code="unknown-name")
-    if magnet.direction != OPENS:
+    if magnet.direction != OPENS and not file.several:
         text = f"a second magnet pulls against the first, along {OPENS}; write that"
         yield FileFault((*place, "direction"), text, code="wrong-direction")
 

@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from anhyst.rig.parts.magnet import Poles
 from anhyst.support.errors import InputError
@@ -15,7 +16,23 @@ from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive
 FROM_LOOPS = "from loops"
 
 
-Direction = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Place = Annotated[list[Number], Field(min_length=3, max_length=3)]
+"""On the body, along x, y, z, m."""
+ORIGIN = [0.0, 0.0, 0.0]
+
+
+DIRECTION_ROUNDING = 1e-6
+"""By which the length of a unit vector may be off."""
+
+
+def _unit(value: list[float]) -> list[float]:
+    if abs(math.hypot(*value) - 1.0) > DIRECTION_ROUNDING:
+        text = f"has a length of {math.hypot(*value):.6g}; write a unit vector"
+        raise InputError(text, code="no-unit-vector")
+    return value
+
+
+Direction = Annotated[Place, AfterValidator(_unit)]
 """Unit vector along x, y, z."""
 CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
 """Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
@@ -28,6 +45,7 @@ class MagnetTable(Table):
     kind: Literal["electromagnet", "law"] = "electromagnet"
     iron: str | None = None  # name of an iron, or "from loops"
     direction: Direction = CLOSES
+    position_m: Place = ORIGIN  # of the middle of its poles, on the body
     gap_m: Positive | None = None  # where the body works
     turns: Annotated[int, Field(ge=1)] | None = None
     resistance_ohm: Positive | None = None
@@ -96,6 +114,7 @@ class LikeTable(Table):
     name: Name
     like: Name
     direction: Direction
+    position_m: Place = ORIGIN
     gap_m: Positive
 
 

@@ -13,6 +13,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from anhyst.rig.magnet_table import Direction, Place
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import (
     BRANCH,
@@ -141,6 +142,9 @@ class PositionSensorTable(Table):
     of: Literal["position"]
     noise_m: NotNegative
     step_m: NotNegative = 0.0
+    # where it looks at a body of several coordinates, and the way in which its reading rises
+    position_m: Place | None = None
+    direction: Direction | None = None
 
 
 SensorEntry = Annotated[

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from anhyst.compensate.interface import NumberFormat
+from anhyst.rig.magnet_table import ORIGIN, Place
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import (
@@ -100,10 +101,21 @@ AmplifierEntry = Annotated[
 ]
 
 
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+AXES: tuple[Axis, ...] = get_args(Axis)
+"""Ways in which a body is free: along and about x, y, z."""
+_ALONG_X: list[Axis] = ["x"]
+
+
 class BodyTable(Table):
     """``[[body]]``: what moves, its guide and its end stops."""
 
     mass_kg: Positive
+    free: Annotated[list[Axis], Field(min_length=1)] = _ALONG_X
+    centre_m: Place = ORIGIN  # centre of mass, on the body
+    # about it, of x, y and z
+    inertia_kg_m2: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
+    tilt_rad: Positive = 1e-3  # where the end stops of the angles are, either way
     stop_low_m: Positive
     stop_high_m: Positive
     damping_N_s_per_m: NotNegative = 0.0
@@ -112,6 +124,10 @@ class BodyTable(Table):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         ordered("stop_low_m", self.stop_low_m, "stop_high_m", self.stop_high_m)
+        if self.free != [axis for axis in AXES if axis in self.free]:
+            raise InputError(f"free names some of {list(AXES)}, in this order", code="wrong-order")
+        if {*AXES[3:]} & {*self.free} and self.inertia_kg_m2 is None:
+            raise InputError("a body that turns needs inertia_kg_m2; add it", code="missing")
         return self
 
 
@@ -253,13 +269,14 @@ class LevitationTable(Table):
 
 
 class TrackingTable(Table):
-    """``kind = "tracking"``: a mass between two magnets follows a set-point."""
+    """``kind = "tracking"``: a body between magnets follows a set-point."""
 
     kind: Literal["tracking"]
     bias_N: Positive
     format: NumberFormat = "fixed"
     crossover_Hz: Positive
     force_max_N: Positive
+    force_min_N: NotNegative = 0.5  # of a magnet without another against it
 
 
 class ForceTable(Table):

@@ -22,6 +22,7 @@ from anhyst.reports.bearing.look import (
 )
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.recording import Recording, moving
+from anhyst.rig.stage.file import unit_of
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
@@ -130,6 +131,8 @@ _TILES = (
 def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) -> None:
     """Write the report of a stage: one HTML file that needs nothing else."""
     sections = [_scan(study), _settling(study), _limits(study), _learning(study)]
+    if study.rig.settings.several:
+        sections.insert(1, _cross_talk(study))
     text = render_page(
         _headline(study),
         [*sections, _origin(study, command)],
@@ -149,7 +152,8 @@ def _headline(study: TrackingStudy) -> Headline:
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
     return Headline(
         title=plant.name,
-        what=f"A mass of {plant.body.mass_kg:g}{NBSP}kg between two magnets at "
+        what=f"A mass of {plant.body.mass_kg:g}{NBSP}kg{_freedom(study)} between "
+        f"{_MAGNETS.get(len(plant.placed), str(len(plant.placed)))} magnets at "
         f"{1e3 * study.rig.gap:g}{NBSP}mm, which ride on a long stroke that is off by "
         f"{1e6 * plant.frame.stray_m:g}{NBSP}µm; position loop of {tracking.crossover_Hz:g}{NBSP}Hz, "
         f"{plant.timing.rate_Hz:g} ticks a second, compensators in format {tracking.format}.",
@@ -161,6 +165,30 @@ def _headline(study: TrackingStudy) -> Headline:
         comparison=_comparison(study),
         holds="These figures hold for this plant and these settings, and for no other iron.",
     )
+
+
+_MAGNETS = {2: "two", 3: "three", 8: "eight", 10: "ten"}
+
+
+def _freedom(study: TrackingStudy) -> str:
+    """Return in what the body is free, where that is more than one coordinate."""
+    file = study.rig.settings
+    return f", free in {', '.join(file.body.free)}," if file.several else ""
+
+
+def _cross_talk(study: TrackingStudy) -> Section:
+    crossed = list(study.tried[OWN].crossed)
+    rows = [
+        [name] + [interval_text(one.cross_talk(axis), factor=1e9) for axis in crossed]
+        for name, one in study.tried.items()
+    ]
+    found = table(
+        "Largest error of every coordinate that the set-point does not move",
+        ["variant", *(f"{axis} [n{unit_of(axis)}]" for axis in crossed)],
+        rows,
+        "On the test set-point, the first scan left out.",
+    )
+    return Section("cross-talk", "Cross-talk", (found,))
 
 
 def _tiles(study: TrackingStudy) -> tuple[Tile, ...]:

@@ -148,7 +148,9 @@ def plant_faults(file: RigFile) -> list[FileFault]:
     faults = _delay_faults(file)
     body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
     opposite, total = file.opposite, file.gap_total_m
-    if opposite is not None and total is not None and not high < total:
+    if file.several:
+        faults += _reach_faults(file)
+    elif opposite is not None and total is not None and not high < total:
         text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
         text += "magnet is touched; raise it"
         faults.append(FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow"))
@@ -168,6 +170,26 @@ def plant_faults(file: RigFile) -> list[FileFault]:
         key = file.place(file.magnet, "gap_m")
         faults.append(FileFault(key, f"{text}; lower it or move the stops", code="outside-travel"))
     return faults
+
+
+def _reach_faults(file: RigFile) -> list[FileFault]:
+    """Find magnets that a body of several coordinates would touch before its end stops."""
+    body, travel = file.body, travel_m(file)
+    return [
+        FileFault(
+            file.place(magnet, "gap_m"),
+            f"the body travels {travel:g} m, from {body.stop_low_m:g} to {body.stop_high_m:g} m at "
+            "the first magnet, and would touch this one; raise it",
+            code="range-too-narrow",
+        )
+        for magnet in file.placed
+        if magnet.gap_m is not None and not travel < magnet.gap_m
+    ]
+
+
+def travel_m(file: RigFile) -> float:
+    """Return how far a body of several coordinates moves either way before an end stop, m."""
+    return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
 
 
 def _delay_faults(file: RigFile) -> list[FileFault]:

@@ -14,9 +14,10 @@ from anhyst._core import Coil, Magnet, Plant
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.file import BearingRig, travel_m
 from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
 from anhyst.rig.sensor_table import PositionSensor
+from anhyst.rig.tables import AXES
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.elementary import passed
@@ -192,7 +193,7 @@ def make_bearing(rig: BearingRig, seed: int, *magnets: Magnet) -> Plant:
     Where fewer magnets are given than it has, all others are like the first.
     """
     own = magnets or (make_magnet(rig),)
-    numbers = plant_numbers(rig)
+    numbers = axes_numbers(rig) if rig.settings.several else plant_numbers(rig)
     return Plant(
         numbers.body,
         numbers.actuators,
@@ -234,13 +235,80 @@ def plant_numbers(rig: BearingRig) -> PlantNumbers:
         }
         for line, zero in places[: len(rig.magnets)]
     ]
-    heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"]}]
+    heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"], "absolute": 0}]
     return PlantNumbers(_body(rig, sensors["force"]), actuators, heads, _load(rig))
+
+
+def axes_numbers(rig: BearingRig) -> PlantNumbers:
+    """Return the numbers of a plant of several coordinates: displacements from where it works.
+
+    Its heads are a gap sensor for each magnet, then the position sensors, which do not ride on the
+    frame. Weight is along -z.
+    """
+    file, sensors = rig.settings, _sensors(rig)
+    actuators = [
+        {
+            "line": {"r": magnet.position_m, "d": magnet.direction},
+            "gap_zero": magnet.gap_m,
+            "amplifier": _amplifier(rig),
+            "current_sensor": sensors["current"],
+            "flux_probe": sensors["hall"],
+            "has_probe": int(file.hall_probe is not None),
+        }
+        for magnet in file.placed
+    ]
+    gaps = [
+        {
+            "line": {"r": magnet.position_m, "d": [-part for part in magnet.direction]},
+            "zero": magnet.gap_m,
+            "sensor": sensors["gap"],
+            "absolute": 0,
+        }
+        for magnet in file.placed
+    ]
+    heads = [
+        {
+            "line": {"r": one.position_m, "d": one.direction},
+            "zero": 0.0,
+            "sensor": _sensor((-1.0, 1.0), 0.0, one.noise_m) | _lag(rig.step, math.inf),
+            "absolute": 1,
+        }
+        for one in file.position_sensors
+    ]
+    return PlantNumbers(_axes_body(rig, sensors["force"]), actuators, gaps + heads, _load(rig))
+
+
+def _axes_body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
+    file, body = rig.settings, rig.settings.body
+    inertia = body.inertia_kg_m2 or [0.0, 0.0, 0.0]
+    omega = 2.0 * math.pi * STOP_RESONANCE
+
+    def coordinate(axis: int) -> dict[str, float]:
+        end, moved = (travel_m(file), body.mass_kg)
+        if axis >= 3:
+            end, moved = body.tilt_rad, inertia[axis - 3]
+        return {
+            "axis": axis,
+            "rest": 0.0,
+            "damping": body.damping_N_s_per_m if axis < 3 else 0.0,
+            "stop_low": -end,
+            "stop_high": end,
+            "stop_stiffness": moved * (omega * omega),
+            "stop_damping": moved * omega,
+        }
+
+    return _body(rig, force_sensor) | {
+        "coordinate": [coordinate(AXES.index(axis)) for axis in body.free],
+        "centre": body.centre_m,
+        "inertia": np.diag(inertia).tolist(),
+        "gravity": [0.0, 0.0, -body.gravity_m_per_s2],
+        "force_along": file.scan.direction,
+    }
 
 
 def current_loops(rig: BearingRig) -> list[dict[str, float]]:
     """Return what stands before each amplifier."""
-    return [current_loop(rig) for _ in rig.magnets]
+    return [current_loop(rig) for _ in rig.settings.magnets]
 
 
 def current_loop(rig: BearingRig) -> dict[str, float]:

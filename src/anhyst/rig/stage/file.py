@@ -1,19 +1,30 @@
-"""A short-stroke stage, from its rig file: a mass between two magnets that ride on a long stroke."""
+"""A short-stroke stage, from its rig file: a body between magnets that ride on a long stroke."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
+from anhyst._core import WrenchLayout
+from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
+from anhyst.rig.magnet_table import DIRECTION_ROUNDING
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.tables import AXES
+from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import FileFault
+
+_SAME = 1e-9
+"""By which lines of a pair may miss each other, m or parts of a direction."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +72,111 @@ def read_stage(path: PathLike) -> StageRig:
     if settings.magnet.from_loops:
         key = settings.place(settings.magnet, "iron")
         faults.append(FileFault(key, "a stage needs its iron; name one of [[iron]]", "missing"))
+    if settings.several and not faults:
+        faults = list(_axes_faults(settings))
     if faults:
         raise rig_error(place, faults)
     return StageRig(place, settings)
+
+
+def _axes_faults(file: RigFile) -> Iterator[FileFault]:
+    """Find what keeps a body of several coordinates from being seen, held or moved."""
+    free = ", ".join(file.body.free)
+    if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
+        text = f"the position sensors do not tell {free} apart; add one, or move them"
+        yield FileFault(("sensor",), text, code="axis-not-seen")
+    if abs(np.linalg.norm(scan_direction(file)) - 1.0) > DIRECTION_ROUNDING:
+        text = f"the body is free in {free} and cannot go there; correct it"
+        yield FileFault(file.place(file.scan, "direction"), text, code="wrong-direction")
+    try:
+        layout = wrench_layout(file, Allocation.CLASS_AB, file.tracking.bias_N)
+    except ValueError:
+        text = f"these magnets cannot push along all of {free}; add one, or move them"
+        yield FileFault(("magnet",), text, code="axis-not-held")
+        return
+    if not layout.share((-weight(file)).tolist())[1]:
+        text = "no forces of magnets that only pull carry the weight; turn one, or add one"
+        yield FileFault(("magnet",), text, code="load-too-large")
+
+
+# A body of several coordinates as matrices: displacements and angles from where it works, of the
+# coordinates in which it is free.
+
+
+def axes_of(file: RigFile) -> list[int]:
+    """Return the coordinates, 0 to 5."""
+    return [AXES.index(axis) for axis in file.body.free]
+
+
+def unit_of(axis: str) -> str:
+    """Return the unit of a coordinate as columns end with it."""
+    return "rad" if axis.startswith("r") else "m"
+
+
+def error_columns(free: Sequence[str]) -> list[str]:
+    """Return the columns of a recording that hold the error of each coordinate."""
+    return [f"error_{axis}_{unit_of(axis)}" for axis in free]
+
+
+def _rows(file: RigFile, lines: Sequence[tuple[Sequence[float], Sequence[float]]]) -> FloatArray:
+    """Return for each line how a body that moves along a coordinate moves along the line."""
+    whole = np.array([[*direction, *np.cross(place, direction)] for place, direction in lines])
+    return np.ascontiguousarray(whole[:, axes_of(file)])
+
+
+def pull_rows(file: RigFile) -> FloatArray:
+    """Return the wrench of 1 N of each magnet, a row a magnet, N and N m."""
+    return _rows(file, [(one.position_m, one.direction) for one in file.placed])
+
+
+def head_rows(file: RigFile) -> FloatArray:
+    """Return what each head reads of a coordinate, a row a head."""
+    sensors = [(one.position_m or [], one.direction or []) for one in file.position_sensors]
+    return _rows(file, sensors)
+
+
+def _jump(file: RigFile) -> FloatArray:
+    """Return how the centre of mass moves with the six coordinates of the body."""
+    jump = np.eye(6)
+    jump[:3, 3:] = np.cross(np.eye(3), file.body.centre_m).T
+    return jump
+
+
+def mass_matrix(file: RigFile) -> FloatArray:
+    """Return masses and moments of inertia about the point that the pose is of."""
+    inertia = file.body.inertia_kg_m2 or [0.0, 0.0, 0.0]
+    jump = _jump(file)
+    whole = jump.T @ np.diag([*[file.body.mass_kg] * 3, *inertia]) @ jump
+    return np.ascontiguousarray(whole[np.ix_(axes_of(file), axes_of(file))])
+
+
+def decoupling(file: RigFile) -> tuple[FloatArray, FloatArray]:
+    """Return what takes errors to the centre of mass, and accelerations of it to a wrench."""
+    apart = np.ascontiguousarray(_jump(file)[np.ix_(axes_of(file), axes_of(file))])
+    return apart, np.ascontiguousarray(mass_matrix(file) @ np.linalg.inv(apart))
+
+
+def weight(file: RigFile) -> FloatArray:
+    """Return the wrench of the weight, which is along -z."""
+    down = np.array([0.0, 0.0, -file.body.mass_kg * file.body.gravity_m_per_s2])
+    return np.concatenate([down, np.cross(file.body.centre_m, down)])[axes_of(file)]
+
+
+def scan_direction(file: RigFile) -> FloatArray:
+    """Return the way of the set-point, a number a coordinate."""
+    return np.array([*file.scan.direction, 0.0, 0.0, 0.0])[axes_of(file)]
+
+
+def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
+    """Return how wrenches are shared out; magnets that pull against each other are a pair.
+
+    Raises ValueError where the magnets cannot push along every coordinate.
+    """
+    lines = np.array(
+        [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.placed]
+    )
+    against = list(range(len(lines)))
+    for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _SAME).tolist():
+        if against[i] == i and against[j] in (i, j):
+            against[i] = j
+    return WrenchLayout(pull_rows(file), against, kind, idle, file.tracking.force_min_N)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst._core import FixedTracking, LoopController, PlantLoop, Tracking, TrackingF32
+from anhyst._core import (
+    FixedTracking,
+    LoopController,
+    PlantLoop,
+    Tracking,
+    TrackingAxes,
+    TrackingF32,
+)
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import make_compensator
@@ -17,6 +24,7 @@ from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_stage
+from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.recording import (
@@ -26,11 +34,22 @@ from anhyst.rig.recording import (
     Loss,
     Recording,
     SignalBound,
+    column,
     find_loss,
     in_columns,
     of_magnets,
 )
-from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.file import (
+    StageRig,
+    decoupling,
+    error_columns,
+    head_rows,
+    mass_matrix,
+    scan_direction,
+    unit_of,
+    weight,
+    wrench_layout,
+)
 from anhyst.rig.stage.setpoint import SetPoint
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -142,6 +161,8 @@ def track(
     forward = feed(rig, motion, gains)
     if learnt is not None:
         forward = forward + learnt
+    if settings.several:
+        return _track_axes(setup, seed, reference, stray(rig, motion, time), forward)
     noise = np.random.default_rng([settings.seed, seed]).normal(
         0.0, settings.position_sensor.noise_m, n
     )
@@ -159,6 +180,74 @@ def track(
     )
     run = Recording.of_table(in_columns(loop, rows))
     return Recording(_recorded(rig, run, reference, frame), _loss(rig, run, n))
+
+
+def _track_axes(
+    setup: StageSetup, seed: int, reference: FloatArray, strayed: FloatArray, forward: FloatArray
+) -> Recording:
+    """Follow a reference along its direction with a body of several coordinates.
+
+    The magnets ride on the frame, the position heads do not. What is fed forward moves the centre
+    of mass, and carries the weight.
+    """
+    rig, file, n = setup.rig, setup.rig.settings, forward.size
+    along, moved = scan_direction(file), mass_matrix(file)
+    frame = np.outer(reference + strayed, along)
+    wrench = np.outer(forward / file.body.mass_kg, moved @ along) - weight(file)
+    bearing = drifted_stage(rig.bearing, setup.drift, seed)
+    loop = PlantLoop(bearing, _axes_controller(setup), current_loops(rig.bearing))
+    rows = loop.run(
+        np.outer(reference[:n], along).ravel(),
+        np.zeros(n),
+        np.zeros(n * along.size),
+        wrench.ravel(),
+        np.zeros(n, dtype=np.uint32),
+        frame.ravel(),
+    )
+    run = Recording.of_table(rows, [column(*signal) for signal in loop.signals])
+    return Recording(_axes_recorded(rig, run, reference, frame), _axes_loss(rig, run, n))
+
+
+def _axes_recorded(
+    rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
+) -> dict[str, FloatArray]:
+    """Return the columns of a recording: along the set-point, of every coordinate, every magnet."""
+    file, n = rig.settings, len(run)
+    along, free = scan_direction(file), file.body.free
+    poses = np.column_stack([run[name] for name in _of_axes("pose", free)]) + frame[:n]
+    errors = np.outer(reference[:n], along) - poses
+    demand = np.column_stack([run[name] for name in _of_axes("demand", free, ("N", "N_m"))]) @ along
+    ticks = np.arange(n, dtype=float)
+    late = file.timing.delay_ticks + 0.5
+    return {
+        "t_s": run["t_s"],
+        "reference_m": reference[:n],
+        "position_m": poses @ along,
+        "error_m": errors @ along,
+        "demand_N": demand,
+        "force_N": run["force_N"],
+        "force_error_N": run["force_N"] - np.interp(ticks - late, ticks, demand),
+        **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
+        **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
+    }
+
+
+def _of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
+    """Return the columns of a signal of every coordinate, in the loop's own record."""
+    return [
+        column(signal, units[unit_of(axis) == "rad"], number) for number, axis in enumerate(free, 1)
+    ]
+
+
+def _axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
+    file = rig.settings
+    most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
+    bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
+    for axis, name in zip(file.body.free, _of_axes("pose", file.body.free), strict=True):
+        end = file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
+        bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
+    return find_loss(bounds, planned)
 
 
 def _recorded(
@@ -204,6 +293,27 @@ def _controller(setup: StageSetup) -> LoopController:
         return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
     made = Tracking if setup.law == "f64" else TrackingF32
     return made(magnets, np.array(list(pid(rig).values())), settings)
+
+
+def _axes_controller(setup: StageSetup) -> LoopController:
+    """Return PIDs, decoupling and allocation in double precision, compensators in their format."""
+    file, settings = setup.rig.settings, controller_settings(setup)
+    settings.pop("gap_total")
+    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+    decouple, weigh = decoupling(file)
+    b0, b1, b2, a1, a2 = pid(setup.rig).values()
+    mass = file.body.mass_kg
+    return TrackingAxes(
+        [setup.compensator.fresh().native for _ in file.placed],
+        wrench_layout(file, kind, idle),
+        {
+            "see": np.ascontiguousarray(np.linalg.pinv(head_rows(file))),
+            "decouple": decouple,
+            "weigh": weigh,
+            "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
+        },
+        settings,
+    )
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:

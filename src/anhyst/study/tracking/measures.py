@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from anhyst.rig.recording import Recording, moving, peak, rms, settled_from
+from anhyst.rig.stage.file import error_columns
 from anhyst.rig.stage.setpoint import SetPoint
 
 BANDS_M = (50e-9, 10e-9)
@@ -47,6 +49,22 @@ class Measures:
 
 LOST = Measures(*[float("inf")] * 8)
 """Of a run in which the loop was lost."""
+
+
+def cross_talk(run: Recording, motion: SetPoint, free: Mapping[str, float]) -> dict[str, float]:
+    """Return the largest error of each coordinate that the set-point does not move, m or rad.
+
+    The coordinates are given with their part in the direction of the set-point; the first scan is
+    left out.
+    """
+    still = [axis for axis, part in free.items() if part == 0.0]
+    if run.loss is not None:
+        return dict.fromkeys(still, math.inf)
+    since = round(motion.pulses[1][0] / run.dt)
+    return {
+        axis: peak(run[column][since:])
+        for axis, column in zip(still, error_columns(still), strict=True)
+    }
 
 
 def cruises(motion: SetPoint, dt: float) -> list[slice]:

@@ -14,7 +14,8 @@ from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.tracking.measures import measure
-from anhyst.study.tracking.simulate import COMPARED, OWN, find_gains, make_variants, refuse_unstable
+from anhyst.study.tracking.simulate import OWN, find_gains, make_variants, refuse_unstable
+from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress
 
@@ -33,10 +34,17 @@ ERRORS: Mapping[str, tuple[str, ...]] = {
 def stage_plants(
     rig: StageRig,
     magnet: IdentifiedMagnet | None = None,
-    names: Sequence[MethodName] = COMPARED,
+    names: Sequence[MethodName] = (),
     progress: Progress | None = None,
 ) -> Plants:
     """Return what plants of a stage are run with: variants with the gains of the calibrated one."""
+    if rig.settings.several:
+        raise InputError(
+            f"{rig.path}: body.free: plants are drawn for one coordinate alone; leave out "
+            "--monte-carlo",
+            code="one-coordinate-only",
+            key="body.free",
+        )
     known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops)
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])

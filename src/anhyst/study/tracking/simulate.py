@@ -15,12 +15,20 @@ from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.data.writing import check_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.file import StageRig, read_stage, scan_direction, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
-from anhyst.study.tracking.measures import BANDS_M, Measures, cruises, measure, settling
+from anhyst.study.tracking.measures import (
+    BANDS_M,
+    Measures,
+    cross_talk,
+    cruises,
+    measure,
+    settling,
+)
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
@@ -122,6 +130,8 @@ OWN: MethodName = "full"
 _NOT_SHOWN = ("ratio", "secant", "simplified")
 COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
 """Variants, in the order of every table."""
+OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux")
+"""The same of a body of several coordinates."""
 SMALL = 0.1
 """Of the accelerations of the test set-point: what is called small forces."""
 _STILL_S = 0.2
@@ -141,6 +151,9 @@ class TriedVariant:
     repeated: Measures
     standstill_m: float  # error at rest, rms, the long stroke moving
     trials_m: tuple[float, ...]  # peak of each trial of learning control, m
+    # of each coordinate that the set-point does not move the largest error, one a seed, m or rad;
+    # none of a body of one coordinate
+    crossed: Mapping[str, tuple[float, ...]]
 
     def of(self, name: str) -> Interval:
         """Return a measure over the seeds; no mean where one of the runs was lost."""
@@ -148,6 +161,11 @@ class TriedVariant:
         if lost:
             return no_mean(lost, count)
         return mean_interval([getattr(one, name) for one in self.measures])
+
+    def cross_talk(self, axis: str) -> Interval:
+        """Return the largest error of another coordinate over the seeds."""
+        lost, count = sum(one.lost for one in self.measures), len(self.measures)
+        return no_mean(lost, count) if lost else mean_interval(self.crossed[axis])
 
     @property
     def lost_in(self) -> list[str]:
@@ -213,6 +231,8 @@ class TrackingStudy(Result):
         for name, one in self.tried.items():
             peak, average = 1e9 * one.of("peak_m").mean, 1e9 * one.of("average_m").mean
             told[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
+            for axis in one.crossed:
+                told[name] += f", {axis} {1e9 * one.cross_talk(axis).mean:.0f} n{unit_of(axis)}"
         return told | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
@@ -269,6 +289,17 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
         "one_repeated_setpoint": one.repeated.as_dict(),
         "standstill_rms_m": one.standstill_m,
         "learning_peaks_m": list(one.trials_m),
+        **({"cross_talk": _crossed(one)} if one.crossed else {}),
+    }
+
+
+def _crossed(one: TriedVariant) -> dict[str, Any]:
+    return {
+        f"{axis}_{unit_of(axis)}": {
+            "mean": one.cross_talk(axis).mean,
+            "half_width": one.cross_talk(axis).half_width,
+        }
+        for axis in one.crossed
     }
 
 
@@ -294,7 +325,18 @@ def try_variant(setup: StageSetup) -> TriedVariant:
         repeated=measure(track(setup, motion, here, 1), motion, table.slit_s),
         standstill_m=_standing(setup, gains),
         trials_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
+        crossed=_cross_talks(setup.rig.settings, runs, motion),
     )
+
+
+def _cross_talks(
+    file: RigFile, runs: Sequence[Recording], motion: SetPoint
+) -> dict[str, tuple[float, ...]]:
+    if not file.several:
+        return {}
+    free = dict(zip(file.body.free, scan_direction(file).tolist(), strict=True))
+    found = [cross_talk(run, motion, free) for run in runs]
+    return {axis: tuple(one[axis] for one in found) for axis in found[0]}
 
 
 def _standing(setup: StageSetup, gains: Feedforward) -> float:
@@ -308,12 +350,15 @@ def _standing(setup: StageSetup, gains: Feedforward) -> float:
 
 
 def make_variants(
-    rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = COMPARED
+    rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
-    """Fit variants; the second of the mappings says which could not be, and why."""
+    """Fit variants, all compared ones where none are named.
+
+    The second of the mappings says which could not be, and why.
+    """
     made: dict[MethodName, StageSetup] = {}
     left_out: dict[MethodName, str] = {}
-    for name in names:
+    for name in names or (OF_AXES if rig.settings.several else COMPARED):
         if name == "flux" and rig.settings.hall_probe is None:
             left_out[name] = "the rig has no Hall probe"
             continue
@@ -347,7 +392,7 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
 def explore_stage(
     rig: StageRig,
     magnet: IdentifiedMagnet | None = None,
-    names: Sequence[MethodName] = COMPARED,
+    names: Sequence[MethodName] = (),
     progress: Progress | None = None,
     out: PathLike | None = None,
 ) -> TrackingStudy:

@@ -1,0 +1,61 @@
+"""A planar stage of six axes on ten magnets: what each variant leaves of the errors of all of them.
+
+Plant, layout, irons and the search of the gains stand in examples/planar and below; they were fixed
+before the first figure. Baselines: the constant ratio, the best curve without memory, the map with
+one play, and the measured flux, each with gains of its own from the same search.
+"""
+
+from __future__ import annotations
+
+import tomllib
+
+from anhyst.rig.bearing.make_setup import identify_magnet
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
+from anhyst.study.engine.verdict import Interval
+from anhyst.study.tracking.simulate import TrackingStudy, TriedVariant, explore_stage
+from rows import ROOT, Row
+from tracking import with_iron
+
+RIG = ROOT / "examples" / "planar" / "rig.toml"
+IRONS = ROOT / "examples" / "irons" / "irons.toml"
+NAMES = ("preisach-usual", "preisach-hard", "duhem-usual")
+"""Irons that are no law of the package; the first is that of the example."""
+MEASURES = (
+    ("x, peak", "peak_m", 1e9, "nm", 0.15),
+    ("x, moving average", "average_m", 1e9, "nm", 0.15),
+    ("x, settling to 50 nm", "settling_50_s", 1e3, "ms", 0.3),
+    ("z, peak", "z", 1e9, "nm", 0.3),
+    ("ry, peak", "ry", 1e9, "nrad", 0.3),
+    ("rz, peak", "rz", 1e9, "nrad", None),
+)
+"""What, name, factor, unit, and what is to be reached in parts of the best curve's."""
+
+
+def measured(one: TriedVariant, name: str) -> Interval:
+    """Return a measure of the set-point's axis, or the largest error of another."""
+    return one.cross_talk(name) if name in one.crossed else one.of(name)
+
+
+def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
+    """Return the lines of one iron."""
+    found = []
+    for what, name, factor, unit, reach in MEASURES:
+        means = {variant: measured(one, name).mean for variant, one in study.tried.items()}
+        share = means["full"] / means["single-valued"]
+        each = ", ".join(f"{variant} {factor * mean:.3g}" for variant, mean in means.items())
+        aim = "stated" if reach is None else f"<= {reach:g} of single-valued"
+        text = f"{share:.3g}; {each} {unit}"
+        found.append(Row(f"planar, {iron}: {what}", aim, text, reach is None or share <= reach))
+    return found
+
+
+def rows() -> list[Row]:
+    """Return the lines of this table."""
+    families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
+    found = []
+    for name in NAMES:
+        rig = with_iron(read_stage(RIG), families[name])
+        magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
+        found += of_iron(name, explore_stage(rig, magnet))
+    return found

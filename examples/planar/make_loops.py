@@ -1,0 +1,54 @@
+"""Simulate the force-current loops of this folder's planar stage.
+
+Magnet, sensors and measurement are described in ``rig.toml``; what they do is in ``anhyst.rig.parts``
+and ``plant/``: an iron that is no law of the package, in a circuit with two gaps. The
+mass is held, so ``gap_m`` is exact; current and force are what the rig's own sensors read.
+
+Run it again and the same bytes come out: ``python make_loops.py [--out DIR]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.stage.file import read_stage
+
+HERE = Path(__file__).resolve().parent
+NOTES = """\
+# simulated, see README.md: one of the ten magnets, a Preisach iron
+# history: each record begins after three cycles of the current between 0 and its maximum
+# as read: current with the noise of the shunt, force with the noise of its sensor
+I_A,F_N,gap_m,loop
+"""
+
+
+def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
+    """Text of every file of the example that is made, by name."""
+    loops = measure_loops(read_stage(path).bearing).loops
+    rows = [
+        f"{current:.6f},{force:.4f},{gap:.5f},{loop.label}\n"
+        for loop in loops
+        if loop.schedule is not None
+        for current, force, gap in zip(
+            loop.input.tolist(), loop.output.tolist(), loop.schedule.tolist(), strict=True
+        )
+    ]
+    return {
+        "loops.csv": NOTES + "".join(rows),
+        "loops.toml": f'history = "{loops[0].history}"\n',
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Simulate the loops of these magnets.")
+    parser.add_argument("--out", type=Path, default=HERE, help="folder to write to")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    for name, text in files().items():
+        (given.out / name).write_bytes(text.encode())
+
+
+if __name__ == "__main__":
+    main()

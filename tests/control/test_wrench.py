@@ -1,0 +1,114 @@
+"""A wrench shared out to drives that only pull, against the linear programme of the least force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from anhyst._core import WrenchLayout
+from anhyst.control.position import Allocation
+from anhyst.support.arrays import FloatArray
+
+LEAST = 0.5
+ARM, DEEP, HIGH = 0.12, -0.005, 0.05
+Line = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def pair(place: Sequence[float], axis: int) -> list[Line]:
+    """Return two drives on one line, either way along an axis."""
+    at = (place[0], place[1], place[2])
+    along = [tuple(sign * float(k == axis) for k in range(3)) for sign in (1.0, -1.0)]
+    return [(at, (d[0], d[1], d[2])) for d in along]
+
+
+def above(*places: tuple[float, float]) -> list[Line]:
+    return [((x, y, HIGH), (0.0, 0.0, 1.0)) for x, y in places]
+
+
+CORNERS = [(x, y) for x in (ARM, -ARM) for y in (ARM, -ARM)]
+PINWHEEL: list[Line] = [  # two turn the body one way, two the other
+    ((0.0, -ARM, 0.0), (1.0, 0.0, 0.0)),
+    ((0.0, ARM, 0.0), (-1.0, 0.0, 0.0)),
+    ((-ARM, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    ((ARM, 0.0, 0.0), (0.0, -1.0, 0.0)),
+]
+TEN = [*pair((0, ARM, DEEP), 0), *pair((0, -ARM, DEEP), 0), *pair((0, 0, 0), 1), *above(*CORNERS)]
+TWELVE = [*TEN[:4], *pair((ARM, 0, 0), 1), *pair((-ARM, 0, 0), 1), *above(*CORNERS)]
+LAYOUTS = {
+    "8": [*PINWHEEL, *above(*CORNERS)],
+    "10": TEN,
+    "12": TWELVE,
+    "14": [*TWELVE, *above((0.0, ARM), (0.0, -ARM))],
+}
+RANGE = np.array([440.0, 220.0, 120.0, 8.0, 8.0, 25.0])
+"""Of random wrenches, N and N m."""
+WEIGHT = np.array([0.0, 0.0, 196.2, 0.0, 0.0, 0.0])
+
+
+def pulls(lines: Sequence[Line]) -> FloatArray:
+    """Return the wrench of 1 N of each drive, a row a drive."""
+    return np.array([[*d, *np.cross(r, d)] for r, d in lines])
+
+
+def layout(lines: Sequence[Line], paired: bool, idle: float = 5.0) -> WrenchLayout:
+    """Return the layout, its pairs as pairs or as drives that know nothing of each other."""
+    pull = pulls(lines)
+    against = list(range(len(pull)))
+    for i, j in np.argwhere(np.abs(pull[:, None] + pull).max(axis=2) < 1e-12).tolist():
+        if paired:
+            against[i] = j
+    return WrenchLayout(pull, against, Allocation.CLASS_AB, idle, LEAST)
+
+
+def wrenches(count: int, size: float = 1.0) -> FloatArray:
+    return WEIGHT + size * np.random.default_rng(29).uniform(-RANGE, RANGE, (count, 6))
+
+
+def least_sum(pull: FloatArray, wrench: FloatArray) -> float | None:
+    """Return the least sum of forces that makes a wrench; None where none do."""
+    bounds = [(LEAST, None)] * len(pull)
+    found = linprog(np.ones(len(pull)), A_eq=pull.T, b_eq=wrench, bounds=bounds)
+    return float(found.fun) if found.status == 0 else None
+
+
+@pytest.mark.parametrize(
+    ("name", "mean", "most"),
+    [("8", 1.0, 1.0), ("10", 1.0, 1.0), ("12", 1.03, 1.25), ("14", 1.03, 1.25)],
+)
+@pytest.mark.parametrize("size", [0.1, 1.0])
+def test_every_wrench_that_can_be_made_is_made_with_little_more_than_the_least_force(
+    name: str, size: float, mean: float, most: float
+) -> None:
+    lines = LAYOUTS[name]
+    pull, shared = pulls(lines), layout(lines, paired=False)
+    sums = []
+    for wrench in wrenches(300, size):
+        least = least_sum(pull, wrench)
+        force, made = shared.share(wrench.tolist())
+        assert min(force) >= LEAST * (1.0 - 1e-9)
+        assert made == (least is not None)
+        if least is not None:
+            np.testing.assert_allclose(np.array(force) @ pull, wrench, rtol=0.0, atol=1e-9)
+            sums.append(sum(force) / least)
+    assert len(sums) > 100
+    assert np.mean(sums) < mean + 1e-9
+    assert max(sums) < most + 1e-9
+
+
+def test_pairs_make_the_wrench_and_keep_the_product_of_their_forces() -> None:
+    lines, idle = LAYOUTS["12"], 5.0
+    pull, shared = pulls(lines), layout(lines, paired=True, idle=idle)
+    for wrench in wrenches(200):
+        found, made = shared.share(wrench.tolist())
+        force = np.array(found)
+        assert made
+        np.testing.assert_allclose(force @ pull, wrench, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(force[:8:2] * force[1:8:2], idle**2, rtol=1e-12)
+
+
+def test_drives_that_cannot_push_along_an_axis_are_refused() -> None:
+    with pytest.raises(ValueError, match="along every axis"):
+        layout(LAYOUTS["10"][:6], paired=True)

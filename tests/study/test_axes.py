@@ -1,0 +1,149 @@
+"""Bodies of several coordinates: what their files say, how they follow, and that the form is open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.interface import MethodName
+from anhyst.reports.tracking import write_tracking_report
+from anhyst.rig.iron_table import IronEntry
+from anhyst.rig.recording import Recording
+from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.loop import Feedforward, make_stage, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.tracking.measures import cross_talk, measure
+from anhyst.study.tracking.simulate import explore_stage
+from anhyst.support.errors import InputError
+from tests.study import bearings, stages
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
+FREE = dict(zip(("x", "y", "z", "rx", "ry", "rz"), (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), strict=True))
+
+
+@cache
+def planar() -> StageRig:
+    """Return the example with the iron that is known without a search."""
+    rig = read_stage(EXAMPLES / "planar" / "rig.toml")
+    cells: list[IronEntry] = list(stages.stage().settings.irons)
+    return replace(rig, settings=rig.settings.model_copy(update={"irons": cells}))
+
+
+@cache
+def followed(method: MethodName, substeps: int = 4) -> Recording:
+    rig = planar()
+    timing = rig.settings.timing.model_copy(update={"substeps": substeps})
+    other = replace(rig, settings=rig.settings.model_copy(update={"timing": timing}))
+    setup = make_stage(other, bearings.knowledge(), method)
+    scan = rig.settings.scan
+    return track(setup, motion_of(scan, scan.test_m_per_s2), Feedforward())
+
+
+def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
+    scan = planar().settings.scan
+    motion = motion_of(scan, scan.test_m_per_s2)
+    plain, own = followed("single-valued"), followed("full")
+    assert not plain.lost
+    assert not own.lost
+    assert (
+        measure(own, motion, scan.slit_s).peak_m < 0.4 * measure(plain, motion, scan.slit_s).peak_m
+    )
+    crossed, less = (cross_talk(run, motion, FREE) for run in (plain, own))
+    assert set(crossed) == {"y", "z", "rx", "ry", "rz"}
+    for axis in ("z", "ry"):
+        assert less[axis] < 0.7 * crossed[axis]
+
+
+def test_twice_the_sub_steps_change_the_error_by_two_nanometres_at_most() -> None:
+    coarse, fine = followed("full")["error_m"], followed("full", substeps=8)["error_m"]
+    assert np.abs(coarse - fine).max() < 20e-9
+    assert np.sqrt(np.mean((coarse - fine) ** 2)) < 2e-9
+
+
+Y1 = 'like = "x1"\nposition_m = [0.0, 0.15, 0.0]\ndirection = '
+SCAN = "direction = [1.0, 0.0, 0.0]           # of the"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ("[0.0, 1.0, 0.0]\nnoise", "[0.0, 0.0, 1.0]\nnoise", "axis-not-seen"),
+        (SCAN, "direction = [1.0, 1.0, 0.0] # of the", "no-unit-vector"),
+        ("gravity_m_per_s2 = 9.81", "gravity_m_per_s2 = -9.81", "load-too-large"),
+        (f"{Y1}[0.0, 1.0, 0.0]", f"{Y1}[1.0, 0.0, 0.0]", "load-too-large"),
+        ('free = ["x", "y"', 'free = ["y", "x"', "wrong-order"),
+    ],
+)
+def test_a_layout_that_cannot_fly_is_refused(tmp_path: Path, old: str, new: str, code: str) -> None:
+    assert PLANAR.count(old) == 1
+    path = tmp_path / "rig.toml"
+    path.write_text(PLANAR.replace(old, new))
+    with pytest.raises(InputError) as raised:
+        read_stage(path)
+    assert raised.value.code == code
+
+
+THREE = """
+[[body]]
+mass_kg = 6.0
+free = ["x", "y"]
+stop_low_m = 0.35e-3
+stop_high_m = 0.55e-3
+"""
+SIXTY = np.sqrt(0.75).item()
+
+
+def three_magnets(folder: Path) -> Path:
+    """Write a rig of another kind of body: two coordinates, three magnets 120 degrees apart."""
+    text = (EXAMPLES / "stage" / "rig.toml").read_text()
+    begin, end = text.index('[[magnet]]\nname = "second"'), text.index("[[amplifier]]")
+    others = "".join(
+        f'[[magnet]]\nname = "{name}"\nlike = "first"\nposition_m = [0.0, 0.0, 0.0]\n'
+        f"direction = [-0.5, {side}, 0.0]\ngap_m = 0.45e-3\n\n"
+        for name, side in (("second", SIXTY), ("third", -SIXTY))
+    )
+    text = text[:begin] + others + text[end:]
+    begin, end = text.index("[[body]]"), text.index("[[sensor]]")
+    text = text[:begin] + THREE + text[end:]
+    along = "position_m = [0.0, 0.0, 0.0]\ndirection = [{}]\n"
+    text = text.replace('iron = "core"\n', 'iron = "core"\n' + along.format("1.0, 0.0, 0.0"), 1)
+    head = 'of = "position"\nnoise_m = 0.5e-9 '
+    heads = [
+        head.replace("noise", along.format(way) + "noise")
+        for way in ("1.0, 0.0, 0.0", "0.0, 1.0, 0.0")
+    ]
+    text = text.replace(head, f"{heads[0]}\n\n[[sensor]]\n{heads[1]}")
+    text = text.replace("slit_s", "direction = [0.0, 1.0, 0.0]\nslit_s")
+    for key in ("train", "test"):
+        begin = text.index(f"{key}_m_per_s2")
+        text = (
+            text[:begin] + f"{key}_m_per_s2 = [14.0, 9.0]\n" + text[text.index("\n", begin) + 1 :]
+        )
+    text = text.replace("noise_seeds = 10", "noise_seeds = 2").replace(
+        "cruise_s = 0.05", "cruise_s = 0.03"
+    )
+    text = text.replace('"loops.csv"', f'"{(EXAMPLES / "stage" / "loops.csv").as_posix()}"')
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_new_body_is_a_file(tmp_path: Path) -> None:
+    rig = read_stage(three_magnets(tmp_path))
+    study = explore_stage(rig, bearings.knowledge(), ("single-valued", "full"))
+    assert study.lost_in == []
+    plain, own = study.tried["single-valued"], study.tried["full"]
+    assert own.of("peak_m").mean < 0.5 * plain.of("peak_m").mean
+    shown = own.shown
+    assert {"error_x_m", "error_y_m", "current_3_A"} <= set(shown.columns)
+    assert own.cross_talk("x").mean < 1e-6
+    variants = study.figures["variants"]
+    assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.cross_talk("x").mean
+    page = tmp_path / "report.html"
+    write_tracking_report(page, study, "anhyst simulate rig.toml")
+    assert 'id="cross-talk"' in page.read_text()
