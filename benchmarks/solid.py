@@ -19,6 +19,7 @@ from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
+from anhyst.model.compilable import has_layers
 from rows import ROOT, Row
 from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
 
@@ -76,6 +77,7 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float) -> float:
 
     The armature is held, and the current flows as the compensator in single precision has computed it.
     """
+    model = model if has_layers(model) else model.at_rest  # a single lag is not compiled
     plan = make_plan(model, CompileRequest("full", "f32", TICKS), 0)
     reached = float(
         model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1]

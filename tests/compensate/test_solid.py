@@ -182,6 +182,13 @@ def test_more_layers_than_there_is_room_for_are_refused() -> None:
         make_plan(magnet(Layers(5, 0.1)), CompileRequest("full", "f32", RATE), 0)
 
 
+def test_iron_that_would_jump_without_a_gap_is_refused() -> None:
+    model = magnet(LAYERS["two"])
+    jumps = replace(model, parameters={**model.parameters, "alpha": 4e-4})
+    with refused("no-fixed-point-form"):
+        make_plan(jumps, CompileRequest("full", "f32", RATE), 0)
+
+
 def test_fixed_point_refuses_layers() -> None:
     with refused("layers-need-f32 layers"):
         make_plan(magnet(LAYERS["two"]), CompileRequest("full", "q15", RATE), 0)

@@ -12,6 +12,7 @@ from anhyst.compilation.core import ROOM
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.toolchain import Build, compile_c
 from anhyst.support.core_folder import core_folder
+from anhyst.verification.verify import verify
 from tests.compensate.test_solid import LAYERS, RATE, TOP, magnet
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 
@@ -58,3 +59,9 @@ def test_fixed_point_is_at_rest_and_says_so(tmp_path: Path) -> None:
     assert len(found.left_out) == 1
     assert "f32" in found.left_out[0]
     assert found.budget.part("rate") is None
+
+
+@pytest.mark.slow
+def test_the_cortex_m4_computes_what_the_host_does(compiled: Compiled) -> None:
+    found = verify(compiled.out, on="cortex-m4", host_steps=2000, target_steps=500)
+    assert found.passed

@@ -49,13 +49,17 @@ MOST_LAYERS = 4
 
 
 def has_layers(model: Model) -> bool:
-    """Whether a compensator can follow the layers of a model."""
-    return (
-        model.layers is not None
-        and model.layers.count <= MOST_LAYERS
-        and model.operator_law.cells is not None
-        and "gamma" not in model.varying
-    )
+    """Whether a compensator can follow the layers of a model.
+
+    Between layers there is no gap: an iron that would jump without one has no tangents there.
+    """
+    law = model.operator_law
+    if model.layers is None or law.cells is None or law.least_slope is None:
+        return False
+    if model.layers.count > MOST_LAYERS or model.fixed_gap_only or "gamma" in model.varying:
+        return False
+    iron = model.parameters_at(model.nodes[0] if model.nodes else None)
+    return float(law.least_slope(iron, np.zeros(1)).min()) >= LEAST_SLOPE
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
