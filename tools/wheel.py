@@ -79,7 +79,8 @@ def build(python: Path, machine: str, dist: Path) -> Path:
         [*pip, "--no-deps", *options, "--wheel-dir", str(dist), str(ROOT)],
         variables={
             "CC": f"{zig} cc {target}",
-            "CXX": f"{zig} c++ {target}",
+            # Without symbols from the first check on: zig keeps a C++ library for each way.
+            "CXX": f"{zig} c++ {target} -s",
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         },
     )

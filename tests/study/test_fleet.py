@@ -227,7 +227,8 @@ def test_the_magnets_that_choose_are_identified_once(
 
     def counted(*given: Any, **named: Any) -> Any:
         count.append(named["law"])
-        return identify(*given, **named)
+        chosen = {"law": "effective-field", "gap_map": "reluctance"}  # what auto would find
+        return identify(*given, **named | chosen)
 
     monkeypatch.setattr("anhyst.study.fleet.judge.identify", counted)
     settings = replace(SETTINGS, law="auto", gap_map="auto")
