@@ -7,7 +7,7 @@
 #define DRIVES ANHYST_WRENCH_DRIVES
 
 /* Least part of its row that a pivot keeps: less is no axis of its own. */
-#define LEAST_PIVOT 1e-9
+#define LEAST_PIVOT 1e-6
 
 /* Part of the least force by which rounding may miss it. */
 #define ROUNDING 1e-12
@@ -175,7 +175,7 @@ int anhyst_wrench_share(const anhyst_wrench_layout *layout, const double *wrench
   const unsigned char none[DRIVES] = {0};
   search s;
   int pass;
-  int below;
+  int made;
   int j;
   if (!start(layout, &s)) {
     return 0;
@@ -184,9 +184,10 @@ int anhyst_wrench_share(const anhyst_wrench_layout *layout, const double *wrench
   for (pass = 0; pass < ANHYST_WRENCH_PASSES && hold_back(layout, &s, force) > 0; pass++) {
     least_squares(layout, &s, wrench, force);
   }
-  below = worst(layout, &s, force, none) >= 0;
+  made = worst(layout, &s, force, none) < 0;
   for (j = 0; j < (int)layout->drives; j++) {
     const int other = (int)layout->against[j];
+    made = made && force[j] > -1e30 && force[j] < 1e30; /* of no number nothing is made */
     if (other > j) {
       double both[2];
       anhyst_allocate_f64(&layout->pair, force[j], both);
@@ -196,5 +197,5 @@ int anhyst_wrench_share(const anhyst_wrench_layout *layout, const double *wrench
       force[j] = layout->least;
     }
   }
-  return !below;
+  return made;
 }

@@ -221,13 +221,16 @@ def _comparison(study: TrackingStudy) -> PageTable:
 
 
 def _scan(study: TrackingStudy) -> Section:
-    names = ", ".join(study.tried)
+    held = {name: one for name, one in study.tried.items() if one.shown.loss is None}
+    shown = held or study.tried
+    names = ", ".join(shown)
     scan = study.rig.settings.scan
-    figure = figure_scan(study.tried, motion_of(scan, scan.test_m_per_s2), scan.slit_s)
+    figure = figure_scan(shown, motion_of(scan, scan.test_m_per_s2), scan.slit_s)
     caption = (
         "The last scan of the test set-point: acceleration, error of the true position, its mean "
         "over the slit, and true force less what was demanded a delay earlier. Error and mean are "
-        "linear to 100 nm and logarithmic beyond. Grey: where the moving average is judged."
+        "linear to 100 nm and logarithmic beyond. Grey: where the moving average is judged. Variants "
+        "that were lost are left out."
     )
     alt = f"Set-point, error, moving average and force error over time: {names}."
     return Section("scan", "One scan", (Picture(svg_text(figure, "scan"), alt, caption),))

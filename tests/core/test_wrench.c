@@ -1,0 +1,119 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Claims of the allocation of a wrench, on drives that stand anywhere. */
+#include "anhyst/control/wrench.h"
+#include "check.h"
+#include "maps.h"
+
+static double pull[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
+static uint16_t against[ANHYST_WRENCH_DRIVES];
+
+static double any_part(void) { return (double)any_within(-1000000, 1000000) / 1e6; }
+
+/* Drives that stand anywhere; the first two of many are a pair. */
+static anhyst_wrench_layout any_layout(void)
+{
+  const anhyst_wrench_layout layout = {(uint16_t)any_within(1, ANHYST_WRENCH_AXES),
+                                       (uint16_t)any_within(1, ANHYST_WRENCH_DRIVES),
+                                       pull,
+                                       against,
+                                       {5.0, ANHYST_ALLOCATE_CLASS_AB},
+                                       0.5};
+  for (int j = 0; j < (int)layout.drives; j++) {
+    against[j] = (uint16_t)j;
+    for (int k = 0; k < (int)layout.axes; k++) {
+      pull[j * layout.axes + k] = any_part();
+    }
+  }
+  if (layout.drives > 2U) {
+    against[0] = 1;
+    against[1] = 0;
+    for (int k = 0; k < (int)layout.axes; k++) {
+      pull[layout.axes + k] = -pull[k];
+    }
+  }
+  return layout;
+}
+
+static double residual(const anhyst_wrench_layout *layout, const double *wrench,
+                       const double *force)
+{
+  double worst = 0.0;
+  double size = 1.0;
+  for (int j = 0; j < (int)layout->drives; j++) {
+    keep_worst(&size, fabs(force[j]));
+  }
+  for (int k = 0; k < (int)layout->axes; k++) {
+    double sum = -wrench[k];
+    for (int j = 0; j < (int)layout->drives; j++) {
+      sum += pull[j * layout->axes + k] * force[j];
+    }
+    keep_worst(&worst, fabs(sum));
+  }
+  return worst / size;
+}
+
+static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
+{
+  double worst = 0.0;
+  int made = 0;
+  for (int i = 0; i < 200000; i++) {
+    const anhyst_wrench_layout layout = any_layout();
+    double wrench[ANHYST_WRENCH_AXES];
+    double force[ANHYST_WRENCH_DRIVES];
+    if (anhyst_wrench_check(&layout) != ANHYST_OK) {
+      continue;
+    }
+    for (int k = 0; k < (int)layout.axes; k++) {
+      wrench[k] = 100.0 * any_part();
+    }
+    if (anhyst_wrench_share(&layout, wrench, force)) {
+      keep_worst(&worst, residual(&layout, wrench, force));
+      made++;
+    }
+    for (int j = 0; j < (int)layout.drives; j++) {
+      CHECK(force[j] > 0.0 && (against[j] != j || force[j] >= 0.5 * (1.0 - 1e-9)));
+    }
+  }
+  CHECK(made > 20000);
+  CHECK_BELOW("residual, of the largest force", worst, 1e-9);
+}
+
+static void no_number_makes_nothing(void)
+{
+  const double wrench[ANHYST_WRENCH_AXES] = {0.0, (double)NAN, (double)INFINITY, 0.0, 0.0, 0.0};
+  double force[ANHYST_WRENCH_DRIVES];
+  int tried = 0;
+  for (int i = 0; i < 1000; i++) {
+    const anhyst_wrench_layout layout = any_layout();
+    if (layout.axes > 1U && anhyst_wrench_check(&layout) == ANHYST_OK) {
+      CHECK(!anhyst_wrench_share(&layout, wrench, force));
+      tried++;
+    }
+  }
+  CHECK(tried > 100);
+}
+
+static void bad_layouts_are_refused(void)
+{
+  const double one[2] = {1.0, -1.0};
+  const uint16_t alone[2] = {0, 1};
+  const uint16_t astray[2] = {1, 1};
+  anhyst_wrench_layout layout = {1, 2, one, alone, {5.0, ANHYST_ALLOCATE_CLASS_AB}, 0.5};
+  CHECK(anhyst_wrench_check(&layout) == ANHYST_OK);
+  layout.against = astray;
+  CHECK(anhyst_wrench_check(&layout) == ANHYST_BAD_PARAMETER);
+  layout.against = alone;
+  layout.least = -1.0;
+  CHECK(anhyst_wrench_check(&layout) == ANHYST_BAD_PARAMETER);
+  layout.least = 0.5;
+  layout.drives = ANHYST_WRENCH_DRIVES + 1;
+  CHECK(anhyst_wrench_check(&layout) == ANHYST_BAD_PARAMETER);
+}
+
+int main(void)
+{
+  what_is_said_to_be_made_is_made_and_drives_only_pull();
+  no_number_makes_nothing();
+  bad_layouts_are_refused();
+  return verdict();
+}
