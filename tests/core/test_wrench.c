@@ -58,7 +58,7 @@ static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
   int made = 0;
   for (int i = 0; i < 200000; i++) {
     const anhyst_wrench_layout layout = any_layout();
-    double wrench[ANHYST_WRENCH_AXES];
+    double wrench[ANHYST_WRENCH_AXES] = {0};
     double force[ANHYST_WRENCH_DRIVES];
     if (anhyst_wrench_check(&layout) != ANHYST_OK) {
       continue;
