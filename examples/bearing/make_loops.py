@@ -13,32 +13,19 @@ import argparse
 from pathlib import Path
 
 from anhyst.rig.bearing.file import read_bearing
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.measuring import loop_texts, measure_loops
 
 HERE = Path(__file__).resolve().parent
 NOTES = """\
 # simulated, see README.md: magnetic bearing, iron of pinned cells (not Jiles-Atherton)
 # history: each record begins after three cycles of the current between 0 and its maximum
 # as read: current with the noise of the shunt, force with the noise of its sensor
-I_A,F_N,gap_m,loop
 """
 
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example that is made, by name."""
-    loops = measure_loops(read_bearing(path)).loops
-    rows = [
-        f"{current:.6f},{force:.4f},{gap:.5f},{loop.label}\n"
-        for loop in loops
-        if loop.schedule is not None
-        for current, force, gap in zip(
-            loop.input.tolist(), loop.output.tolist(), loop.schedule.tolist(), strict=True
-        )
-    ]
-    return {
-        "loops.csv": NOTES + "".join(rows),
-        "loops.toml": f'history = "{loops[0].history}"\n',
-    }
+    return loop_texts(measure_loops(read_bearing(path)), NOTES)
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.bearing.measuring import loop_texts, measure_loops
 from anhyst.rig.stage.file import read_stage
 
 HERE = Path(__file__).resolve().parent
@@ -20,25 +20,12 @@ NOTES = """\
 # simulated, see README.md: one of the ten magnets, a Preisach iron
 # history: each record begins after three cycles of the current between 0 and its maximum
 # as read: current with the noise of the shunt, force with the noise of its sensor
-I_A,F_N,gap_m,loop
 """
 
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example that is made, by name."""
-    loops = measure_loops(read_stage(path).bearing).loops
-    rows = [
-        f"{current:.6f},{force:.4f},{gap:.5f},{loop.label}\n"
-        for loop in loops
-        if loop.schedule is not None
-        for current, force, gap in zip(
-            loop.input.tolist(), loop.output.tolist(), loop.schedule.tolist(), strict=True
-        )
-    ]
-    return {
-        "loops.csv": NOTES + "".join(rows),
-        "loops.toml": f'history = "{loops[0].history}"\n',
-    }
+    return loop_texts(measure_loops(read_stage(path).bearing), NOTES)
 
 
 def main() -> None:

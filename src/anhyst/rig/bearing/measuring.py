@@ -36,6 +36,22 @@ class HeldBearing:
         )
 
 
+def loop_texts(loops: Loops, notes: str) -> dict[str, str]:
+    """Return the text of each file of loops of force and current, by name; notes stand on top."""
+    rows = [
+        f"{current:.6f},{force:.4f},{gap:.5f},{loop.label}\n"
+        for loop in loops.loops
+        if loop.schedule is not None
+        for current, force, gap in zip(
+            loop.input.tolist(), loop.output.tolist(), loop.schedule.tolist(), strict=True
+        )
+    ]
+    return {
+        "loops.csv": notes + "I_A,F_N,gap_m,loop\n" + "".join(rows),
+        "loops.toml": f'history = "{loops.loops[0].history}"\n',
+    }
+
+
 def measure_loops(rig: BearingRig) -> Loops:
     """Measure what ``[measurement]`` of the rig file asks for.
 

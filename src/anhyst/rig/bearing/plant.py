@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -222,21 +222,27 @@ class PlantNumbers:
 def plant_numbers(rig: BearingRig) -> PlantNumbers:
     """Return the numbers of a plant whose one coordinate is the gap of its first magnet."""
     sensors = _sensors(rig)
-    amplifier, total = _amplifier(rig), rig.settings.gap_total_m or 0.0
-    places = ((_CLOSES, 0.0), (_OPENS, total))
-    actuators = [
-        {
-            "line": line,
-            "gap_zero": zero,
-            "amplifier": amplifier,
-            "current_sensor": sensors["current"],
-            "flux_probe": sensors["hall"],
-            "has_probe": int(rig.settings.hall_probe is not None),
-        }
-        for line, zero in places[: len(rig.magnets)]
-    ]
+    places = ((_CLOSES, 0.0), (_OPENS, rig.settings.gap_total_m or 0.0))
+    actuators = [_actuator(rig, sensors, *place) for place in places[: len(rig.magnets)]]
     heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"], "absolute": 0}]
     return PlantNumbers(_body(rig, sensors["force"]), actuators, heads, _load(rig))
+
+
+def _actuator(
+    rig: BearingRig,
+    sensors: Mapping[str, Mapping[str, float]],
+    line: Mapping[str, Sequence[float]],
+    zero: float | None,
+) -> dict[str, Any]:
+    """Return the numbers of one magnet's drive; the gap is `zero` where the body is at the origin."""
+    return {
+        "line": line,
+        "gap_zero": zero,
+        "amplifier": _amplifier(rig),
+        "current_sensor": sensors["current"],
+        "flux_probe": sensors["hall"],
+        "has_probe": int(rig.settings.hall_probe is not None),
+    }
 
 
 def axes_numbers(rig: BearingRig) -> PlantNumbers:
@@ -247,14 +253,7 @@ def axes_numbers(rig: BearingRig) -> PlantNumbers:
     """
     file, sensors = rig.settings, _sensors(rig)
     actuators = [
-        {
-            "line": {"r": magnet.position_m, "d": magnet.direction},
-            "gap_zero": magnet.gap_m,
-            "amplifier": _amplifier(rig),
-            "current_sensor": sensors["current"],
-            "flux_probe": sensors["hall"],
-            "has_probe": int(file.hall_probe is not None),
-        }
+        _actuator(rig, sensors, {"r": magnet.position_m, "d": magnet.direction}, magnet.gap_m)
         for magnet in file.placed
     ]
     gaps = [

@@ -217,8 +217,6 @@ def _axes_recorded(
     poses = np.column_stack([run[name] for name in _of_axes("pose", free)]) + frame[:n]
     errors = np.outer(reference[:n], along) - poses
     demand = np.column_stack([run[name] for name in _of_axes("demand", free, ("N", "N_m"))]) @ along
-    ticks = np.arange(n, dtype=float)
-    late = file.timing.delay_ticks + 0.5
     return {
         "t_s": run["t_s"],
         "reference_m": reference[:n],
@@ -226,7 +224,7 @@ def _axes_recorded(
         "error_m": errors @ along,
         "demand_N": demand,
         "force_N": run["force_N"],
-        "force_error_N": run["force_N"] - np.interp(ticks - late, ticks, demand),
+        "force_error_N": _force_error(rig, run, demand),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
     }
@@ -253,11 +251,8 @@ def _axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
 def _recorded(
     rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
 ) -> dict[str, FloatArray]:
-    """Return the columns of a recording; the force error is against what was demanded earlier."""
+    """Return the columns of a recording."""
     n = len(run)
-    ticks = np.arange(n, dtype=float)
-    late = rig.settings.timing.delay_ticks + 0.5
-    demanded = np.interp(ticks - late, ticks, run["demand_N"])
     return {
         "t_s": run["t_s"],
         "reference_m": reference[:n],
@@ -265,8 +260,15 @@ def _recorded(
         "error_m": reference[:n] - run["gap_m"] - frame[:n],
         "gap_m": run["gap_m"],
         **{name: run[name] for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))},
-        "force_error_N": run["force_N"] - demanded,
+        "force_error_N": _force_error(rig, run, run["demand_N"]),
     }
+
+
+def _force_error(rig: StageRig, run: Recording, demand: FloatArray) -> FloatArray:
+    """Return the force less what was demanded a delay earlier, N."""
+    ticks = np.arange(len(run), dtype=float)
+    late = rig.settings.timing.delay_ticks + 0.5
+    return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
 
 
 def _loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
