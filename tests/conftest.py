@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import sys
+from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 
@@ -62,6 +63,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     for name in (name for mark in item.iter_markers("needs") for name in mark.args):
         if not (Path(name).exists() if name.startswith("/") else shutil.which(name)):
             pytest.skip(f"{name} is not installed: apt install {PACKAGES.get(name, name)}")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of a test marked ``first(n)``, mark the cases after the first n as slow."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        if mark := item.get_closest_marker("first"):
+            case = item.nodeid.partition("[")[0]
+            seen[case] += 1
+            if seen[case] > mark.args[0]:
+                item.add_marker("slow")
 
 
 def refuse_skip(report: pytest.TestReport | pytest.CollectReport) -> None:

@@ -31,6 +31,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("values", "said"),
     [
@@ -130,6 +131,7 @@ def test_a_model_without_limits(folder: Path) -> None:
     assert says(said, "no-valid-range valid: model.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "culprit", "advice"),
     [

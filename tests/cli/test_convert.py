@@ -45,6 +45,7 @@ def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
     assert json.loads(capsys.readouterr().out)["loops"] == found["loops"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("suffix", [".mf4", ".tdms", ".h5", ".parquet", ".mat"])
 def test_a_csv_comes_back_from_every_format_as_it_was(suffix: str, tmp_path: Path) -> None:
     if suffix in PACKAGES:

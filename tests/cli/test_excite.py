@@ -73,6 +73,7 @@ def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> 
     assert figures["limits"]["current_A"] == {"value": 4.5, "key": "amplifier.current_high_A"}
 
 
+@pytest.mark.slow
 def test_what_was_measured_is_identified_and_watched(tmp_path: Path) -> None:
     rig = measured_rig("solenoid", tmp_path, more="\n[excite]\ngaps_m = [1.0e-3, 1.6e-3]\n")
     assert quick("excite", "rig.toml", "--out", "two.csv", cwd=tmp_path).returncode == 0

@@ -121,6 +121,7 @@ def test_loops_that_will_not_do(folder: Path) -> None:
     assert says(said, "no-such-loop control.end_m: rig.toml; 0.003 m")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("board", "package"), [("host", "gcc libc6-dev"), ("qemu-mps2", "qemu-system-arm")]
 )

@@ -66,6 +66,7 @@ def has_joined_gaps(folder: Path) -> bool:
         return False
 
 
+@pytest.mark.slow
 def test_a_search_interrupted_early_writes_nothing(tmp_path: Path, loops: str) -> None:
     (tmp_path / "loops.csv").write_text(loops)
     (tmp_path / "model.toml").write_text("what stood here before")
@@ -152,6 +153,7 @@ def test_a_checkpoint_of_other_loops_is_not_used(tmp_path: Path, loops: str) -> 
     assert sorted(contents(tmp_path)) == ["loops.csv", "model.toml"]
 
 
+@pytest.mark.slow
 def test_a_damaged_checkpoint_is_not_used(tmp_path: Path) -> None:
     (tmp_path / "loops.csv").write_text(record(60, (0.3,)))
     (tmp_path / "model.toml.checkpoint").write_text('{"key": 3}')
@@ -160,6 +162,7 @@ def test_a_damaged_checkpoint_is_not_used(tmp_path: Path) -> None:
     assert sorted(contents(tmp_path)) == ["loops.csv", "model.toml"]
 
 
+@pytest.mark.slow
 def test_a_prediction_interrupted_while_it_is_written_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "model.toml").write_text(model())
     (tmp_path / "drive.csv").write_text(record(300_000, (0.4,)))

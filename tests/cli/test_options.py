@@ -71,6 +71,7 @@ def test_an_option_that_does_not_fit_is_refused(
     assert says(refused(*arguments, cwd=folder), said)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("level", ["avx1024", "", "AVX2"])
 def test_an_instruction_set_that_is_not_there_is_refused(folder: Path, level: str) -> None:
     said = refused(*IDENTIFY, cwd=folder, variables={"ANHYST_DISPATCH": level})

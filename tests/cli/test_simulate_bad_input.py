@@ -40,6 +40,7 @@ def change(path: Path, old: str, new: str) -> int:
     return text[: text.index(old)].count("\n") + new[: len(new) - len(new.lstrip())].count("\n") + 1
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize(
     ("old", "new", "key", "said"),
     [
@@ -195,6 +196,7 @@ def test_a_key_of_the_rig_that_will_not_do(
     assert says(refusal, said)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("old", "new", "key", "said"),
     [

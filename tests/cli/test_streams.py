@@ -42,6 +42,7 @@ def test_json_is_all_there_is_on_standard_output(folder: Path, verb: str) -> Non
     assert all(line.startswith("anhyst: warning: ") for line in result.stderr.splitlines())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if verb != "report"])
 def test_a_pipe_gets_no_colours_and_no_progress(folder: Path, verb: str) -> None:
     result = anhyst(*VERBS[verb], cwd=folder)

@@ -153,6 +153,7 @@ def worst(
     return float(np.abs(force - demand)[free].max())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("io", ["q15", "q31"])
 @pytest.mark.parametrize("name", ["hold", "jumps", "small cycles", "walk"])
 def test_the_force_is_what_was_demanded(name: str, io: str) -> None:

@@ -55,6 +55,7 @@ def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
     return np.asarray((exact_output(plan.model, current, path) - demand) / plan.largest)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("name", "force"), [("electromagnet", 87.5), ("bearing", 215.0), ("solenoid", 20.0)]
 )
@@ -80,6 +81,7 @@ def test_demand_and_gap_walking_together_stay_within_the_accuracy() -> None:
     assert np.abs(off(plan, demand, gap)).max() < WANTED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("io", ["q15", "f32"])
 def test_the_dead_band_of_an_identified_model_holds_an_output(io: Io) -> None:
     assert worst(plan_of("electromagnet", io=io)) < 1e-4
@@ -105,6 +107,7 @@ def test_foreign_magnets_are_held_too(name: str, tmp_path: Path) -> None:
     assert worst(plan) < WANTED
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_by_ending_where_all_repeats_itself(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -140,6 +143,7 @@ def creeping(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_compile_warns_of_a_held_force_that_drifts(creeping: Path, tmp_path: Path) -> None:
     arguments = ("compile", creeping, "--rate", "1e4", "--out", "c", "--json")
     done = quick(*arguments, cwd=tmp_path)

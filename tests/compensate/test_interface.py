@@ -35,6 +35,7 @@ def _compensators() -> dict[str, Callable[[], Compensator]]:
     return made
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", _compensators())
 def test_solve_leaves_the_state_alone_and_commit_advances_it(name: str) -> None:
     compensator, gap = _compensators()[name](), POINT.gap
@@ -49,6 +50,7 @@ def test_solve_leaves_the_state_alone_and_commit_advances_it(name: str) -> None:
         assert expected == pytest.approx(demand, abs=0.02)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", _compensators())
 def test_a_run_is_solve_and_commit_in_turn_and_a_fresh_one_begins_again(name: str) -> None:
     compensator, gap = _compensators()[name](), POINT.gap

@@ -212,6 +212,7 @@ def test_budget_names_every_part(compiled: Compiled) -> None:
     assert "sample rate" in page
 
 
+@pytest.mark.slow
 def test_rounding_costs_less_the_finer_the_format(folder: Path) -> None:
     costs = {}
     for io in ("q15", "q31", "f32"):
@@ -265,6 +266,7 @@ def test_the_core_is_shipped_as_it_is(compiled: Compiled) -> None:
     assert not any(re.search(rf"src/.*({'|'.join(others)})", name) for name in core)
 
 
+@pytest.mark.slow
 def test_names_of_an_actuator_begin_with_its_name(folder: Path, tmp_path: Path) -> None:
     request = CompileRequest("full", "q31", 1e4, accuracy=2.0, name="left_2")
     out = compile_model(folder / "magnet.toml", tmp_path / "out", request).out
@@ -321,6 +323,7 @@ def test_parameters_in_c_are_the_block(folder: Path) -> None:
     assert words == compiled.plan.block.words.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("io", ["q15", "f32"])
 def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io: Any) -> None:
     """Here pointers have 64 bits: so much more for each, and padded to eight bytes."""
@@ -366,6 +369,7 @@ def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> Non
         )
 
 
+@pytest.mark.slow
 def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     rough = compile_model(
         folder / "magnet.toml", tmp_path / "rough", CompileRequest("full", "q15", 1e4, accuracy=2.0)
@@ -375,6 +379,7 @@ def test_less_accuracy_takes_less_memory(folder: Path, tmp_path: Path) -> None:
     assert rough.manifest["accuracy"]["worst_percent"] <= 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("request_", "culprit", "advice"),
     [
@@ -442,6 +447,7 @@ def test_bad_options_exit_with_two(
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
     model, request = folder / "magnet.toml", CompileRequest("full", "q15", 1e4, accuracy=2.0)
     out = tmp_path / "out"

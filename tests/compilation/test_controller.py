@@ -82,6 +82,7 @@ def changed(place: Path, name: str, *pairs: tuple[str, str]) -> Path:
     return place / name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["cc", "clang"])
 def test_c_compiles_without_a_warning_and_gives_the_golden_answers(
     compiled: Compiled, compiler: str, tmp_path: Path
@@ -211,6 +212,7 @@ CASES: dict[str, tuple[Literal["full", "simplified"], list[tuple[str, str]]]] = 
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [pytest.param(one, marks=[pytest.mark.slow] * (one != "full")) for one in CASES]
 )
@@ -308,6 +310,7 @@ def test_the_guide_reports_both_widths(compiled: Compiled) -> None:
     assert "{" not in guide.split("## The position controller")[1].split("```c")[0]
 
 
+@pytest.mark.slow
 def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> None:
     converter = "[converter]\nlow_A = -0.5\nhigh_A = 5.5\nbits = 12\n[safety]"
     path = changed(place, "converter.toml", ("[safety]", converter))
@@ -325,6 +328,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
     assert f"FIRST_WORD {first}\n" in next(out.glob("*_controller.h")).read_text()
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     ("changes", "options", "message"),
     [

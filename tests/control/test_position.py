@@ -252,6 +252,7 @@ IN_THE_AIR = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("ticks", "begin"), IN_THE_AIR.values(), ids=IN_THE_AIR.keys())
 def test_no_pair_of_commands_lets_the_current_jump(ticks: int, begin: Command) -> None:
     """From the current that carries the load, two commands a few ticks apart: no way round a ramp.

@@ -82,6 +82,7 @@ CASES = {
 }
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_a_whole_run(control: PositionControl) -> None:
     """Lift, steps, load, saturation, lost samples, hold, landing, fault: every bit of it."""
@@ -114,6 +115,7 @@ def test_a_whole_run(control: PositionControl) -> None:
     assert everything == set(Phase) - {Phase.CONDITION}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "seed",
     [

@@ -74,6 +74,7 @@ def least_sum(pull: FloatArray, wrench: FloatArray) -> float | None:
     return float(found.fun) if found.status == 0 else None
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("name", "mean", "most"),
     [("8", 1.0, 1.0), ("10", 1.0, 1.0), ("12", 1.03, 1.25), ("14", 1.03, 1.25)],

@@ -33,6 +33,7 @@ def write(path: Path, *series: Series) -> Path:
     return path
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("path", sorted(KEPT.iterdir()), ids=lambda path: path.name)
 def test_what_crashes_a_library_is_refused_in_one_line(path: Path) -> None:
     if path.suffix in PACKAGES:

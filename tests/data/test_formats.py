@@ -132,6 +132,7 @@ def test_a_unit_that_contradicts_the_name_is_refused_naming_both(tmp_path: Path)
 EVERY = [suffix for suffix in WRITERS if suffix != ".hdf5"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("suffix", EVERY)
 def test_what_is_written_is_read_back_bit_for_bit(suffix: str, tmp_path: Path) -> None:
     needs(suffix)

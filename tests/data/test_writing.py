@@ -22,6 +22,7 @@ def recording(rows: int = 50) -> Recording:
     return Recording.of_table(table)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("rows", [1, 50])
 @pytest.mark.parametrize("suffix", [*WRITERS, ".MAT"])
 def test_a_recording_of_a_bearing_is_read_back_bit_for_bit(

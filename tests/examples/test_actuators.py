@@ -64,6 +64,7 @@ def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> No
     assert off < plain / 3.0
 
 
+@pytest.mark.slow
 def test_where_rates_differ_the_model_says_how_far_it_goes(tmp_path: Path) -> None:
     done = quick("identify", PIEZO / "loops.csv", "--out", "slow.toml", cwd=tmp_path)
     assert "the loops run at up to 1.5 Hz; beyond nothing is known" in done.stdout
@@ -73,6 +74,7 @@ def test_where_rates_differ_the_model_says_how_far_it_goes(tmp_path: Path) -> No
     assert "the model was seen to hold up to 1.5 Hz" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_triangle_is_followed_with_a_fifth_of_the_error(tmp_path: Path) -> None:
     done = quick("simulate", PIEZO / "rig.toml", "--out", "run.csv", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -102,6 +102,7 @@ def compare(model: anhyst.Model, path: Path, folder: Path) -> FloatArray:
     return found[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_it_gives_the_force_of_the_model_bit_for_bit(
     fmu: Fmu, model: anhyst.Model, tmp_path: Path, fmi: FmiVersion
@@ -110,6 +111,7 @@ def test_it_gives_the_force_of_the_model_bit_for_bit(
     assert force.max() > 100.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "gap_map"),
     [
@@ -146,6 +148,7 @@ def test_an_actuator_without_a_gap_gives_its_output(fmu: Fmu, tmp_path: Path) ->
     assert compare(rod, fmu(rod, "actuator", "2.0"), tmp_path).max() > 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layers", [None, Layers(3, 0.1, 0.2)])
 def test_eddy_currents_and_creep_follow_the_time_of_a_step(
     fmu: Fmu, file: Path, model: anhyst.Model, tmp_path: Path, layers: Layers | None
@@ -160,6 +163,7 @@ def test_eddy_currents_and_creep_follow_the_time_of_a_step(
     assert np.abs(found - compare(model, file, tmp_path / "at once")).max() > 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fmi", ["2.0", "3.0"])
 def test_it_is_valid_and_says_its_ranges_and_parameters(
     fmu: Fmu, model: anhyst.Model, tmp_path: Path, fmi: FmiVersion

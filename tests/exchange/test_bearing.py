@@ -22,7 +22,7 @@ from tests.once import made_once
 from tests.refusals import refused, says
 from tests.truths import truth
 
-pytestmark = needs_binary
+pytestmark = [needs_binary, pytest.mark.slow]
 
 TICK = 1.0 / 20e3
 INPUTS = ("target_gap", "load", "command")

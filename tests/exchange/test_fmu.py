@@ -145,6 +145,7 @@ def test_it_ticks_at_its_own_rate_whatever_the_step(files: Versions, tmp_path: P
         assert run_through(made, np.full(3, 50.0), 1.0 / RATE, 60.0 / RATE)[-1] == held
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["compensator", "actuator"])
 def test_its_sources_compile_without_a_warning(
     of: Of, fmu: Fmu, model: anhyst.Model, tmp_path: Path

@@ -77,6 +77,7 @@ def model() -> anhyst.Model:
     return magnet("effective-field", "reluctance")
 
 
+@pytest.mark.slow
 def test_a_compensator_gives_the_currents_of_the_controller_a_sample_later(
     identified: anhyst.Model, tmp_path: Path
 ) -> None:
@@ -121,6 +122,7 @@ def test_what_a_block_is_given_wrongly_is_said(model: anhyst.Model, tmp_path: Pa
     assert "number of parameters" in complaint(program, "")
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_folder_and_no_folder_of_others_is_lost(
     model: anhyst.Model, tmp_path: Path
 ) -> None:

@@ -27,6 +27,7 @@ WINDOWS = "x86_64-windows"
 LOADER = Path(__file__).with_name("windows") / "load.c"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", ["actuator", "compensator"])
 def test_the_library_for_windows_gives_the_same_bits(
     of: Of, fmu: Fmu, identified: anhyst.Model, tmp_path: Path

@@ -49,6 +49,7 @@ def test_claims_of_the_firmware_hold(programs: Path, name: str) -> None:
 LIBRARY = {"memcpy", "memset", "memmove", "_GLOBAL_OFFSET_TABLE_"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sources", [FIRMWARE, POSITION], ids=["force", "position"])
 def test_firmware_has_no_heap_no_globals_and_knows_the_port_alone(
     tmp_path: Path, sources: list[Path]

@@ -68,6 +68,7 @@ def missed(model: Model, magnet: ForeignMagnet) -> list[float]:
     return errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_default_can_be_compiled_and_passes_its_acceptance_test(
     found: Found, name: str
@@ -79,6 +80,7 @@ def test_the_default_can_be_compiled_and_passes_its_acceptance_test(
     assert not any("compiled" in text for text in reported["warnings"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["u", pytest.param("soft", marks=pytest.mark.slow)])
 def test_no_offset_is_invented_where_there_is_none(found: Found, name: str) -> None:
     """Of the current none above 0.02 % of its range: so much an iron may take from a law."""
@@ -101,6 +103,7 @@ def test_the_offset_of_the_current_sensor_is_read_at_rest(hard: tuple[Model, Any
     assert abs(model.parameters["in_0"] - true) < 4.0 * std  # type: ignore[operator]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [-2.5, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
     place: Path, offset: float
@@ -172,6 +175,7 @@ def test_the_report_shows_offsets_and_what_to_expect(place: Path, hard: tuple[Mo
     assert "nowhere falls as the drive rises from rest" in text.replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_offsets_and_the_expected_error_are_printed(place: Path) -> None:
     loops = MAGNETS["soft"].write_loops(place / "again.csv")
     done = quick("identify", loops, "--law", "effective-field", "--out", "again.toml", cwd=place)

@@ -115,6 +115,7 @@ def test_a_wide_virgin_rise_is_recognised_in_strong_noise(tmp_path: Path, noise:
     assert histories(path) == {"demagnetised"}
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2])
 @pytest.mark.parametrize("name", ["u", "hard", "soft"])
 @pytest.mark.parametrize("ends", [up_and_down_twice, once, both_signs])
@@ -331,6 +332,7 @@ def delayed(values: FloatArray, samples: float) -> FloatArray:
     return late
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["u", "hard", "soft"])
 def test_no_delay_is_claimed_where_a_foreign_magnet_has_none(tmp_path: Path, name: str) -> None:
     found = inspected(MAGNETS[name].write_loops(tmp_path / "loops.csv"))
@@ -372,6 +374,7 @@ def logged(header: str, *, sign: str = ";", factor: float = 1.0, preamble: str =
     return (preamble + header + "\n" + "\n".join(lines) + "\n").replace(";", sign)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("sign", [";", ",", "\t", " "])
 @pytest.mark.parametrize("header", ["I_A;F_N;gap_mm", "I;F;gap\nA;N;mm", "I_A;F_N;gap_mm\n\n"])
 def test_the_header_is_found_below_the_lines_of_a_logger(

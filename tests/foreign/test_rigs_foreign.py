@@ -58,12 +58,14 @@ def percent(found: FittedPlant, loops: Loops) -> float:
     return 100.0 * far.mean / far.force_max
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["u", pytest.param("hard", marks=pytest.mark.slow), "soft"])
 def test_a_plant_is_fitted_to_the_loops_of_any_magnet(name: str, tmp_path: Path) -> None:
     found, loops = fit(MAGNETS[name].write_loops(tmp_path / "loops.csv"))
     assert percent(found, loops) < CLOSE[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", ["bearing", "electromagnet"])
 def test_a_plant_is_fitted_to_the_bundled_loops_within_their_noise(example: str) -> None:
     found, loops = fit(ROOT / "examples" / example / "loops.csv")
@@ -122,6 +124,7 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
     assert "errors of that size are those of the plant" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -183,6 +186,7 @@ def test_what_is_wrong_with_a_rig_file_is_said_before_any_work(
     assert says(refused(*RUN, cwd=tmp_path), said)
 
 
+@pytest.mark.slow
 def test_a_wrong_last_key_costs_no_work(tmp_path: Path) -> None:
     rig = write_bearing(MAGNETS["u"], tmp_path)
     rig.write_text(rig.read_text().replace("hold_s = 0.03", "hold_s = -0.03"))

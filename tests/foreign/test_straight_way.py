@@ -58,6 +58,7 @@ def test_what_is_identified_is_compiled_and_verified(
     assert len(found.results) == 4
 
 
+@pytest.mark.slow
 def test_another_limit_of_the_current_moves_nothing_at_a_swap(magnet: Path) -> None:
     run(magnet, "identify", "loops.csv", "--law", "effective-field", "--out", "paper.toml")
     model = read_model(magnet / "paper.toml")

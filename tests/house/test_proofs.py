@@ -26,6 +26,7 @@ def before() -> dict[str, str]:
     return hashes(ROOT / "core")
 
 
+@pytest.mark.first(1)
 @pytest.mark.needs("cc")
 @pytest.mark.parametrize(
     ("file", "readers"),
@@ -48,6 +49,7 @@ def test_a_line_changes_the_hash_of_the_proofs_that_read_it_and_of_no_other(
     assert {name for name in LOOKED_AT if after[name] != before[name]} == readers
 
 
+@pytest.mark.first(1)
 @pytest.mark.needs("cc")
 @pytest.mark.parametrize(
     "changed",

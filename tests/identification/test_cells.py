@@ -123,6 +123,7 @@ def test_a_long_record_in_pieces_is_the_record(history: str) -> None:
         assert np.abs(one - other).max() < 1e-9 * np.abs(one).max()
 
 
+@pytest.mark.slow
 def test_loops_of_play_cells_are_found_again() -> None:
     truth = cells_magnet()
     loops = noisy(loops_of(truth), NOISE, 1)

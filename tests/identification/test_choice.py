@@ -47,6 +47,7 @@ def reason(result: IdentifyResult) -> str:
     return str(result.model.provenance.settings["gap_map_reason"])
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
 def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) -> None:
@@ -61,6 +62,7 @@ def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) ->
     assert f"gap map '{gap_map}' predicts gaps left out of the fit best" in reason(result)
 
 
+@pytest.mark.slow
 def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
     loops = loops_of(magnet("scaling"), noise=NOISE, samples=60)
     law = "effective-field"
@@ -175,6 +177,7 @@ def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: 
     assert fit_of(identify(loops, gap_map=gap_map)).monotone is True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", pytest.param("flux_linkage", marks=pytest.mark.slow)])
 def test_a_map_that_bends_between_the_gaps_is_not_taken(
     output: str, monkeypatch: pytest.MonkeyPatch

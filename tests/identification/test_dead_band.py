@@ -38,6 +38,7 @@ def part_of_pinning(result: IdentifyResult) -> float:
     return float(np.max(play / pinning))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["electromagnet", "bearing"])
 def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> None:
     given, without = (found(name, dead_band=wanted) for wanted in (True, False))

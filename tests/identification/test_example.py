@@ -19,6 +19,9 @@ from tests.truths import truth as kept
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def loops() -> Loops:
     return read_loops(FOLDER / "loops.csv")
@@ -102,7 +105,7 @@ def test_the_model_predicts_what_was_fitted(chosen: IdentifyResult, loops: Loops
 
 
 @pytest.mark.parametrize(
-    "seed", [2, pytest.param(3, marks=[pytest.mark.slow, pytest.mark.campaign])]
+    "seed", [2, pytest.param(3, marks=pytest.mark.campaign)]
 )
 def test_every_seed_ends_there(chosen: IdentifyResult, loops: Loops, seed: int) -> None:
     other = identify(loops, law=chosen.model.law, gap_map="reluctance", seed=seed)

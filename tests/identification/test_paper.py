@@ -157,6 +157,7 @@ def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
     assert found.model.varying in {("alpha",), ("rho",)}
 
 
+@pytest.mark.slow
 def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: Loops) -> None:
     form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
     run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)

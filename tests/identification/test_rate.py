@@ -92,6 +92,7 @@ def test_smaller_loops_and_loops_without_time_are_not_fast_ones() -> None:
     assert speeds_of(loops.with_loops(replace(one, time=None) for one in loops.loops)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digits", [4, 3])
 def test_a_clock_of_few_digits_will_do(digits: int) -> None:
     """Of a cycle of 20 ms a tick of 1 ms leaves twenty times for two hundred samples."""
@@ -135,6 +136,7 @@ def test_what_was_fitted_at_three_speeds_holds_between_them_at_a_gap_between() -
     assert not any("compiled" in text for text in result.warnings)
 
 
+@pytest.mark.slow
 def test_cells_of_each_gap_are_fitted_to_its_slow_loops_by_themselves() -> None:
     loops = measured()
     slow = loops.with_loops(loop for loop in loops.loops if loop.label == "0.5 Hz")
@@ -165,6 +167,7 @@ def test_layers_are_found_from_one_fast_speed_by_gaps_left_out() -> None:
     assert missed(end.model, 20.0, 3.9e-4) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [20.0, 100.0])
 def test_the_truth_itself_is_matched_from_its_static_part(rate: float) -> None:
     loops = measured()

@@ -70,6 +70,7 @@ SEEDS = [
 ]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("history", "seed"), SEEDS)
 @pytest.mark.parametrize("name", TRUTHS)
 def test_the_truth_behind_clean_loops_is_found_from_every_seed(
@@ -83,6 +84,7 @@ def test_the_truth_behind_clean_loops_is_found_from_every_seed(
     assert result.model.gap_map == truth.gap_map
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "history", ["settled", pytest.param("demagnetised", marks=pytest.mark.slow)]
 )
@@ -107,6 +109,7 @@ def test_the_law_of_1986_is_found_too(truth: Model, history: str) -> None:
     assert worst(loops, other.fitted) > 1e-4  # the laws really differ
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap_map", ["none", "scaling"])
 def test_both_laws_find_the_same_where_nothing_is_reversible(gap_map: GapMap) -> None:
     truth = magnet(gap_map, c=0.0, gaps=GAPS[:2])
@@ -119,6 +122,7 @@ def test_both_laws_find_the_same_where_nothing_is_reversible(gap_map: GapMap) ->
     assert apart(ends[0].model, ends[1].model, loops) < 1e-4
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(
     kappa=st.floats(0.1, 3.0),

@@ -73,6 +73,7 @@ def is_resumed(loops: Loops, checkpoint: Path, **settings: Any) -> bool:
     return run.resumed == 1
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_model_to_the_last_digit(
     loops: Loops, whole: IdentifyResult
 ) -> None:
@@ -158,6 +159,7 @@ def test_a_damaged_checkpoint_is_ignored(loops: Loops, tmp_path: Path, rubbish: 
     assert not is_resumed(loops, checkpoint)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [40, 410])
 def test_ctrl_c_leaves_the_best_so_far(samples: int) -> None:
     loops = loops_of(magnet(), noise=NOISE, samples=samples)
@@ -194,6 +196,7 @@ def test_ctrl_c_inside_a_stage_leaves_the_best_so_far(
     assert identify(loops).interrupted
 
 
+@pytest.mark.slow
 def test_progress_counts_up_to_its_total(loops: Loops) -> None:
     for gap_map, stages in list(STAGES.items())[:2]:
         progress = Killer()

@@ -70,6 +70,7 @@ CASES = [("effective-field", gap_map, history) for gap_map in MAPS for history i
 CASES += [("jiles-atherton-1986", "none", history) for history in HISTORIES]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("law", "gap_map", "history"), CASES)
 def test_every_figure_is_that_of_the_written_model(
     law: str, gap_map: str, history: str, tmp_path: Path
@@ -111,6 +112,7 @@ def dipole() -> IdentifyResult:
         return identify(accelerator())
 
 
+@pytest.mark.slow
 def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     tmp_path: Path, dipole: IdentifyResult
 ) -> None:
@@ -188,6 +190,7 @@ CELLS += [
 ]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("law", "gap_map", "history"), CELLS)
 def test_play_cells_are_reported_as_predicted(
     law: str, gap_map: str, history: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -199,6 +202,7 @@ def test_play_cells_are_reported_as_predicted(
     assert (model.law, model.gap_map) == (law, gap_map)
 
 
+@pytest.mark.slow
 def test_settled_loops_run_one_after_the_other_are_reported_as_predicted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -76,7 +76,10 @@ class Resting(NoisyPlant):
         return super().step(tick, currents)._replace(position=1e-4 * (tick % 2))
 
 
-@pytest.fixture(scope="module", params=["force", pytest.param("position", marks=pytest.mark.slow)])
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", params=["force", "position"])
 def described(
     request: pytest.FixtureRequest,
     compiled: Compile,  # noqa: F811
@@ -92,7 +95,6 @@ def described(
         yield Description(folder, board)
 
 
-@pytest.mark.slow
 def test_nothing_is_wrong_with_the_file(described: Description) -> None:
     found = Validator(described.database.session)()  # type: ignore[no-untyped-call]
     # It has no place in memory for an EPK; identifiers may have dots since version 1.6.

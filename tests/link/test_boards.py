@@ -26,6 +26,7 @@ COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "3000"))
 """CI sends 30000."""
 
 
+@pytest.mark.slow
 def test_the_nucleo_s_firmware_fits_with_room_to_spare(parameters: Path, tmp_path: Path) -> None:
     sizes = read_sizes(build("nucleo", parameters, tmp_path / "nucleo.elf"))
     assert 4000 < sizes.flash < 32 * 1024
@@ -38,6 +39,7 @@ def test_the_same_parameters_give_the_same_firmware(parameters: Path, tmp_path: 
     assert build("qemu-mps2", parameters, tmp_path / "second").read_bytes() == first
 
 
+@pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
 def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
     with (

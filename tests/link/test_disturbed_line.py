@@ -50,6 +50,7 @@ def other(line: Disturbance) -> Disturbance:
     return Disturbance(line.flip, line.drop, line.duplicate, line.reorder, line.insert)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_every_demand_is_done_once_and_in_its_tick(host_firmware: Path, kind: str) -> None:
     line = other(DAMAGE[kind])

@@ -244,6 +244,7 @@ def kept_set(position: tuple[int, ...], source: int) -> bytes:
     return copy.ljust(2 * nucleo.SECTOR_BYTES, b"\xff")
 
 
+@pytest.mark.slow
 def test_the_encoder_counts_both_ways_round(bearing: Path) -> None:
     chip = Chip(bearing, kept_set((0, 100, 0, -(2**31), 2**31 - 1), 0))
     chip.start()
@@ -254,6 +255,7 @@ def test_the_encoder_counts_both_ways_round(bearing: Path) -> None:
         assert status_of(chip, sequence).position == edges * 100
 
 
+@pytest.mark.slow
 def test_a_converter_gives_the_position_as_the_set_in_flash_calibrates_it(bearing: Path) -> None:
     chip = Chip(bearing, kept_set((32768, -200, 1, 100, 65000), 1))
     chip.start()
@@ -264,6 +266,7 @@ def test_a_converter_gives_the_position_as_the_set_in_flash_calibrates_it(bearin
         assert status_of(chip, sequence).position == (code - 32768) * -100
 
 
+@pytest.mark.slow
 def test_a_converter_that_does_not_answer_is_a_fault(bearing: Path) -> None:
     chip = Chip(bearing, kept_set((32768, 65536, 0, 100, 65000), 1))
     chip.start()

@@ -338,6 +338,7 @@ def test_the_next_master_begins_anew(xcp_board: Running) -> None:
     assert status.resourceProtectionStatus.calpag
 
 
+@pytest.mark.slow
 def test_a_master_that_takes_no_samples_stops_nothing_and_learns_of_it(
     xcp_board: Running,
 ) -> None:

@@ -36,6 +36,7 @@ def watched(prepared: PreparedForce, *parts: FloatArray) -> BenchWatch:
     return watch
 
 
+@pytest.mark.slow
 def test_pinning_that_becomes_a_fifth_more_is_found_within_ten_seconds(
     prepared: PreparedForce, usual: FloatArray
 ) -> None:
@@ -63,6 +64,7 @@ def test_a_bench_that_does_not_say_enough_is_refused(prepared: PreparedForce) ->
         BenchWatch(prepared.model, [Signal("current_read", "A", "")], RATE)
 
 
+@pytest.mark.slow
 def test_a_pair_of_magnets_is_refused_for_its_rows_say_the_sum_of_two_forces(
     firmware: Path, bench: BearingBench
 ) -> None:

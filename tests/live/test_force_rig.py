@@ -69,6 +69,7 @@ def test_a_generator_ends_where_the_bench_takes_no_more_of_it(
     assert np.all(np.diff(np.concatenate(seen)[:, 0]) == 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_a_force_is_demanded_and_its_step_is_drawn(
     serve: Serve, show: Show, force_bench: ForceBench

@@ -107,6 +107,7 @@ def test_the_page_may_load_its_own_files_alone(serve: Serve) -> None:
     assert get(served, "/assets/%2e%2e/server.py").status == 404
 
 
+@pytest.mark.slow
 def test_without_the_token_nothing_is_shown(serve: Serve) -> None:
     served = serve(token="right-token")
     for shown in ({"token": "wrong"}, {"do": "stop now"}, {"token": None}):

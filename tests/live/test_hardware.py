@@ -70,6 +70,7 @@ def column(bench: HardwareBench, rows: FloatArray, name: str) -> FloatArray:
     return found
 
 
+@pytest.mark.slow
 def test_every_tick_of_some_seconds_comes_while_a_force_is_demanded(bench: HardwareBench) -> None:
     run(bench)
     parts = [bench.advance(10)]
@@ -189,6 +190,7 @@ def test_a_session_that_ends_lets_the_controller_rest(session: LiveSession, boar
     wait_for(lambda: abs(board.bus.drive) < 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_the_page_of_a_controller_says_when_it_is_lost(
     serve: Serve, show: Show, bench: HardwareBench, board: Board

@@ -114,6 +114,7 @@ def test_an_unknown_iron_is_measured_identified_and_swapped_in_while_the_bench_r
     assert "the new model is swapped in" in [entry.text for entry in session.log]
 
 
+@pytest.mark.slow
 def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) -> None:
     assert session.improver is not None
     limits = session.improver.limits()

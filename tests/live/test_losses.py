@@ -131,6 +131,7 @@ def test_a_link_that_is_cut_lets_the_controller_rest_and_the_page_says_so(
             assert line.url in session.status()["lost"]
 
 
+@pytest.mark.slow
 def test_a_recorder_that_stands_is_waited_for_and_the_controller_rests(
     board: Board, board_bench: HardwareBench
 ) -> None:

@@ -78,6 +78,7 @@ def test_the_armature_is_lifted_and_stopped_by_one_key(serve: Serve, show: Show)
     assert served.session.status()["fault"] == Fault.STOPPED
 
 
+@pytest.mark.slow
 def test_a_refused_order_says_why(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)
@@ -87,6 +88,7 @@ def test_a_refused_order_says_why(serve: Serve, show: Show) -> None:
     assert "range" in page.locator("#notice").inner_text()
 
 
+@pytest.mark.slow
 def test_a_watcher_may_stop_and_takes_over_when_asked(serve: Serve, show: Show) -> None:
     served = serve()
     first = show(served)
@@ -113,6 +115,7 @@ def _every_row(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("anhyst.dashboard.server.Outbox", partial(Outbox, 10**8))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_every_row")
 def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> None:
     served = serve()
@@ -132,6 +135,7 @@ def test_a_trigger_shows_the_sample_that_crossed(serve: Serve, show: Show) -> No
     assert end - hit == pytest.approx(0.8 * window, abs=1)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_every_row")
 def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     serve: Serve, show: Show
@@ -171,6 +175,7 @@ def test_a_trigger_at_minus_5_newtons_shows_and_records_the_sample_that_crossed(
     assert "browser 1: load -50 N" in text
 
 
+@pytest.mark.slow
 def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> None:
     served = serve()
     page = show(served)
@@ -186,6 +191,7 @@ def test_the_page_names_files_of_one_folder_alone(serve: Serve, show: Show) -> N
     assert [one.name for one in served.session.recorder.folder.iterdir()] == ["last.mf4"]
 
 
+@pytest.mark.slow
 def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)
@@ -205,6 +211,7 @@ def test_steps_show_the_figures_of_the_recording(serve: Serve, show: Show, tmp_p
     assert shown == pytest.approx(100.0 * (430e-6 - after.min()) / 20e-6, abs=0.15)
 
 
+@pytest.mark.slow
 def test_switching_the_compensation_off_shows_a_larger_overshoot(serve: Serve, show: Show) -> None:
     served = serve()
     page = show(served)
@@ -225,6 +232,7 @@ def test_switching_the_compensation_off_shows_a_larger_overshoot(serve: Serve, s
     assert said == ["compensation = 0", "compensation = 1"]
 
 
+@pytest.mark.slow
 def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None:
     served = serve()
     page = show(served)
@@ -249,6 +257,7 @@ def test_staged_values_are_applied_on_one_tick(serve: Serve, show: Show) -> None
     wait_for(lambda: {one.name: one.value for one in served.session.parameters} == old)
 
 
+@pytest.mark.slow
 def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: Path) -> None:
     record = tmp_path / "run.csv"
     served = serve(record=record)
@@ -297,6 +306,7 @@ def test_no_spike_is_lost_between_pixels_and_missing_ticks_are_marked(
     assert missing == [[70901, 71000]]
 
 
+@pytest.mark.slow
 def test_keys_choose_views_and_turn_the_light_off(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)

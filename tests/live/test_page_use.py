@@ -88,6 +88,7 @@ def test_on_a_telephone_nothing_overlaps_and_stop_is_in_reach(page: Page) -> Non
     page.set_viewport_size({"width": 1440, "height": 860})
 
 
+@pytest.mark.slow
 def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(
     page: Page, bearing: Served
 ) -> None:
@@ -150,6 +151,7 @@ def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page)
     assert seen(page, "page.scope.held") is None
 
 
+@pytest.mark.slow
 def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Served) -> None:
     bearing.session.paced.pause()  # so that all that is seen is among the last seconds
     page.keyboard.press("Space")

@@ -99,6 +99,7 @@ def back(session: LiveSession) -> None:
     wait_for(lambda: session.bench.tick > tick + 200)
 
 
+@pytest.mark.slow
 def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
     power: Power, manifest: Manifest, tmp_path: Path
 ) -> None:
@@ -194,6 +195,7 @@ def test_a_controller_whose_line_was_cut_went_on_by_itself_and_so_do_its_ticks(
             assert session.status()["missing"] > 0
 
 
+@pytest.mark.slow
 def test_a_controller_on_a_serial_port_is_found_again(power: Power, manifest: Manifest) -> None:
     long_on(power)
     with serial_port(lambda: power.xcp) as port:

@@ -246,6 +246,7 @@ def swing(bench: BearingBench) -> Iterator[FloatArray]:
         yield bench.advance(50)
 
 
+@pytest.mark.slow
 def test_a_recording_is_a_measurement_for_inspect_and_identify(
     bench: BearingBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

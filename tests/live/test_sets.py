@@ -86,6 +86,7 @@ def load_damping(served: Served) -> Parameter:
     return next(one for one in served.session.parameters if one.name == "load_damping")
 
 
+@pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_sets_are_saved_compared_staged_and_rolled_back(serve: Serve, show: Show) -> None:
     served = serve()

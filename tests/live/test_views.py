@@ -17,6 +17,7 @@ from tests.study import bearings
 pytestmark = pytest.mark.needs("chromium")
 
 
+@pytest.mark.slow
 def test_loop_and_levitation_show_what_the_recording_holds(
     serve: Serve, show: Show, tmp_path: Path
 ) -> None:
@@ -48,6 +49,7 @@ def test_loop_and_levitation_show_what_the_recording_holds(
     assert standstill == pytest.approx(1e9 * np.std(errors), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_spectrum_is_that_of_scipy(serve: Serve, show: Show) -> None:
     page = show(serve())
     ready(page)

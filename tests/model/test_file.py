@@ -99,6 +99,7 @@ ANY = st.floats(-1e12, 1e12)
 LISTS = st.lists(st.floats(0.0, 1e12), min_size=3, max_size=3)
 
 
+@pytest.mark.slow
 @given(
     m_s=POSITIVE,
     a=st.floats(1.0, 1e6),

@@ -143,6 +143,7 @@ def test_signs_that_a_code_page_lacks_stop_no_command(code_page: str, tmp_path: 
     assert "16 loops" in done.stdout
 
 
+@pytest.mark.slow
 def test_boards_that_windows_cannot_run_say_so(tmp_path: Path) -> None:
     _, emulated, process = played("win32", REFUSED, tmp_path).splitlines()
     assert emulated.startswith("board qemu-mps2: runs on Linux and macOS, not on Windows; ")
@@ -153,6 +154,7 @@ def test_the_firmware_is_reached_without_a_pseudo_terminal_on_macos(tmp_path: Pa
     assert played("darwin", REFUSED, tmp_path).split()[0] == "tcp:0"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["x86_64-macos", "aarch64-macos"])
 def test_the_firmware_compiles_for_macos(
     target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -158,6 +158,7 @@ def test_loops_come_from_frames_of_any_library(loops: anhyst.Loops) -> None:
     assert np.array_equal(anhyst.read_loops(Interchanged()).loops[0].output, loops.loops[0].output)
 
 
+@pytest.mark.slow
 def test_a_model_in_memory_compiles_as_its_file_does(
     found: anhyst.IdentifyResult, results: dict[str, Result], tmp_path: Path
 ) -> None:

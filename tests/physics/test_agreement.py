@@ -69,6 +69,7 @@ def truth_of_linear_law(law: LinearAnhysteretic, b: FloatArray) -> list[float]:
     return found
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "law",
     [
@@ -127,6 +128,7 @@ def explicit_errors(scheme: Scheme, samples: int) -> tuple[float, float]:
     return float(forward), float(inverse)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["euler", "rk4"])
 def test_error_of_the_explicit_form_falls_with_the_samples_a_loop(scheme: Scheme) -> None:
     errors = np.array([explicit_errors(scheme, samples) for samples in (50, 200, 1000, 4000)])

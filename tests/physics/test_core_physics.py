@@ -18,6 +18,7 @@ from .sets import random_cases, random_walk, sine, virgin_fold
 LAWS: tuple[LawName, ...] = ("effective-field", "jiles-atherton-1986")
 
 
+@pytest.mark.slow
 def test_jump_happens_at_the_fold_and_not_before() -> None:
     jumped = 0
     for case in random_cases(150, seed=28, jumping=True):

@@ -39,6 +39,7 @@ def tolerances(iron: Iron, rho: float, largest: float) -> tuple[float, float]:
     return share * MU_0 * iron.m_s, share * span + 20.0 * EPSILON * iron.m_s
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("law", "step", "count"), VARIANTS)
 @pytest.mark.parametrize("kind", ["plain", "play", "jumping"])
 @pytest.mark.parametrize("circuit", ["iron", "gap", "gap and eddy"])

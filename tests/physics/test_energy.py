@@ -48,6 +48,7 @@ def polygon_area(h: FloatArray, b: FloatArray) -> float:
     return float(0.5 * np.sum((np.roll(b, -1) - b) * (np.roll(h, -1) + h)))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("samples", [6, 12])
 @pytest.mark.parametrize("kind", ["plain", "play", "jumping"])
 def test_settled_loop_area_is_positive(samples: int, kind: str) -> None:

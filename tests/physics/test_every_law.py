@@ -24,6 +24,7 @@ def status_of(sample: Sample, direction: str, given: list[float]) -> tuple[int, 
     return status, index
 
 
+@pytest.mark.first(1)
 @every_law
 @with_jumps
 def test_inverse_of_forward_gives_the_field_back(law: str, jumping: bool) -> None:
@@ -33,6 +34,7 @@ def test_inverse_of_forward_gives_the_field_back(law: str, jumping: bool) -> Non
         assert np.max(np.abs(back - drive)) < 1e-9 * one.amplitude, one
 
 
+@pytest.mark.first(2)
 @every_law
 def test_forward_of_inverse_gives_the_flux_density_back_without_jumps(law: str) -> None:
     for number, one in enumerate(samples(law, 400, seed=182)):
@@ -43,6 +45,7 @@ def test_forward_of_inverse_gives_the_flux_density_back_without_jumps(law: str) 
         assert np.max(np.abs(b - demand)) < 1e-9 * top, one
 
 
+@pytest.mark.first(1)
 @every_law
 def test_moving_gap_and_eddy_currents_are_undone_too(law: str) -> None:
     rng = np.random.default_rng(183)
@@ -56,6 +59,7 @@ def test_moving_gap_and_eddy_currents_are_undone_too(law: str) -> None:
 
 
 # A cycle within a dead band is reversible.
+@pytest.mark.first(3)
 @pytest.mark.parametrize("law", [law for law in EVERY if law != "effective-field, dead band"])
 @with_jumps
 def test_settled_loop_area_is_positive(law: str, jumping: bool) -> None:
@@ -70,6 +74,7 @@ def test_settled_loop_area_is_positive(law: str, jumping: bool) -> None:
         assert area > 0.0, one
 
 
+@pytest.mark.first(1)
 @every_law
 def test_magnetisation_rises_with_the_effective_field_by_its_bound_at_most(law: str) -> None:
     for number, one in enumerate(samples(law, 300, seed=185)):
@@ -83,6 +88,7 @@ def test_magnetisation_rises_with_the_effective_field_by_its_bound_at_most(law: 
         assert np.all(np.abs(dm) <= one.steepest * np.abs(dx) * (1.0 + 1e-9) + slack), one
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("law", [law for law in EVERY if law != "effective-field, linear step"])
 @with_jumps
 def test_path_cut_differently_gives_the_same_end(law: str, jumping: bool) -> None:
@@ -104,6 +110,7 @@ def test_law_is_odd(law: str) -> None:
             np.testing.assert_array_equal(mirrored, -found)
 
 
+@pytest.mark.first(3)
 @every_law
 @with_jumps
 def test_nothing_blows_up(law: str, jumping: bool) -> None:

@@ -29,6 +29,7 @@ def gauge_cases() -> list[Case]:
     return default + random_cases(1, seed=53, law="jiles-atherton-1986")
 
 
+@pytest.mark.slow
 def test_scaling_gauge() -> None:
     rng = np.random.default_rng(54)
     for number, (iron, amplitude) in enumerate(gauge_cases()):
@@ -42,6 +43,7 @@ def test_scaling_gauge() -> None:
         np.testing.assert_allclose(two, one, rtol=0, atol=1e-12 * np.max(np.abs(one)))
 
 
+@pytest.mark.slow
 def test_reluctance_gauge() -> None:
     rng = np.random.default_rng(55)
     for number, (iron, amplitude) in enumerate(gauge_cases()):

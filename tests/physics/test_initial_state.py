@@ -61,6 +61,7 @@ def bench() -> Iterator[Bench]:
         yield Bench()
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7)])
 def test_a_wrong_start_is_forgotten_within_a_cycle(
@@ -85,6 +86,7 @@ def test_a_memory_at_random_costs_the_full_law_more(bench: Bench) -> None:
     assert bench.cycles(full) > bench.cycles(simple)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.95), (0.3, 0.7), (0.45, 0.55)])
 def test_after_conditioning_nothing_is_left_of_a_wrong_start(

@@ -109,6 +109,7 @@ def test_path_cut_differently_gives_the_same_end(law: LawName, play: bool) -> No
         np.testing.assert_allclose(cut, direct, rtol=0, atol=2e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jumping", [False, True])
 def test_coarse_record_meets_the_fine_one_at_its_own_samples(jumping: bool) -> None:
     for case in random_cases(25, seed=24, jumping=jumping):

@@ -50,6 +50,7 @@ def test_core_agrees_with_direct_sums(shape: Shape) -> None:
         assert core.flux_of(state) == pytest.approx(direct.flux_density(state), abs=1e-11 * top)
 
 
+@pytest.mark.slow
 @shapes
 def test_jumps_are_those_of_direct_sums(shape: Shape) -> None:
     jumped = 0

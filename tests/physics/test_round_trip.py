@@ -12,6 +12,7 @@ from tests.oracles.iron import Iron, LawName
 from .sets import random_cases, random_walk, sine
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("law", "step", "count"),
     [
@@ -33,6 +34,7 @@ def test_inverse_of_forward_gives_the_field_back(
         np.testing.assert_allclose(after, state, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_inverse_of_forward_gives_the_field_back_through_jumps() -> None:
     for number, case in enumerate(random_cases(60, seed=32, jumping=True)):
         drive = random_walk(case.amplitude, 24, number)
@@ -41,6 +43,7 @@ def test_inverse_of_forward_gives_the_field_back_through_jumps() -> None:
         assert np.max(np.abs(back - drive)) < 1e-9 * case.amplitude, case
 
 
+@pytest.mark.slow
 def test_forward_of_inverse_gives_the_flux_density_back_without_jumps() -> None:
     for number, case in enumerate(random_cases(100, seed=33)):
         top = MU_0 * case.iron.m_s
@@ -50,6 +53,7 @@ def test_forward_of_inverse_gives_the_flux_density_back_without_jumps() -> None:
         assert np.max(np.abs(b - demand)) < 1e-9 * top, case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["effective-field", "jiles-atherton-1986"])
 def test_moving_gap_and_eddy_currents_are_undone_too(law: LawName) -> None:
     rng = np.random.default_rng(34)

@@ -32,6 +32,7 @@ def wander(samples: int, seed: int) -> tuple[FloatArray, FloatArray]:
     return current, gap
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("steel", STEELS.values(), ids=STEELS.keys())
 def test_force_and_flux_are_those_of_the_circuit_written_again(steel: CellSteel) -> None:
     current, gap = wander(1500, seed=3)

@@ -38,6 +38,7 @@ def stepped(magnet: Magnet, steps: int, start: float = 0.0) -> FloatArray:
     return np.array(rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eddy_time", [0.0, 1e-4])
 def test_a_winding_goes_where_the_equations_written_again_go(eddy_time: float) -> None:
     oracle = OracleMagnet(Shape(eddy_time=eddy_time), example_steel())

@@ -67,6 +67,7 @@ def runs_of(*command: object) -> tuple[str, ...]:
     return tuple(done.stdout.splitlines())
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("flags", FLAGS)
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_compilers_and_their_flags_do_not_change_a_bit(

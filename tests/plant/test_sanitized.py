@@ -40,6 +40,7 @@ def sources() -> list[str]:
     return [*(f"-I{folder}" for folder in folders), *map(str, files)]
 
 
+@pytest.mark.slow
 def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     compiler = tool("cc", "gcc")
     if not can_sanitize(compiler, tmp_path):

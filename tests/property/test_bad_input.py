@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -200,6 +201,7 @@ def test_a_damaged_sidecar_is_read_or_refused(content: bytes) -> None:
     holds_or_is_refused("loops.toml", content, describe)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(damaged(MODEL))
 def test_a_damaged_model_is_read_or_refused(content: bytes) -> None:

@@ -55,6 +55,7 @@ def filtered(rng: np.random.Generator, samples: int, with_last: float) -> FloatA
     return np.asarray(lfilter([1.0], [1.0, -with_last], white))[100:]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("with_last", [0.0, 0.4, 0.7])
 @pytest.mark.parametrize("kind", SETS)
 def test_noise_is_called_noise(kind: str, with_last: float) -> None:
@@ -112,6 +113,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(("name", "kind"), CASES)
 @pytest.mark.parametrize(("size", "tries"), [(2.0, 60), (20.0, 20)])
 def test_a_shape_of_twice_the_noise_is_named(name: str, kind: str, size: float, tries: int) -> None:

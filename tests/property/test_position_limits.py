@@ -26,6 +26,7 @@ QUICK = replace(
 )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("number_format", FORMATS)
 @pytest.mark.parametrize("magnets", [1, 2])
 @given(samples=st.lists(SAMPLES, min_size=1, max_size=30), measured=st.booleans())

@@ -24,6 +24,8 @@ from tests.page import Page
 from tests.refusals import says
 from tests.study import bearings
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -105,7 +107,6 @@ def test_the_page_says_how_to_make_it_again(small: Path, page: Page) -> None:
     assert "controller.toml" in page.text
 
 
-@pytest.mark.slow
 def test_drifted_plants_go_on_and_are_reported(small: Path) -> None:
     out = small / "plants.jsonl"
     command = ["simulate", str(small / "rig.toml"), "--out", str(out), "--monte-carlo"]
@@ -130,7 +131,6 @@ def test_plants_are_written_as_lines(small: Path, capsys: pytest.CaptureFixture[
     assert says(capsys.readouterr().err, "wrong-ending: plants.csv")
 
 
-@pytest.mark.slow
 def test_the_map_of_benefit_is_reported_cell_by_cell(small: Path) -> None:
     rig = read_bearing(small / "rig.toml")
     controller = read_controller(small / "controller.toml")

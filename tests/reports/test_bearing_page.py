@@ -76,6 +76,7 @@ def test_the_page_is_well_formed_with_figures_reported_in_words(html: str, page:
         assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
 
 
+@pytest.mark.slow
 def test_the_same_subject_gives_the_same_bytes(html: str, subject: SimulationSubject) -> None:
     assert render(subject) == html
 

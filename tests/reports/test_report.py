@@ -239,6 +239,7 @@ def test_what_comes_from_files_is_escaped(html: str, page: Page) -> None:
     assert "these <loops>" in page.text
 
 
+@pytest.mark.slow
 def test_the_same_model_gives_the_same_bytes(html: str, folder: Path) -> None:
     with mpl.rc_context({"font.size": 30.0, "svg.fonttype": "path", "axes.grid": False}):
         write_report(folder / "model.toml", folder / "again.html")
@@ -292,6 +293,7 @@ def test_measurements_that_have_changed_are_not_used(tmp_path: Path) -> None:
     assert "has changed" in str(headline(subject).notes)
 
 
+@pytest.mark.slow
 def test_a_model_that_fails_over_the_gap_says_so_loudly(tmp_path: Path) -> None:
     wild = {**IRON, "c_H": (1500.0, 950.0, 1150.0)}
     model = magnet(tmp_path, parameters=wild, fit=None)
@@ -354,6 +356,7 @@ def test_the_verdict_is_that_of_the_measurement(
     assert (LOOPS in reported.text) == (level != "yes")
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_be_run_over_its_loops_is_still_reported(
     subject: ModelSubject, folder: Path
 ) -> None:
@@ -412,6 +415,7 @@ def test_a_report_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["model.toml"]
 
 
+@pytest.mark.slow
 def test_plots_are_written_as_pictures(subject: ModelSubject, tmp_path: Path) -> None:
     evidence = subject.evidence
     assert evidence is not None

@@ -313,6 +313,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
             yield from places(one, (*path, key)) if isinstance(one, dict | list) else [(*path, key)]
 
 
+@pytest.mark.first(1)
 @every
 def test_nonsense_in_an_old_file_is_an_error_of_the_file(name: str, tmp_path: Path) -> None:
     """Whatever stands in place of a key or a table, the program does not break over it."""

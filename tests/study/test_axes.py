@@ -134,6 +134,7 @@ def three_magnets(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     rig = read_stage(three_magnets(tmp_path))
     study = explore_stage(rig, bearings.knowledge(), ("single-valued", "full"))

@@ -104,6 +104,7 @@ def check_endings(found: list[Ending]) -> None:
             assert one.rest_speed < (SOFT if name in LANDS else FALL), (name, one.rest_speed)
 
 
+@pytest.mark.slow
 def test_faults_in_the_air_end_as_is_said(firmware: Path) -> None:
     chosen = [one for one in injections() if one.name in QUICK]
     assert len(chosen) == len(QUICK)

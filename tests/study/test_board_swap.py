@@ -67,7 +67,10 @@ class Built:
         return law.block
 
 
-@pytest.fixture(scope="module", params=["full", pytest.param("simplified", marks=pytest.mark.slow)])
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", params=["full", "simplified"])
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Built:
     variant: MethodName = request.param
     table = bearings.controller().settings

@@ -37,6 +37,7 @@ def overshoot(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fraction", [0.15, 0.3])
 def test_full_overshoots_at_most_half_as_much_as_ratio(fraction: float) -> None:
     full, ratio = overshoot("full", fraction=fraction), overshoot("ratio", fraction=fraction)
@@ -68,6 +69,7 @@ def standstill(setup: Setup) -> float:
     return float(np.mean([one.figures["rms_m"] for one in found]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fraction", [0.15, 0.3])
 def test_it_stands_still_to_ten_nanometres_without_a_limit_cycle(fraction: float) -> None:
     assert standstill(quiet(bearings.single("full", fraction=fraction))) <= 10e-9

@@ -99,6 +99,7 @@ def test_the_winding_lowers_the_current_where_rests_do_not_help(tmp_path: Path) 
     assert slow.played.time[-1] > 1.5 * measure(free).played.time[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bearing", "solenoid"])
 def test_the_bundled_rigs_are_measured_within_what_they_have(kind: str, tmp_path: Path) -> None:
     specimen = read_specimen(measured_rig(kind, tmp_path).path).specimen

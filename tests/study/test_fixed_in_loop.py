@@ -136,6 +136,7 @@ def differs_at(setup: Setup, recording: Recording) -> int | None:
     return None
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("variant", ["full", "simplified", "single-valued"])
 def test_the_pieces_give_every_current_of_the_loop(variant: MethodName) -> None:
     setup = bearings.single(variant)
@@ -149,6 +150,7 @@ def test_the_pieces_give_every_current_of_the_loop(variant: MethodName) -> None:
     assert differs_at(setup, recording) is None
 
 
+@pytest.mark.slow
 def test_a_single_step_of_the_encoder_is_noticed() -> None:
     setup = bearings.single("full")
     recording = bearings.run_plant(setup, bearings.lifted(setup))

@@ -260,6 +260,7 @@ def test_the_verb_writes_a_report(magnets: Path, found: Fleet) -> None:
     assert "Measuring each pays" in page
 
 
+@pytest.mark.slow
 def test_an_empty_folder_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "magnets").mkdir()
     done = quick("fleet", "magnets", "--out", "out", cwd=tmp_path)

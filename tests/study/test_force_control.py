@@ -90,6 +90,7 @@ def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
     return result
 
 
+@pytest.mark.slow
 def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) -> None:
     assert run.figures["ticks_that_differ"] == 0
     assert run.figures["firmware_ticks"] > 5_000
@@ -100,6 +101,7 @@ def test_the_firmware_does_what_the_simulated_program_does(run: ForceControl) ->
             assert np.abs(off).max() < (0.4 if kind == "full" else 2.5)
 
 
+@pytest.mark.slow
 def test_its_table_and_its_picture_hold_every_controller(run: ForceControl) -> None:
     table = run.to_dataframe()
     errors = table.groupby("controller")["error_rms_N"].mean()
@@ -109,6 +111,7 @@ def test_its_table_and_its_picture_hold_every_controller(run: ForceControl) -> N
     assert "full: force off by" in repr(run)
 
 
+@pytest.mark.slow
 def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceControl) -> None:
     summary = run.figures["summary"]
     assert set(summary) == {"end", "end_demagnetised", "positions", "moving"}
@@ -120,6 +123,7 @@ def test_a_hysteresis_model_beats_the_best_curve_without_memory(run: ForceContro
     assert summary["end"]["full"]["of_single"] < summary["end"]["simplified"]["of_single"]
 
 
+@pytest.mark.slow
 def test_figures_tell_truth_and_noise_apart(run: ForceControl) -> None:
     written = json.loads((run.out / "figures.json").read_text())
     assert written == json.loads(json.dumps(run.figures))
@@ -136,6 +140,7 @@ def test_figures_tell_truth_and_noise_apart(run: ForceControl) -> None:
             assert one["read"]["worst_N"] != one["true"]["worst_N"]
 
 
+@pytest.mark.slow
 def test_everything_is_written(run: ForceControl) -> None:
     for name in ("fig6", "fig7", "fig8", "moving"):
         assert (run.out / f"{name}.png").read_bytes().startswith(b"\x89PNG")
@@ -149,6 +154,7 @@ def test_everything_is_written(run: ForceControl) -> None:
     assert {one.trial.demand.name for one in run.outcomes} == {"wide", "file"}
 
 
+@pytest.mark.slow
 def test_the_verdict_names_the_strongest_baseline(
     run: ForceControl, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -180,6 +186,7 @@ def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -
     assert found["strongest"] == {"end": "single", "moving": "ratio"}
 
 
+@pytest.mark.slow
 def test_errors_are_drawn_under_every_force(run: ForceControl, small: Path) -> None:
     rig = read_rig(small)
     by_stage: dict[str, list[ForceOutcome]] = {}
@@ -224,6 +231,7 @@ def short_session(small: Path, program: Program, board: str) -> Session:
     return run_firmware(program, bench, demand, board, True)[1]
 
 
+@pytest.mark.slow
 def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
     program = program_of(run, run.out / "end" / "full" / "firmware")
     session = short_session(small, program, "host")
@@ -236,7 +244,9 @@ def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
     assert ticks_that_differ(program, replace(session, demand=demand)) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
+@pytest.mark.slow
 def test_an_emulated_controller_does_the_same(
     run: ForceControl, small: Path, tmp_path: Path
 ) -> None:

@@ -32,6 +32,7 @@ class Again(Exception):  # noqa: N818 - nothing went wrong
     """It is prepared once more."""
 
 
+@pytest.mark.slow
 def test_the_same_files_are_prepared_once_and_others_anew(
     rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

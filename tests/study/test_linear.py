@@ -81,6 +81,7 @@ def test_the_poles_are_those_of_python_control() -> None:
     assert len(found) == len(expected)
 
 
+@pytest.mark.slow
 def test_margins_are_those_of_python_control() -> None:
     held, rest = by_python_control(LOOP)
     response = control.frd(held * control.tf2ss(rest), np.geomspace(1.0, 6e4, 20_000), smooth=True)

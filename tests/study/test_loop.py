@@ -31,6 +31,7 @@ ARRANGEMENTS = {"single": bearings.single, "pair": bearings.pair}
 GAPS = np.linspace(0.36e-3, 0.54e-3, 7).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number_format",
     [pytest.param(one, marks=[pytest.mark.slow] * (one != "fixed")) for one in bearings.FORMATS],
@@ -203,6 +204,7 @@ def test_noise_is_of_the_seed_alone() -> None:
     assert np.std(idle[0]["current_read_A"]) > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number_format", ["f64", "fixed"])
 def test_a_pair_is_symmetrical(number_format: NumberFormat) -> None:
     """Settled cycles around the middle: the way out is the mirror image of the way in.

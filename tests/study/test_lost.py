@@ -64,6 +64,7 @@ def unstable(folder: Path) -> Path:
     return folder / "rig.toml"
 
 
+@pytest.mark.slow
 def test_an_unstable_stage_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -87,6 +88,7 @@ def test_an_unstable_stage_exits_with_1(
     assert gap.max() > 0.55e-3
 
 
+@pytest.mark.slow
 def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
     made = stages.setup("full", crossover_Hz=6000.0)
     motion = stages.unseen(made.rig)
@@ -98,11 +100,13 @@ def test_a_stage_is_lost_on_its_end_stop_though_all_stays_finite() -> None:
         tracking.refuse_unstable(made)
 
 
+@pytest.mark.slow
 def test_a_stage_that_holds_is_not_lost() -> None:
     assert stages.study().lost_in == []
     tracking.refuse_unstable(stages.setup("full"))
 
 
+@pytest.mark.slow
 def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -124,6 +128,7 @@ def test_a_stage_that_was_lost_in_one_run_gets_no_verdict(
     assert lost.figures["lost_in"] == lost.lost_in
 
 
+@pytest.mark.slow
 def test_a_baseline_that_was_lost_is_compared_with_nothing() -> None:
     study = stages.study()
     gone = replace(study.tried["play"], measures=(LOST, LOST))
@@ -133,6 +138,7 @@ def test_a_baseline_that_was_lost_is_compared_with_nothing() -> None:
     assert "'play'" not in verdict(left).text
 
 
+@pytest.mark.slow
 def test_an_unstable_piezo_stage_exits_with_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -92,6 +92,7 @@ def with_drift(rig: BearingRig, **spreads: float) -> BearingRig:
     return replace(rig, settings=rig.settings.model_copy(update={"spread": table}))
 
 
+@pytest.mark.slow
 def test_a_plant_depends_on_seed_and_number_alone(
     rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
 ) -> None:
@@ -104,6 +105,7 @@ def test_a_plant_depends_on_seed_and_number_alone(
     assert len({one.mass for one in whole.drifts}) == 5
 
 
+@pytest.mark.slow
 def test_what_was_run_is_not_run_again(
     rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path
 ) -> None:
@@ -122,6 +124,7 @@ def test_what_was_run_is_not_run_again(
     assert sorted(plants) == [0, 1, 2, 3, 4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_an_interrupt_loses_nothing(
     rig: BearingRig, controller: ControllerFile, whole: MonteCarlo, tmp_path: Path, jobs: int
@@ -151,6 +154,7 @@ def change_gain(rig: BearingRig, controller: ControllerFile) -> tuple[BearingRig
     )
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("key", "change", "seed", "variant"),
     [
@@ -179,6 +183,7 @@ def test_results_of_something_else_are_refused(
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".toml"])
 def test_a_changed_file_of_loops_is_reported(
     folder: Path, controller: ControllerFile, tmp_path: Path, suffix: str

@@ -80,6 +80,7 @@ def test_the_page_shows_every_figure_and_what_the_worst_plant_drifted_in(
         assert text in page
 
 
+@pytest.mark.slow
 def test_a_stage_is_run_with_each_error_alone_and_with_all(tmp_path: Path) -> None:
     plants = stage_plants(stages.stage(), bearings.knowledge(), ("single-valued", "full"))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
@@ -119,6 +120,7 @@ def test_a_key_of_spread_that_a_kind_does_not_draw_is_refused(tmp_path: Path) ->
         read_piezo_rig(tmp_path / "rig.toml")
 
 
+@pytest.mark.slow
 def test_plants_are_lost_where_the_loop_is_and_the_verb_exits_with_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -204,6 +204,7 @@ def test_every_figure_is_documented(run: tuple[Path, Simulation, list[float]]) -
         assert f"`{name}`" in DOCUMENT
 
 
+@pytest.mark.slow
 def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A converter of the position too coarse to settle on: no infinity in the file."""
     monkeypatch.setattr(module, "COMPARED", ("ratio",))
@@ -223,6 +224,7 @@ def test_what_was_not_reached_is_null(folder: Path, monkeypatch: pytest.MonkeyPa
         np.testing.assert_array_equal(column, found.recording[name], name)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("old", "new", "how"),
     [
@@ -267,6 +269,7 @@ SLOW = {
 }
 
 
+@pytest.mark.slow
 def test_a_slow_lift_off_is_waited_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Force in 1.5 s, way in 1 s: slower than the example by far, and no fault of the gains."""
     monkeypatch.setattr(module, "COMPARED", ())
@@ -278,6 +281,7 @@ def test_a_slow_lift_off_is_waited_for(folder: Path, monkeypatch: pytest.MonkeyP
     assert found.lost_in == []
 
 
+@pytest.mark.slow
 def test_a_rise_that_never_ends_is_no_fault_of_the_gains(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -310,6 +314,7 @@ def test_commands_come_after_the_selftest_at_every_rate(rate: float) -> None:
     assert script.lifted == script.ticks >= 0.45 * rate
 
 
+@pytest.mark.slow
 def test_an_own_variant_that_is_lost_later_is_a_negative_result(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -334,6 +339,7 @@ def test_a_loop_that_is_late_is_reported(folder: Path) -> None:
         simulate(folder / "rig.toml", folder / "out" / "run.csv")
 
 
+@pytest.mark.slow
 def test_a_variant_that_cannot_be_made_is_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -349,6 +355,7 @@ def test_a_variant_that_cannot_be_made_is_reported(
     write_simulation_report(folder / "out" / "report.html", subject_of(found, "anhyst simulate"))
 
 
+@pytest.mark.slow
 def test_a_variant_that_does_not_hold_it_is_reported_beside_the_others(folder: Path) -> None:
     """At 50 Hz nothing holds the armature but what cancels the negative stiffness."""
     change(folder / "controller.toml", {"bandwidth_Hz = 120.0": "bandwidth_Hz = 50.0"})
@@ -386,6 +393,7 @@ def test_a_file_that_is_read_is_not_written_over(folder: Path, name: str) -> Non
     assert (folder / name).read_text() == before
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_leaves_what_there_was(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,6 +38,7 @@ class Play:
         return pull(part, gap)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("reversible", [0.1, 0.15, 0.3, 0.6])
 def test_what_answers_after_a_reversal_is_the_reversible_share(reversible: float) -> None:
     iron = Play(reversible)

@@ -63,6 +63,7 @@ def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:
     assert 180.0 + np.degrees(np.angle(gain)) - 360.0 * (np.angle(gain) > 0.0) > 35.0
 
 
+@pytest.mark.slow
 def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None:
     made = stages.setup("full", stray_m=20e-6)
     run = track(made, stages.unseen(made.rig), Feedforward())
@@ -74,6 +75,7 @@ def test_the_mass_moves_as_the_force_says_while_its_magnets_move_along() -> None
     assert np.abs(pushed[:-1] - speed).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision() -> None:
     made = stages.setup("full")
     motion = stages.unseen(made.rig)
@@ -85,6 +87,7 @@ def test_pid_and_allocation_in_fixed_point_follow_like_those_in_double_precision
     assert np.abs(fixed["current_A"] - real["current_A"]).max() > 0.0
 
 
+@pytest.mark.slow
 def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
     found = stages.study().tried
     own, plain, play = found["full"], found["single-valued"], found["play"]
@@ -93,6 +96,7 @@ def test_compensation_pays_on_a_set_point_that_was_never_tuned_on() -> None:
     assert own.of("peak_m").mean < play.of("peak_m").mean < plain.of("peak_m").mean
 
 
+@pytest.mark.slow
 def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> None:
     def error(format_: str, substeps: int) -> np.ndarray:
         made = stages.setup("full", substeps, format=format_)
@@ -113,6 +117,7 @@ def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
     assert plain[-1] > 10.0 * own[-1]
 
 
+@pytest.mark.slow
 def test_wrong_calibration_costs_what_a_good_law_gains() -> None:
     made = stages.setup("full")
     motion, forward = stages.unseen(made.rig), stages.study().tried["full"].gains
@@ -152,6 +157,7 @@ def test_measures_say_what_they_say() -> None:
     assert isinstance(whole, Measures)
 
 
+@pytest.mark.slow
 def test_each_baseline_has_a_sentence_and_the_page_shows_every_variant(tmp_path: Path) -> None:
     study = stages.study()
     assert memoryless(study) == "single-valued"
@@ -206,6 +212,7 @@ def test_the_table_and_the_picture_of_a_study_hold_every_variant(tmp_path: Path)
     assert len(found.plot(Figure().add_subplot()).lines) == len(found.tried)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["run.csv", "run.mat", "run.mf4", "run.h5"])
 def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
     name: str, tmp_path: Path

@@ -68,6 +68,7 @@ def test_off_a_terminal_it_says_in_per_cent_how_far_it_is(here: Path) -> None:
     assert len({share for share in shares if 0 < share < 100}) >= 4, result.stderr
 
 
+@pytest.mark.slow
 def test_a_tuned_controller_is_written_that_can_be_tuned_again(here: Path) -> None:
     result = tune(here)
     assert result.returncode == 0, result.stderr
@@ -166,6 +167,7 @@ def test_a_controller_that_does_not_fit_leaves_nothing_behind(here: Path) -> Non
     assert says(said, "differs-from-rig rate_Hz")
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

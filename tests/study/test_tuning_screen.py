@@ -89,6 +89,7 @@ def test_what_is_unstable_never_settles_and_is_no_good() -> None:
     assert found.costs(Aims(), 0.03)[3] > MISSED
 
 
+@pytest.mark.slow
 def test_refined_gains_meet_the_aims_of_linear_loops_and_use_what_they_are_given() -> None:
     screen = make_screen(setup(), HERE)
     spread = spread_over(SPACE.size, 0)

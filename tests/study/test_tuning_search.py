@@ -23,6 +23,7 @@ def found(jobs: int = 1) -> FoundGains:
     return GainSearch(setup(), HERE, Aims(), BUDGET, seed=0, jobs=jobs).run()
 
 
+@pytest.mark.slow
 def test_the_gains_found_meet_the_aims_and_settle_sooner_than_before() -> None:
     result = found()
     assert result.check is not None
@@ -33,6 +34,7 @@ def test_the_gains_found_meet_the_aims_and_settle_sooner_than_before() -> None:
     assert not result.interrupted
 
 
+@pytest.mark.slow
 def test_what_was_found_with_one_noise_holds_for_all() -> None:
     result = found()
     tried = result.candidates[0].outcome.worst
@@ -54,6 +56,7 @@ def test_only_gains_filters_and_weight_are_changed() -> None:
     assert after.design is None
 
 
+@pytest.mark.slow
 def test_a_limit_of_the_peak_is_kept_by_the_measured_one() -> None:
     aims = Aims(peak_sensitivity=1.6)
     result = GainSearch(setup(), HERE[:1], aims, BUDGET, jobs=1).run()
@@ -73,6 +76,7 @@ def test_aims_that_cannot_be_met_end_with_the_best_and_what_limits() -> None:
     assert "force" in {one.what for one in helps}
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
 
@@ -100,6 +104,7 @@ def test_ctrl_c_before_any_gains_leaves_nothing(monkeypatch: pytest.MonkeyPatch)
         GainSearch(setup(), HERE[:1], Aims(), BUDGET, jobs=1).run()
 
 
+@pytest.mark.slow
 def test_a_pair_of_magnets_is_tuned_too() -> None:
     pair = bearings.with_rig(bearings.pair("linearised"), LESS)
     here = (Condition(bearings.GAP, 20.0),)

@@ -60,6 +60,7 @@ def cycles(count: int, low: float, high: float) -> FloatArray:
     return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(2.0 * np.pi * time)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("ends", [(0.1, 1.0), (0.3, 0.8)])
 @pytest.mark.parametrize("gap", [1.25e-3, 2.0e-3, None])
 def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
@@ -138,6 +139,7 @@ def test_an_hour_of_noise_is_no_drift(rig: Rig, model: Model) -> None:
     assert watch.finding.cycles == 3598
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("correlation", [0.0, 0.4])
 @pytest.mark.parametrize("shift", [0.0, 4.0])
 def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(

@@ -59,6 +59,7 @@ def slowly(number: int) -> tuple[int, int]:
     return number**2, os.getpid()
 
 
+@pytest.mark.slow
 def test_a_lost_worker_loses_no_work(
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:

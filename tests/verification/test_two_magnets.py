@@ -24,6 +24,9 @@ COLUMNS = ("demand", "gap", "applied", "expected")
 RAM = 0x20000000
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Compile two magnets, each with a model and a kind of compensator of its own."""
@@ -65,7 +68,6 @@ def test_the_example_links_both_and_gives_their_golden_currents(
     assert said.returncode == 1
 
 
-@pytest.mark.slow
 def test_cmake_links_both(folders: Path, tmp_path: Path) -> None:
     parts = "".join(f"include({folders}/{n}/anhyst.cmake)\n" for n in ("electromagnet", "solenoid"))
     (tmp_path / "CMakeLists.txt").write_text(
@@ -80,7 +82,6 @@ def test_cmake_links_both(folders: Path, tmp_path: Path) -> None:
     subprocess.run([f"{build}/both", *vectors], check=True, capture_output=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("port", [False, True], ids=["portable", "port header"])
 def test_an_emulated_cortex_m4_gives_the_same(folders: Path, tmp_path: Path, port: bool) -> None:
     unicorn = pytest.importorskip("unicorn", reason="unicorn: pip install 'anhyst[verify]'")

@@ -114,6 +114,7 @@ def test_a_fault_that_does_not_repeat_is_reported_as_such(with_fault: Seed) -> N
     assert "not repeatable" in result.verdict()
 
 
+@pytest.mark.slow
 def test_a_golden_vector_that_is_not_met_is_found(with_fault: Seed) -> None:
     folder = with_fault("vectors.csv", "demand,gap,applied,current\n", VECTOR_BEFORE)
     result = only(verify(folder, "cortex-m3", target_steps=100).results)
@@ -150,6 +151,7 @@ def test_undefined_behaviour_is_found_by_the_sanitizers_alone(
     assert "signed integer overflow" in found.first_failure()
 
 
+@pytest.mark.slow
 def test_c_that_does_not_compile_is_reported(with_fault: Seed) -> None:
     folder = with_fault(
         "src/compensator/compensator.c", SOLVE, f"{SOLVE}#ifdef __thumb__\n#error no\n#endif\n"

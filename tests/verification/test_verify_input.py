@@ -31,6 +31,7 @@ def copied(compiled: Compile, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_command_writes_both_files_and_prints_tables(
     copied: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -53,6 +54,7 @@ def test_a_verified_folder_may_be_compiled_again(copied: Path) -> None:
         check_folder(copied)
 
 
+@pytest.mark.slow
 def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]) -> None:
     said = complaint(capsys, compiled("full", "q31"), "--on", "host,cortex-m5")
     assert "cortex-m5" in said

@@ -41,6 +41,7 @@ def plausible(result: TargetResult) -> None:
     assert 0 < result.stack_measured < 1024
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "io", "rounded", "worst"),
     [
@@ -68,6 +69,7 @@ def test_cortex_m4_gives_the_bits_of_the_host_and_a_grid_costs_no_second_search(
     assert most["tick"] < worst
 
 
+@pytest.mark.slow
 def test_single_precision_has_the_same_bits_with_and_without_a_float_unit(
     compiled: Compile,
 ) -> None:
@@ -120,6 +122,7 @@ def test_host_builds_agree_under_sanitizers_too(
     assert {result.costs for result in found.results} == {()}
 
 
+@pytest.mark.slow
 @needs_avr
 @pytest.mark.parametrize(
     ("kind", "io"),
@@ -139,6 +142,7 @@ def test_msp430_gives_the_bits_of_the_host(compiled: Compile) -> None:
     assert result.unit == "cycles"
 
 
+@pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
 def test_the_whole_firmware_gives_the_currents_of_the_host(compiled: Compile) -> None:
     (result,) = agrees(verify(compiled("full", "q31"), "cortex-m3-qemu", target_steps=300)).results

@@ -88,6 +88,7 @@ def test_host_may_be_named_with_one_compiler_alone(
     assert command(folder, "--on", "host") == 0
 
 
+@pytest.mark.slow
 def test_all_that_is_missing_is_listed_at_once_and_a_named_target_that_did_not_run_fails(
     folder: Path,
     tmp_path: Path,
@@ -112,6 +113,7 @@ def test_all_that_is_missing_is_listed_at_once_and_a_named_target_that_did_not_r
     assert found["not_run"] == ["avr", "msp430", "cortex-m3-qemu"]
 
 
+@pytest.mark.slow
 def test_a_difference_counts_more_than_a_missing_tool(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -128,6 +130,7 @@ def test_a_difference_counts_more_than_a_missing_tool(
     assert command(folder, "--on", "host,msp430") == 1
 
 
+@pytest.mark.slow
 def test_json_says_what_is_missing(
     folder: Path,
     tmp_path: Path,
@@ -140,6 +143,7 @@ def test_json_says_what_is_missing(
     assert [one["tool"] for one in found["missing"]] == ["gcc", "clang"]
 
 
+@pytest.mark.slow
 def test_without_a_python_package_its_targets_do_not_run_and_the_others_do(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,6 +172,7 @@ def test_where_nothing_can_run_nothing_is_written_and_everything_missing_is_name
     assert not (folder / "verify.json").exists()
 
 
+@pytest.mark.slow
 def test_a_compiler_without_its_sanitizers_runs_without_them(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
