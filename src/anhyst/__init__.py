@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from anhyst.study.fleet.verb import judge_fleet as fleet
     from anhyst.study.force.force_control import ForceControl, force_control
     from anhyst.study.piezo.track import PiezoTracking
+    from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.verb import tune_bearing as tune
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Benefit",
     "BoardComparison",
+    "Calibration",
     "Compiled",
     "CompiledPlay",
     "Drafted",
@@ -94,6 +96,7 @@ __all__ = [
     "Tuning",
     "Verification",
     "__version__",
+    "calibrate",
     "clean",
     "compile",
     "convert",
@@ -123,6 +126,7 @@ __all__ = [
 _PLACES = {
     "Benefit": "study.bearing.benefit",
     "BoardComparison": "study.bearing.on_board",
+    "Calibration": "study.tracking.calibrate",
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
     "Drafted": "draft.drafting",
@@ -145,6 +149,7 @@ _PLACES = {
     "TrackingStudy": "study.tracking.simulate",
     "Tuning": "study.tuning.result",
     "Verification": "verification.result",
+    "calibrate": "study.tracking.calibrate",
     "clean": "data.clean",
     "compile": "compilation.verb:compile_actuator",
     "convert": "exchange.convert",

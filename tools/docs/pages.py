@@ -30,6 +30,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "simulate",
         "bearing",
         "tracking",
+        "calibration",
         "planar",
         "actuators",
         "tune",

@@ -72,6 +72,7 @@ typedef struct {
   SIGNAL(VOLTAGE, "voltage", "V", "V", MAGNET, s->actuator[j].coil.voltage)                        \
   SIGNAL(FLUX, "flux", "Wb", "Wb", MAGNET, s->actuator[j].coil.psi)                                \
   SIGNAL(DENSITY, "flux_density", "T", "T", MAGNET, s->actuator[j].coil.density)                   \
+  SIGNAL(FLUX_READ, "flux_read", "T", "T", MAGNET, sample->flux[j])                                \
   SIGNAL(STATE, "state", "", "", TICK, (double)answer->state)                                      \
   SIGNAL(FLAGS, "flags", "", "", TICK, (double)answer->flags)
 

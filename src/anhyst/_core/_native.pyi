@@ -328,6 +328,7 @@ class _RealForceController:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""
     def commit(self, applied: float, gap: float) -> float:
         """Advance with the current that was applied; return the force to expect."""
+    def follow(self, applied: _Array, gap: _Array) -> _Array: ...  # commits a path
     @property
     def flags(self) -> int: ...
     def conditioning_length(self) -> int: ...
@@ -363,6 +364,7 @@ class FixedForceController:
         """Return the current for a force; `flux` is the measured density, or -2^31 for none."""
     def commit(self, applied: int, gap: int) -> int:
         """Advance with the current that was applied; return the force to expect."""
+    def follow(self, applied: _Array, gap: _Array) -> _Array: ...  # commits a path of codes
     @property
     def flags(self) -> int: ...
     def conditioning_length(self) -> int: ...
@@ -522,9 +524,9 @@ class Tracking(LoopController):
     """PID, feedforward and allocation of a pair, plant/include/anhyst_plant/tracking.h."""
 
     def __init__(self, magnets: list[_Drive], pid: _Array, settings: _Numbers) -> None: ...
+    def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
 
-class TrackingF32(Tracking):
-    """The same in single precision, its magnets too."""
+class TrackingF32(Tracking): ...  # in single precision, its magnets too
 
 class FixedTracking(LoopController):
     """The same in fixed point; the PID is words of PIDD2, currents and idle force are codes."""

@@ -8,6 +8,7 @@
 
 #include "anhyst/compensator/force_by_play.h"
 #include "anhyst/compensator/force_by_play_real.h"
+#include "anhyst/compensator/force_corrected_real.h"
 #include "arrays.h"
 #include "real_parameters.h"
 
@@ -112,6 +113,16 @@ public:
     return F::solve(&state_, real(demand), real(gap), real(density));
   }
   Real commit(double applied, double gap) { return F::commit(&state_, real(applied), real(gap)); }
+  // Commits a path; the forces to expect.
+  Out follow(const In &applied, const In &gap)
+  {
+    same_length(applied.shape(0), gap.shape(0), "gap");
+    Out out = make_array(applied.shape(0));
+    for (size_t i = 0; i < applied.shape(0); i++) {
+      out.data()[i] = commit(applied(i), gap(i));
+    }
+    return out;
+  }
   int flags() const { return state_.flags; }
   int32_t conditioning_length() const { return F::conditioning_length(&state_); }
   Real conditioning(int32_t tick) const { return F::conditioning(&state_, tick); }
@@ -175,6 +186,16 @@ public:
   int32_t commit(int32_t applied, int32_t gap)
   {
     return anhyst_force_controller_commit_q31(&state_, applied, gap);
+  }
+  // Commits a path; the forces to expect, as codes.
+  Out follow(const In &applied, const In &gap)
+  {
+    same_length(applied.shape(0), gap.shape(0), "gap");
+    Out out = make_array(applied.shape(0));
+    for (size_t i = 0; i < applied.shape(0); i++) {
+      out.data()[i] = commit(static_cast<int32_t>(applied(i)), static_cast<int32_t>(gap(i)));
+    }
+    return out;
   }
   int flags() const { return state_.flags; }
   int32_t conditioning_length() const

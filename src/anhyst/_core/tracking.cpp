@@ -25,6 +25,7 @@ public:
     adapter_.tracking = law_.get();
   }
 
+  void correct(const InTable &rows) { law_.correct(rows); }
   anhyst_loop_controller handle() override { return {&adapter_, F::tick}; }
 
 private:
@@ -32,9 +33,9 @@ private:
   typename F::Adapter adapter_{};
 };
 
-template <class F> void bind(nb::module_ &m, const char *name)
+template <class F> nb::class_<Tracking<F>, LoopController> bind(nb::module_ &m, const char *name)
 {
-  nb::class_<Tracking<F>, LoopController>(m, name).def(
+  return nb::class_<Tracking<F>, LoopController>(m, name).def(
       nb::init<const nb::list &, const typename F::Row &, const nb::dict &>(), "magnets"_a,
       "pid"_a.noconvert(), "settings"_a);
 }
@@ -150,8 +151,10 @@ nb::tuple allocate(double net, double idle)
 
 void bind_tracking(nb::module_ &m)
 {
-  bind<TrackingF64>(m, "Tracking");
-  bind<TrackingF32>(m, "TrackingF32");
+  bind<TrackingF64>(m, "Tracking")
+      .def("correct", &Tracking<TrackingF64>::correct, "rows"_a.noconvert());
+  bind<TrackingF32>(m, "TrackingF32")
+      .def("correct", &Tracking<TrackingF32>::correct, "rows"_a.noconvert());
   bind<TrackingQ31>(m, "FixedTracking");
   nb::class_<Layout>(m, "WrenchLayout")
       .def(nb::init<const InTable &, const std::vector<uint16_t> &, uint16_t, double, double>(),

@@ -44,6 +44,23 @@ public:
     }
   }
 
+  // Puts each drive behind what was found of its magnet, in the order of anhyst_correction.
+  void correct(const InTable &rows)
+  {
+    using Real = typename F::Real;
+    same_shape(drives_.size(), 4, rows, "rows");
+    corrected_.resize(drives_.size());
+    behind_.resize(drives_.size());
+    for (size_t i = 0; i < drives_.size(); i++) {
+      const auto at = [&](size_t j) { return static_cast<Real>(rows(i, j)); };
+      const typename F::Correction correction = {at(0), at(1), at(2), at(3)};
+      check_controller(F::correct(&behind_[i], &corrected_[i], &correction, drives_[i]));
+    }
+    for (size_t i = 0; i < drives_.size(); i++) {
+      drives_[i] = &behind_[i];
+    }
+  }
+
   typename F::Drive *const *data() const { return drives_.data(); }
   uint16_t size() const { return static_cast<uint16_t>(drives_.size()); }
 
@@ -78,6 +95,8 @@ private:
   std::deque<anhyst_tracking_drive_f32> narrow_;
   std::deque<anhyst_force_controller_f64> in_si_;
   std::vector<typename F::Drive *> drives_;
+  std::vector<typename F::Corrected> corrected_; // as many as drives, or none
+  std::vector<typename F::Drive> behind_;
 };
 
 template <class F> class TrackingLaw {
@@ -107,6 +126,7 @@ public:
     }
   }
 
+  void correct(const InTable &rows) { drives_.correct(rows); }
   typename F::State *get() { return &tracking_; }
 
 private:
@@ -136,8 +156,11 @@ struct TrackingF64 {
   using Settings = anhyst_tracking_settings_f64;
   using State = anhyst_tracking_f64;
   using Adapter = anhyst_tracking_adapter_f64;
+  using Correction = anhyst_correction_f64;
+  using Corrected = anhyst_corrected_f64;
   static constexpr bool any_drive = true; // whatever its format
   static constexpr auto init = anhyst_tracking_init_f64;
+  static constexpr auto correct = anhyst_force_controller_init_corrected_f64;
   static constexpr auto tick = anhyst_tracking_adapter_tick_f64;
   static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
   static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
@@ -154,8 +177,11 @@ struct TrackingF32 {
   using Settings = anhyst_tracking_settings_f32;
   using State = anhyst_tracking_f32;
   using Adapter = anhyst_tracking_adapter_f32;
+  using Correction = anhyst_correction_f32;
+  using Corrected = anhyst_corrected_f32;
   static constexpr bool any_drive = false;
   static constexpr auto init = anhyst_tracking_init_f32;
+  static constexpr auto correct = anhyst_force_controller_init_corrected_f32;
   static constexpr auto tick = anhyst_tracking_adapter_tick_f32;
   static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
   static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
@@ -172,6 +198,7 @@ struct TrackingQ31 {
   using Settings = anhyst_tracking_settings_q31;
   using State = anhyst_tracking_q31;
   using Adapter = anhyst_tracking_adapter_q31;
+  struct Corrected {}; // there is none in fixed point
   static constexpr bool any_drive = false;
   static constexpr auto init = anhyst_tracking_init_q31;
   static constexpr auto tick = anhyst_tracking_adapter_tick_q31;

@@ -27,7 +27,7 @@ from anhyst.cli.inspect import inspect
 from anhyst.cli.live import live
 from anhyst.cli.report import report
 from anhyst.cli.simulate import simulate
-from anhyst.cli.tune import tune
+from anhyst.cli.tune import calibrate, tune
 from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
 from anhyst.cli.watch import watch
@@ -55,7 +55,7 @@ app = typer.Typer(
 _GROUPS: dict[str, tuple[Callable[..., None], ...]] = {
     "From measurements to a model": (inspect, convert, identify, fleet, report, diff),
     "Use a model": (predict, invert, compile_, verify, export),
-    "Rigs, virtual and real": (init, simulate, tune, force_control, excite),
+    "Rigs, virtual and real": (init, simulate, tune, calibrate, force_control, excite),
     "While it runs": (live, watch, xcp),
 }
 for _group, _verbs in _GROUPS.items():

@@ -1,4 +1,4 @@
-"""The verb ``tune``."""
+"""The verbs ``tune`` and ``calibrate``."""
 
 from __future__ import annotations
 
@@ -127,3 +127,41 @@ def _show(found: Tuning, out: Path) -> None:
         *(f"written: {place}" for place in found.written.values()),
         f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}",
     )
+
+
+def calibrate(
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG", help="Rig file of a stage.", callback=of_its_kind)
+    ],
+    recordings: Annotated[
+        list[Path], typer.Argument(metavar="RUNS", help="Recordings of its motion.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Calibration to write, TOML."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Learn from the motion of a stage what its magnets are off by.
+
+    Mass times acceleration is held against the force that each method expects of the currents. The
+    mass of the rig file is trusted; [spread] says how far the other numbers may be off. Name the
+    file as control.calibration in the rig file, and the next simulate uses it.
+
+    Example: anhyst calibrate examples/stage/rig.toml run.csv --out calibration.toml
+    """
+    found = anhyst.calibrate(rig, recordings, out)
+    warn_of = [one for one in found.file.method if one.name == "full" and not one.fits]
+    for one in warn_of:
+        warn(f"{one.name}: {found.facts()[one.name]}; it stays as it was, and a flux probe helps")
+    if as_json:
+        print_json(found.as_dict())
+        return
+    drawn = table("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
+    for one in found.file.method:
+        for number in one.parameter:
+            values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
+            said = "frozen: not seen" if number.frozen else ""
+            drawn.add_row(one.name, number.name, *values, said)
+    written = [] if out is None else [f"written: {out}"]
+    show(drawn, *(f"{name}: {text}" for name, text in found.facts().items()), *written)

@@ -8,9 +8,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
+import numpy as np
+
 from anhyst import _core
 from anhyst.compensate.block import Scales
 from anhyst.compensate.interface import Compensator, MethodName, NumberFormat
+from anhyst.support.arrays import FloatArray
 from anhyst.support.fixed_point import q31
 
 Native = _core.ForceController | _core.ForceControllerF32 | _core.FixedForceController
@@ -91,6 +94,18 @@ class ForceController(Compensator):
             return native.commit(applied, at)
         expected = native.commit(q31(applied / scales.current), self._gap_code(at))
         return expected / _Q31 * scales.demand
+
+    def follow(self, applied: FloatArray, gap: FloatArray) -> FloatArray:
+        """Advance along a path of applied currents, A; return the forces to expect, N."""
+        native, scales = self.native, self.scales
+        if not isinstance(native, _core.FixedForceController):
+            return native.follow(applied, gap)
+        parts = (
+            applied / scales.current,
+            (gap - scales.gap_low) / (scales.gap_high - scales.gap_low),
+        )
+        codes = [np.clip(np.rint(part * _Q31), -_Q31, _Q31 - 1.0) for part in parts]
+        return np.asarray(native.follow(*codes) / _Q31 * scales.demand)
 
     def _gap_code(self, gap: float) -> int:
         return q31((gap - self.scales.gap_low) / (self.scales.gap_high - self.scales.gap_low))

@@ -68,6 +68,12 @@ class PlayMap:
             return _core.FixedForceController.play(*given, *table.codes())
         return REAL[number_format].play(table.entries, self.half, self.radius, *table.real())
 
+    def widened(self, part: float) -> PlayMap:
+        """Return the same with a loop that is wider by a part."""
+        rise = (1.0 - 1e-6) * np.diff(self.map.entries)
+        half = no_steeper((1.0 + part) * self.half, rise)
+        return replace(self, half=half, radius=(1.0 + part) * self.radius)
+
     def half_words(self) -> NDArray[np.int16]:
         """Half-widths as fixed point takes them, beside the words of the map."""
         around = self.map.words().astype(np.float64)

@@ -70,6 +70,17 @@ def smooth(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[Floa
     return x, y
 
 
+def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a curve through samples, averaged in bins of the input, straight on to both ends."""
+    x, y = smooth(drive, answer, 60)
+    if x.size < 2:
+        return x, y
+    slopes = np.diff(y)[[0, -1]] / np.diff(x)[[0, -1]]
+    ends = np.array([drive.min(), drive.max()])
+    outer = y[[0, -1]] + slopes * (ends - x[[0, -1]])
+    return np.concatenate([ends[:1], x, ends[1:]]), np.concatenate([outer[:1], y, outer[1:]])
+
+
 def separation(
     drive: FloatArray, answer: FloatArray, one: Branch, two: Branch
 ) -> tuple[FloatArray, FloatArray] | None:

@@ -91,6 +91,7 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     TrackingTable: ("force_min_N",),
 }
 """Keys without a use where there is one coordinate."""
+_SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {TrackingTable: ("calibration",)}
 
 
 def _no_spread(kind: FileKind) -> tuple[str, ...]:
@@ -255,7 +256,7 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
         (("spread",), file.spread),
     ]
     also = _SEVERAL_NEED if file.several else {}
-    besides = {} if file.several else _ONE_UNUSED
+    besides = _SEVERAL_UNUSED if file.several else _ONE_UNUSED
     for place, table in [*file.tables(), *single]:
         for key in (*rule.needed.get(type(table), ()), *also.get(type(table), ())):
             if key not in table.model_fields_set:

@@ -277,6 +277,7 @@ class TrackingTable(Table):
     crossover_Hz: Positive
     force_max_N: Positive
     force_min_N: NotNegative = 0.5  # of a magnet without another against it
+    calibration: str | None = None  # file of anhyst calibrate
 
 
 class ForceTable(Table):

@@ -20,6 +20,7 @@ class FileKind(StrEnum):
     FORCE = "force"
     MODEL = "anhyst-model"
     CONTROLLER = "anhyst-controller"
+    CALIBRATION = "anhyst-calibration"
     COMPILED = "compiled folder"
     MEASUREMENT = "measurement"
     PORT = "port"
@@ -33,6 +34,7 @@ NAMES: Mapping[FileKind, tuple[str, str]] = {
     FileKind.FORCE: ("a rig of force control", "rigs of force control"),
     FileKind.MODEL: ("a model", "models"),
     FileKind.CONTROLLER: ("a controller file", "controller files"),
+    FileKind.CALIBRATION: ("a calibration", "calibrations"),
     FileKind.COMPILED: ("a compiled folder", "compiled folders"),
     FileKind.MEASUREMENT: ("a measurement", "measurements"),
     FileKind.PORT: ("the port of a controller", "ports of controllers"),
@@ -57,6 +59,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "export": (FileKind.MODEL, FileKind.BEARING),
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
+    "calibrate": (FileKind.STAGE,),
     "tune": (FileKind.BEARING,),
     "force-control": (FileKind.FORCE,),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
@@ -94,7 +97,7 @@ def kind_in(content: Mapping[str, object]) -> FileKind:
         return FileKind(word) if word in RIGS else FileKind.UNKNOWN
     if not isinstance(text, str):
         return FileKind.UNKNOWN
-    if text in (FileKind.MODEL, FileKind.CONTROLLER):
+    if text in (FileKind.MODEL, FileKind.CONTROLLER, FileKind.CALIBRATION):
         return FileKind(text)
     return _OLDER.get(text, FileKind.UNKNOWN)
 
@@ -139,6 +142,8 @@ def _taken(kind: FileKind) -> str:
     """Say which verbs take a kind."""
     if kind is FileKind.CONTROLLER:
         return "anhyst simulate, tune, compile and live take it with --controller"
+    if kind is FileKind.CALIBRATION:
+        return "a rig file names it as control.calibration"
     verbs = [verb for verb, kinds in TAKES.items() if kind in kinds]
     return f"anhyst {_listed(verbs, 'and')} take{'s' if len(verbs) == 1 else ''} it"
 

@@ -9,11 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from anhyst.data.branches import smooth_curve
 from anhyst.data.loops import Loops
 from anhyst.model.actuator import Model
 from anhyst.reports.bearing.look import INK, PALE, SHADE, legend_below, line_of, ordered
 from anhyst.reports.bearing.over_time import Recordings
-from anhyst.reports.model.curves import smooth_curve
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.style import new_figure, styled
 

@@ -17,11 +17,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from anhyst.data.branches import branches
+from anhyst.data.branches import branches, smooth_curve
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.model.fit_record import ReductionStep, Uncertainty
-from anhyst.reports.model.curves import smooth_curve
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.numbers import (

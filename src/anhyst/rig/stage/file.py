@@ -1,4 +1,6 @@
-"""A short-stroke stage, from its rig file: a body between magnets that ride on a long stroke."""
+"""A short-stroke stage, from its files: a body between magnets that ride on a long stroke."""
+
+# ruff: noqa: N815 - keys of the file carry units
 
 from __future__ import annotations
 
@@ -6,10 +8,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from anhyst._core import WrenchLayout
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.interface import MethodName
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults
 from anhyst.rig.file import RigFile
@@ -20,8 +26,16 @@ from anhyst.rig.old_files import rig_error
 from anhyst.rig.tables import AXES
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
-from anhyst.support.toml_file import FileFault
+from anhyst.support.toml_file import (
+    FileFault,
+    NotNegative,
+    Number,
+    Positive,
+    Table,
+    read_toml,
+)
 
 _SAME = 1e-9
 """By which lines of a pair may miss each other, m or parts of a direction."""
@@ -180,3 +194,87 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
         if against[i] == i and against[j] in (i, j):
             against[i] = j
     return WrenchLayout(pull_rows(file), against, kind, idle, file.tracking.force_min_N)
+
+
+# What motion taught of the magnets: the file that a rig names, and how a controller uses it.
+
+ParameterName = Literal["scale_1", "scale_2", "gap_zero_m", "width", "lag_s", "bias_N"]
+"""Of a magnet: the part by which its current (with ``flux`` its probe) does more than it says; of
+both: what the gap reads too much, the part by which the loop is wider, the lag of the flux behind
+the current, and a force that no magnet makes."""
+
+
+class LearntParameter(Table):
+    """One number that a method was corrected by."""
+
+    name: ParameterName
+    value: Number  # 0: as it was fitted
+    sigma: NotNegative  # standard deviation that is left of it
+    prior: NotNegative  # the one that the rig file states
+    frozen: bool  # nothing moved it
+
+
+class CalibratedMethod(Table):
+    """What one method is corrected by, and how well the motion then agrees with it."""
+
+    name: MethodName
+    residual_N: NotNegative  # force of the motion less that of the law, root mean square
+    force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
+    fits: bool  # whether what is left is of the size that a law of the right kind leaves
+    parameter: list[LearntParameter]
+
+    def value(self, name: ParameterName) -> float:
+        """Return a number of it."""
+        return next((one.value for one in self.parameter if one.name == name), 0.0)
+
+    def correction(self, compensator: ForceController, rig: StageRig) -> FloatArray:
+        """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
+
+        The second magnet's gap is what is left of both: it is read too small by what the first
+        one's is read too large.
+        """
+        scales = np.array([1.0 + self.value("scale_1"), 1.0 + self.value("scale_2")])
+        zero = self.value("gap_zero_m")
+        rows = np.column_stack([np.ones(2), [zero, -zero], np.ones(2), np.zeros(2)])
+        if self.name == "flux":
+            rows[:, 2] = scales
+        else:
+            rows[:, 0] = scales
+            rows[:, 3] = self.value("lag_s") / rig.dt * per_root(compensator, rig)
+        return rows
+
+
+class CalibrationFile(Table):
+    """The whole file."""
+
+    format: Literal["anhyst-calibration"]
+    version: Literal[1]
+    rig: str  # name of the rig
+    mass_kg: Positive  # by which forces were measured: their scale is as good as this number
+    method: Annotated[list[CalibratedMethod], Field(min_length=1)]
+
+
+def per_root(compensator: ForceController, rig: StageRig) -> float:
+    """Return the current over the root of the force, A/N^(1/2), at half of the largest force."""
+    force = 0.5 * rig.settings.tracking.force_max_N
+    return float(compensator.fresh().solve(force, rig.gap) / np.sqrt(force))
+
+
+def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
+    """Return what the file that a rig names says of a method; None where it says nothing.
+
+    Feedforward and force scale must believe in the same mass.
+    """
+    named = rig.settings.tracking.calibration
+    if named is None:
+        return None
+    place = rig.path.parent / named
+    file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
+    if file.mass_kg != rig.settings.body.mass_kg:
+        raise InputError(
+            f"{place}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
+            f"{rig.settings.body.mass_kg:g} kg in {rig.path}; calibrate again",
+            code="mass-differs",
+            key="mass_kg",
+        )
+    return next((one for one in file.method if one.name == method), None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,11 +19,12 @@ from anhyst._core import (
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_stage
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
 from anhyst.rig.bearing.plant import current_loops
@@ -40,7 +41,9 @@ from anhyst.rig.recording import (
     of_magnets,
 )
 from anhyst.rig.stage.file import (
+    CalibratedMethod,
     StageRig,
+    calibration_of,
     decoupling,
     error_columns,
     head_rows,
@@ -80,6 +83,7 @@ class StageSetup:
     # number format of PID and allocation; other than f64 only with a compensator of the same
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
+    correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -179,7 +183,9 @@ def track(
         np.ascontiguousarray(frame),
     )
     run = Recording.of_table(in_columns(loop, rows))
-    return Recording(_recorded(rig, run, reference, frame), _loss(rig, run, n))
+    read = dict(zip((column(*signal) for signal in loop.signals), rows.T, strict=True))
+    read["position_read_m"] = run["gap_m"] + frame[: len(run)] + noise[: len(run)]
+    return Recording(_recorded(rig, run, reference, frame, read), _loss(rig, run, n))
 
 
 def _track_axes(
@@ -248,11 +254,21 @@ def _axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     return find_loss(bounds, planned)
 
 
+READ = ("position_read_m", "gap_read_m")
+PROBES = of_magnets([("flux_read", "T")], 1, MAGNETS)
+"""What the controller is given of the body, and of flux probes where there are some."""
+
+
 def _recorded(
-    rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
+    rig: StageRig,
+    run: Recording,
+    reference: FloatArray,
+    frame: FloatArray,
+    read: Mapping[str, FloatArray],
 ) -> dict[str, FloatArray]:
     """Return the columns of a recording."""
     n = len(run)
+    probes = PROBES if rig.settings.hall_probe is not None else ()
     return {
         "t_s": run["t_s"],
         "reference_m": reference[:n],
@@ -261,6 +277,7 @@ def _recorded(
         "gap_m": run["gap_m"],
         **{name: run[name] for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))},
         "force_error_N": _force_error(rig, run, run["demand_N"]),
+        **{name: read[name] for name in (*READ, *probes)},
     }
 
 
@@ -294,7 +311,10 @@ def _controller(setup: StageSetup) -> LoopController:
     if setup.law == "fixed":
         return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
     made = Tracking if setup.law == "f64" else TrackingF32
-    return made(magnets, np.array(list(pid(rig).values())), settings)
+    controller = made(magnets, np.array(list(pid(rig).values())), settings)
+    if setup.correction is not None:
+        controller.correct(setup.correction)
+    return controller
 
 
 def _axes_controller(setup: StageSetup) -> LoopController:
@@ -368,8 +388,27 @@ def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def make_stage(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> StageSetup:
-    """Fit one variant to what is known and put it behind the controller."""
+def make_stage(
+    rig: StageRig,
+    magnet: IdentifiedMagnet,
+    method: MethodName,
+    calibrated: CalibratedMethod | None = None,
+) -> StageSetup:
+    """Fit one variant to what is known and put it behind the controller.
+
+    It is corrected by what was found, here or in the file that the rig names.
+    """
+    found = calibrated or calibration_of(rig, method)
+    if found is None or not found.fits:
+        return StageSetup(rig, fit_method(rig, magnet, method))
+    compensator = fit_method(rig, magnet, method, found.value("width"))
+    return StageSetup(rig, compensator, correction=found.correction(compensator, rig))
+
+
+def fit_method(
+    rig: StageRig, magnet: IdentifiedMagnet, method: MethodName, wider: float = 0.0
+) -> ForceController:
+    """Fit one variant to what is known of a magnet whose loops are wider by a part."""
     table, measured = rig.settings, [g for g in magnet.loops.by_schedule() if g is not None]
     try:
         operating = Operating(
@@ -381,8 +420,11 @@ def make_stage(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> S
             current_max=table.amplifier.current_high_A,
         )
         probe = calibrate_probe(rig.bearing) if method == "flux" else None
-        sources = Sources(operating, magnet.loops, magnet.model, probe)
+        model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
+        sources = Sources(operating, magnet.loops, model, probe)
         compensator = make_compensator(method, sources, table.tracking.format)
     except InputError as error:
         raise error.at(rig.measured.text) from error
-    return StageSetup(rig, compensator)
+    if wider and isinstance(compensator.parameters, PlayMap):
+        return replace(compensator, parameters=compensator.parameters.widened(wider))
+    return compensator

@@ -1,0 +1,185 @@
+"""Calibration from motion: what a recording teaches of the magnets, and what it must not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst import Calibration, InputError, calibrate
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift
+from anhyst.rig.recording import Recording
+from anhyst.rig.stage.file import CalibratedMethod, read_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst.rig.stage.setpoint import SetPoint, motion_of
+from anhyst.study.tracking.measures import measure
+from tests.study import bearings, stages
+
+WRONG = Drift(
+    pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, second_scale=-0.005, eddy=40e-6,
+    flux_gain=0.006,
+)  # fmt: skip
+SLIT = 0.01
+
+
+def training() -> SetPoint:
+    scan = stages.stage().settings.scan
+    return motion_of(scan, scan.train_m_per_s2)
+
+
+@cache
+def recorded(drift: Drift = WRONG) -> Recording:
+    return track(replace(stages.setup("full"), drift=drift), training(), Feedforward(), 1)
+
+
+def taught(
+    runs: Recording | Sequence[Recording], methods: Sequence[MethodName] = ("full",)
+) -> Calibration:
+    return calibrate(stages.stage(), runs, magnet=bearings.knowledge(), methods=methods)
+
+
+@cache
+def learnt(method: MethodName = "full", drift: Drift = WRONG) -> CalibratedMethod:
+    (found,) = taught(recorded(drift), [method]).file.method
+    return found
+
+
+def corrected(method: MethodName = "full") -> StageSetup:
+    return make_stage(stages.stage(), bearings.knowledge(), method, learnt(method))
+
+
+def with_columns(**changed: np.ndarray) -> Recording:
+    return Recording({**recorded().columns, **changed})
+
+
+def test_numbers_that_are_off_are_found_from_one_scan() -> None:
+    found = learnt()
+    assert found.fits
+    assert found.value("scale_1") == pytest.approx(0.007, abs=0.0025)
+    assert found.value("scale_2") == pytest.approx(-0.005, abs=0.0025)
+    assert found.value("lag_s") == pytest.approx(40e-6, abs=15e-6)
+    assert found.value("width") == pytest.approx(0.12, abs=0.08)
+    for one in found.parameter:
+        assert one.frozen == (one.name == "gap_zero_m")
+        assert one.sigma < one.prior or one.frozen
+
+
+def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
+    for one in learnt(drift=NO_DRIFT).parameter:
+        assert abs(one.value) <= 0.5 * one.prior, one.name
+
+
+def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
+    motion = stages.unseen(stages.stage())
+
+    def left(setup: StageSetup) -> float:
+        run = track(replace(setup, drift=WRONG), motion, Feedforward(), 2)
+        return measure(run, motion, SLIT).force_rms_N
+
+    parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0}
+    for method, part in parts.items():
+        assert left(corrected(method)) < part * left(stages.setup(method)), method
+    assert left(corrected()) < 0.4 * left(corrected("play"))
+
+
+def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
+    heavier = stages.stage().settings.changed({"body.mass_kg": 10.05})
+    rig = replace(stages.stage(), settings=heavier)
+    (found,) = calibrate(rig, recorded(), magnet=bearings.knowledge(), methods=["full"]).file.method
+    assert found.fits
+    for name in ("scale_1", "scale_2"):
+        assert 0.0008 < found.value(name) - learnt().value(name) < 0.004
+
+
+def test_two_recordings_teach_more_than_one() -> None:
+    (found,) = taught([recorded(), recorded()]).file.method
+    for one, both in zip(learnt().parameter, found.parameter, strict=True):
+        assert both.sigma < one.sigma or both.frozen
+
+
+def test_nothing_moves_where_hardly_any_force_was_demanded() -> None:
+    gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
+    setup = replace(stages.setup("full"), drift=WRONG)
+    (found,) = taught(track(setup, gently, Feedforward(), 1)).file.method
+    assert {one.value for one in found.parameter} == {0.0}
+    assert all(one.frozen for one in found.parameter)
+
+
+def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> None:
+    stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
+    (found,) = taught(stuck).file.method
+    assert not found.fits
+    assert make_stage(stages.stage(), bearings.knowledge(), "full", found).correction is None
+
+
+def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
+    far = with_columns(command_A=1.2 * recorded()["command_A"])
+    (found,) = taught(far).file.method
+    assert all(abs(one.value) <= 4.0 * one.prior + 1e-12 for one in found.parameter)
+
+
+def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> None:
+    made, motion = stages.setup("full"), training()
+    nothing = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
+    same = track(replace(made, correction=nothing), motion, Feedforward(), 1)
+    assert (same.table == track(made, motion, Feedforward(), 1).table).all()
+    single = make_stage(stages.stage(format="f32"), bearings.knowledge(), "full", learnt())
+    runs = [track(replace(single, law=law), motion, Feedforward(), 1) for law in ("f64", "f32")]
+    assert np.abs(runs[0]["error_m"] - runs[1]["error_m"]).max() < 5e-9
+
+
+@pytest.mark.parametrize("column", [0, 2])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_a_correction_that_is_no_factor_is_refused(column: int, value: float) -> None:
+    rows = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
+    rows[1, column] = value
+    with pytest.raises(ValueError, match="not valid"):
+        track(replace(stages.setup("full"), correction=rows), training(), Feedforward())
+
+
+def test_the_file_that_a_rig_names_corrects_its_variants(tmp_path: Path) -> None:
+    taught(recorded()).save(tmp_path / "calibration.toml")
+    rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
+    named = make_stage(rig, bearings.knowledge(), "full")
+    assert named.correction is not None
+    assert (named.correction == corrected().correction).all()
+    assert make_stage(rig, bearings.knowledge(), "play").correction is None
+    heavier = rig.settings.changed({"body.mass_kg": 10.05})
+    with pytest.raises(InputError) as caught:
+        make_stage(replace(rig, settings=heavier), bearings.knowledge(), "full")
+    assert caught.value.code == "mass-differs"
+
+
+def test_a_written_recording_teaches_the_same(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "run.csv")
+    (found,) = calibrate(
+        stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge(), methods=["full"]
+    ).file.method
+    assert found == learnt()
+
+
+def test_a_recording_that_does_not_fit_the_rig_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
+    def refused(run: Recording) -> InputError:
+        run.save(tmp_path / "run.csv")
+        with pytest.raises(InputError) as caught:
+            calibrate(stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge())
+        return caught.value
+
+    columns = recorded().columns
+    less = {name: values for name, values in columns.items() if name != "gap_read_m"}
+    assert (lacks := refused(Recording(less))).code == "column-missing"
+    assert lacks.key == "gap_read_m"
+    every = {name: values[::2] for name, values in columns.items()}
+    assert refused(Recording(every)).code == "rate-differs"
+
+
+def test_a_stage_of_several_coordinates_is_refused() -> None:
+    planar = read_stage(stages.EXAMPLE.parent / "planar" / "rig.toml")
+    with pytest.raises(InputError) as caught:
+        calibrate(planar, recorded(), magnet=bearings.knowledge())
+    assert caught.value.code == "one-coordinate-only"
