@@ -5,6 +5,7 @@ set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/irons/cells.c"
   "${ANHYST_PLANT_DIR}/src/irons/preisach.c"
   "${ANHYST_PLANT_DIR}/src/irons/duhem.c"
+  "${ANHYST_PLANT_DIR}/src/solid.c"
   "${ANHYST_PLANT_DIR}/src/magnet.c"
   "${ANHYST_PLANT_DIR}/src/sensor.c"
   "${ANHYST_PLANT_DIR}/src/body.c"

@@ -28,9 +28,10 @@ typedef struct {
 
 /* What is found there. */
 typedef struct {
-  anhyst_plant_goal goal; /* of the iron; circuit only */
-  double steady;          /* current that the field needs, A */
-  double current;         /* with that of the eddies, A */
+  anhyst_plant_goal goal;    /* of the iron; circuit only */
+  anhyst_plant_soaked solid; /* of solid iron */
+  double steady;             /* current that the field needs, A */
+  double current;            /* with that of the eddies, A */
 } reached;
 
 static around around_iron(const anhyst_plant_circuit *c, double gap)
@@ -51,6 +52,29 @@ static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_c
   const double flux = coil->iron.density * c->iron_area * at->share;
   coil->density = flux * at->per_area;
   coil->force = flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens;
+}
+
+/* Field and flux density of the iron, for which a*H + b*B = r. */
+static void iron_answers(const anhyst_plant_circuit *c, const anhyst_plant_coil *coil,
+                         const anhyst_plant_asked *asked, double tolerance, reached *found)
+{
+  if (c->solid) {
+    anhyst_plant_soak(&c->iron, c->solid, coil->volume, &coil->iron, asked, &found->solid);
+  } else {
+    anhyst_plant_field(&c->iron, &coil->iron, asked->a, asked->b, asked->r, tolerance,
+                       &found->goal);
+    found->solid.field = found->goal.field;
+    found->solid.density = found->goal.density;
+  }
+}
+
+static void iron_moves(const anhyst_plant_circuit *c, anhyst_plant_coil *coil, const reached *found)
+{
+  if (c->solid) {
+    anhyst_plant_soaked_move(&c->iron, c->solid, coil->volume, &coil->iron, &found->solid);
+  } else {
+    anhyst_plant_move(&c->iron, &coil->iron, &found->goal);
+  }
 }
 
 /* psi(current) at a gap, and its slope. */
@@ -180,10 +204,10 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
     const double per_field = c->iron_length / magnet->turns;
     const double per_density = end->around.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
-    anhyst_plant_field(&c->iron, &coil->iron, half * taken * per_field,
-                       weight + half * taken * per_density, end->begun + half * given,
-                       weight * TOLERANCE, &found->goal);
-    found->steady = per_field * found->goal.field + per_density * found->goal.density;
+    const anhyst_plant_asked asked = {half * taken * per_field, weight + half * taken * per_density,
+                                      end->begun + half * given, 0.5 / end->half};
+    iron_answers(c, coil, &asked, weight * TOLERANCE, found);
+    found->steady = per_field * found->solid.field + per_density * found->solid.density;
   } else {
     found->steady = current_for(&magnet->law->table, end->gap, end->half * taken,
                                 end->begun + end->half * given, coil->steady);
@@ -192,10 +216,10 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
 }
 
 static void iron_follows(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                         const ending *end, const anhyst_plant_goal *goal)
+                         const ending *end, const reached *found)
 {
   if (magnet->circuit) {
-    anhyst_plant_move(&magnet->circuit->iron, &coil->iron, goal);
+    iron_moves(magnet->circuit, coil, found);
     pull(magnet->circuit, &end->around, coil);
   } else {
     law_moves(magnet->law, coil, end->gap, 0.5 / end->half);
@@ -245,11 +269,11 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
   if (!beyond) {
     coil->integral += half * source->reset * (2.0 * source->reference - before - found.current);
   }
-  iron_follows(magnet, coil, &end, &found.goal);
+  iron_follows(magnet, coil, &end, &found);
 }
 
-void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
-                            double current, double gap)
+void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                            double current, double gap, double per_second)
 {
   coil->steady = current;
   coil->current = current;
@@ -258,15 +282,25 @@ void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil
     const anhyst_plant_circuit *c = magnet->circuit;
     const around at = around_iron(c, gap);
     const double b = at.outer * c->iron_area;
-    anhyst_plant_goal goal;
-    anhyst_plant_field(&c->iron, &coil->iron, c->iron_length, b, magnet->turns * current,
-                       b * TOLERANCE, &goal);
-    anhyst_plant_move(&c->iron, &coil->iron, &goal);
+    const double opposing = c->eddy * c->iron_length * per_second;
+    const double before = coil->iron.density;
+    const anhyst_plant_asked asked = {c->iron_length, b + opposing,
+                                      magnet->turns * current + opposing * before, per_second};
+    reached found;
+    iron_answers(c, coil, &asked, b * TOLERANCE, &found);
+    iron_moves(c, coil, &found);
+    coil->steady -= opposing / magnet->turns * (coil->iron.density - before);
     pull(c, &at, coil);
     coil->psi = magnet->turns * c->iron_area * coil->iron.density;
   } else {
     double slope;
-    law_moves(magnet->law, coil, gap, 0.0);
+    law_moves(magnet->law, coil, gap, per_second);
     coil->psi = linkage(&magnet->law->table, current, gap, &slope);
   }
+}
+
+void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                            double current, double gap)
+{
+  anhyst_plant_coil_lead(magnet, coil, current, gap, 0.0);
 }

@@ -15,8 +15,11 @@
 #define NODES 33
 #define MOST 10 /* magnets */
 
-enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, KINDS };
-static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem"};
+enum { OF_CELLS, OF_LAW, OF_PREISACH, OF_DUHEM, SOLID, KINDS };
+static const char *const kinds[KINDS] = {"cells", "law", "preisach", "duhem", "solid"};
+
+/* Of preisach; in eight volumes, a quarter of the path. */
+static anhyst_plant_solid solid;
 
 static const double psi[2 * POINTS] = {0.0, 0.04, 0.07, 0.09, 0.1, 0.0, 0.02, 0.04, 0.055, 0.065};
 static const anhyst_plant_row rows[2] = {{8e3, 4e-3, 60.0, 0.1, 0.02, 1.0},
@@ -73,7 +76,7 @@ static void make_duhem(anhyst_plant_iron *iron)
 static void make_circuit(anhyst_plant_circuit *c, int kind)
 {
   memset(c, 0, sizeof *c);
-  if (kind == OF_PREISACH) {
+  if (kind == OF_PREISACH || kind == SOLID) {
     make_preisach(&c->iron);
   } else if (kind == OF_DUHEM) {
     make_duhem(&c->iron);
@@ -86,6 +89,16 @@ static void make_circuit(anhyst_plant_circuit *c, int kind)
   c->pole_depth = 0.014;
   c->leakage = 1.2e-8;
   c->eddy = 10.0;
+  if (kind == SOLID) {
+    int j;
+    solid.volumes = 8;
+    solid.part = 0.25;
+    for (j = 0; j < solid.volumes; j++) {
+      solid.share[j] = 0.125;
+      solid.drag[j] = j == 0 ? 2.0 : 4.0;
+    }
+    c->solid = &solid;
+  }
 }
 
 static anhyst_plant_sensor sensor(double low, double high, int delay)
@@ -213,6 +226,7 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
 {
   static anhyst_plant_actuator_state own[MOST];
   static anhyst_plant_head_state seen[6];
+  static anhyst_plant_memory volumes[MOST][ANHYST_PLANT_VOLUMES];
   static anhyst_plant_state state;
   double head[6];
   double current[MOST];
@@ -226,6 +240,10 @@ static int run(const anhyst_plant_body *b, const char *name, int ticks)
   state.head = seen;
   if (!anhyst_plant_start(b, &state, 7)) {
     return 1;
+  }
+  memset(volumes, 0, sizeof volumes);
+  for (j = 0; j < b->magnets; j++) {
+    own[j].coil.volume = volumes[j];
   }
   for (tick = 0; tick < ticks; tick++) {
     double commands[MOST];

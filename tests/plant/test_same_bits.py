@@ -22,6 +22,8 @@ RUNS = (
     "ok preisach, 1 magnets, current, 5e6028b8e8be1ef9",
     "ok duhem, 1 magnets, voltage, f9dbb93c7152b84b",
     "ok duhem, 1 magnets, current, 8484f57d7cec83e0",
+    "ok solid, 1 magnets, voltage, 3c855433693fad01",
+    "ok solid, 1 magnets, current, 034ec79ea96fd9c7",
     "ok cells, 2 magnets, voltage, bcdb025991aa9da5",
     "ok cells, six axes, voltage, 48373b30fc7427a8",
     "ok cells, 2 magnets, current, d1f619427449ea73",
@@ -38,6 +40,10 @@ RUNS = (
     "ok duhem, six axes, voltage, 5185292b0e84e503",
     "ok duhem, 2 magnets, current, d0351f4be57fe706",
     "ok duhem, six axes, current, 9a4380805e45e40f",
+    "ok solid, 2 magnets, voltage, 8b998a7118ba76d3",
+    "ok solid, six axes, voltage, 811bfe559f64a558",
+    "ok solid, 2 magnets, current, f5c2b520ccb64b94",
+    "ok solid, six axes, current, 7711602c6e60f988",
 )
 """What every build on every processor prints."""
 

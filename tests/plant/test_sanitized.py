@@ -24,7 +24,7 @@ CORE = (
 """What of the core the plant stands on."""
 PLANT = (
     *("iron", "irons/cells", "irons/preisach", "irons/duhem"),
-    *("magnet", "sensor", "body"),
+    *("solid", "magnet", "sensor", "body"),
 )
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow")
 
@@ -61,4 +61,4 @@ def test_no_command_leads_to_undefined_behaviour(tmp_path: Path) -> None:
     )
     done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("ok ") == 24
+    assert done.stdout.count("ok ") == 30

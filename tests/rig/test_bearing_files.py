@@ -153,6 +153,12 @@ def test_a_value_of_zero_is_not_taken_for_one_left_out(folder: Path) -> None:
             "magnet[1]",
             "not-for-this-kind: model; flux_table",
         ),
+        (
+            "turns = 250",
+            "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 1.0 }",
+            "magnet[1]",
+            "too-long: solid.path_m; iron_length_m",
+        ),
         ('iron = "core"\n', "", "magnet[1]", "missing: [[iron]]"),
         ('iron = "core"', 'iron = "cork"', "magnet[1].iron", "unknown-name: 'cork'"),
         ('name = "core"', 'name = "cork"', "magnet[1].iron", "unknown-name: 'core'"),

@@ -3,6 +3,7 @@
 
    circuit: an iron in series with two gaps that fringe and a leakage path beside them, and with the
    joints of the core.
+   Part of the path may be solid (solid.h); then H is the mean along it, B that over the section.
    Flux linkage and pull belong to one circuit, so that energy is kept:
 
      turns*current = length*H + eddy*length*dB/dt + outer(gap)*area*B,   psi = turns*area*B
@@ -19,6 +20,7 @@
 
 #include "anhyst/law/circuit.h"
 #include "anhyst_plant/iron.h"
+#include "anhyst_plant/solid.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -33,6 +35,7 @@ typedef struct {
   double leakage;     /* permeance parallel to the gaps, H */
   double joints;      /* reluctance of air in the core, in series with all of it, 1/H */
   double eddy;        /* field that opposes a change of flux density, A s/(m T) */
+  const anhyst_plant_solid *solid; /* null: all of it is sheets */
 } anhyst_plant_circuit;
 
 /* How a model's drive and output are made up at one gap. */
@@ -83,7 +86,8 @@ typedef struct {
 
 /* All zero: demagnetised, no current. */
 typedef struct {
-  anhyst_plant_memory iron; /* of a circuit */
+  anhyst_plant_memory iron;    /* of a circuit, of its sheets */
+  anhyst_plant_memory *volume; /* of its solid iron, the surface first; the caller's */
   anhyst_memory_f64 law;
   double stride;   /* law: by which the flux density moved last, T */
   double psi;      /* flux linkage, Wb */
@@ -101,7 +105,12 @@ typedef struct {
 void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             const anhyst_plant_source *source, double gap, double seconds);
 
-/* Moves to a current at a gap so slowly that nothing is induced. */
+/* Moves to a current at a gap in one step of 1/per_second, whatever voltage that takes; 0: so
+   slowly that nothing is induced. */
+void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
+                            double current, double gap, double per_second);
+
+/* The same, slowly. */
 void anhyst_plant_coil_hold(const anhyst_plant_magnet *magnet, anhyst_plant_coil *coil,
                             double current, double gap);
 

@@ -407,7 +407,7 @@ class Magnet:
     """An electromagnet, plant/include/anhyst_plant/magnet.h: an iron, or a law and a table."""
 
     @overload
-    def __init__(self, numbers: _Numbers, steel: Steel) -> None: ...
+    def __init__(self, numbers: _Numbers, steel: Steel, *solid: float | _Array) -> None: ...
     @overload
     def __init__(self, numbers: _Numbers, iron: AnyIron, rows: _Array, psi: _Array) -> None: ...
 
@@ -417,6 +417,8 @@ class Coil:
     def __init__(self, magnet: Magnet) -> None: ...
     def hold(self, current: float, gap: float) -> None:
         """Move to a current (A) at a gap (m) so slowly that nothing is induced."""
+    def lead(self, current: float, gap: float, seconds: float) -> None:
+        """Move to a current (A) at a gap (m) in a step, whatever voltage that takes."""
     def step(self, voltage: float, gap: float, seconds: float) -> None:
         """Go on for some seconds under a voltage."""
     def run(self, current: _Array, gap: _Array) -> _Array:

@@ -7,9 +7,18 @@ namespace {
 // A winding alone, held at currents and gaps or driven by a voltage.
 class Coil {
 public:
-  explicit Coil(const Magnet &magnet) : magnet_(magnet.get()) {}
+  explicit Coil(const Magnet &magnet) : magnet_(magnet.get()), volumes_(magnet.volumes())
+  {
+    coil_.volume = volumes_.data();
+  }
+  Coil(const Coil &) = delete;
+  Coil &operator=(const Coil &) = delete;
 
   void hold(double current, double gap) { anhyst_plant_coil_hold(&magnet_, &coil_, current, gap); }
+  void lead(double current, double gap, double seconds)
+  {
+    anhyst_plant_coil_lead(&magnet_, &coil_, current, gap, 1.0 / seconds);
+  }
   void step(double voltage, double gap, double seconds)
   {
     const anhyst_plant_source source = {0.0, 0.0, 0.0, voltage, HUGE_VAL};
@@ -33,6 +42,7 @@ public:
 
 private:
   anhyst_plant_magnet magnet_;
+  std::vector<anhyst_plant_memory> volumes_;
   anhyst_plant_coil coil_{};
 };
 
@@ -71,12 +81,15 @@ void bind_plant(nb::module_ &m)
   nb::class_<Magnet>(m, "Magnet")
       .def(nb::init<const nb::dict &, const Steel &>(), "numbers"_a, "steel"_a,
            nb::keep_alive<1, 3>())
+      .def(nb::init<const nb::dict &, const Steel &, double, const In &, const In &>(), "numbers"_a,
+           "steel"_a, "part"_a, "share"_a.noconvert(), "drag"_a.noconvert(), nb::keep_alive<1, 3>())
       .def(nb::init<const nb::dict &, const AnyIron &, const InTable &, const InTable &>(),
            "numbers"_a, "iron"_a, "rows"_a.noconvert(), "psi"_a.noconvert(),
            nb::keep_alive<1, 3>());
   nb::class_<Coil>(m, "Coil")
       .def(nb::init<const Magnet &>(), "magnet"_a, nb::keep_alive<1, 2>())
       .def("hold", &Coil::hold, "current"_a, "gap"_a)
+      .def("lead", &Coil::lead, "current"_a, "gap"_a, "seconds"_a)
       .def("step", &Coil::step, "voltage"_a, "gap"_a, "seconds"_a)
       .def("run", &Coil::run, "current"_a.noconvert(), "gap"_a.noconvert())
       .def_prop_ro("force", [](const Coil &c) { return c.get().force; })

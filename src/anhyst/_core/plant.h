@@ -33,6 +33,23 @@ public:
     winding(given);
   }
 
+  // The same with solid iron in its path: shares of the section and what holds back the field of
+  // each volume, the surface first.
+  Magnet(const nb::dict &numbers, const Steel &steel, double part, const In &share, const In &drag)
+      : Magnet(numbers, steel)
+  {
+    same_length(share.shape(0), drag.shape(0), "drag");
+    if (share.shape(0) < 1 || share.shape(0) > ANHYST_PLANT_VOLUMES ||
+        !(part > 0.0 && part <= 1.0)) {
+      throw std::invalid_argument("1 to 16 volumes, in a part of the path above 0 and up to 1");
+    }
+    solid_.volumes = static_cast<int>(share.shape(0));
+    solid_.part = part;
+    std::copy(share.data(), share.data() + share.size(), solid_.share);
+    std::copy(drag.data(), drag.data() + drag.size(), solid_.drag);
+    circuit_.solid = &solid_;
+  }
+
   // An identified law with a table of the flux linkage.
   Magnet(const nb::dict &numbers, const AnyIron &iron, const InTable &rows, const InTable &psi)
   {
@@ -61,6 +78,11 @@ public:
   Magnet &operator=(const Magnet &) = delete;
 
   const anhyst_plant_magnet &get() const { return magnet_; }
+  // Memories of as many volumes as its solid iron has, demagnetised.
+  std::vector<anhyst_plant_memory> volumes() const
+  {
+    return std::vector<anhyst_plant_memory>(static_cast<size_t>(solid_.volumes));
+  }
 
 private:
   void winding(Settings &given)
@@ -70,6 +92,7 @@ private:
     given.finish();
   }
 
+  anhyst_plant_solid solid_{};
   anhyst_plant_circuit circuit_{};
   anhyst_plant_law law_{};
   anhyst_plant_magnet magnet_{};
@@ -147,6 +170,10 @@ public:
     state_.head = head_states_.data();
     if (!anhyst_plant_start(&body_, &state_, seed)) {
       throw std::invalid_argument("mass and inertia are those of no body");
+    }
+    for (size_t i = 0; i < magnets.size(); i++) {
+      volumes_.push_back(nb::cast<const Magnet &>(magnets[i]).volumes());
+      actuator_states_[i].coil.volume = volumes_.back().data();
     }
   }
   Plant(const Plant &) = delete;
@@ -270,6 +297,7 @@ private:
   std::vector<anhyst_plant_actuator> actuators_;
   std::vector<anhyst_plant_head> heads_;
   std::vector<anhyst_plant_actuator_state> actuator_states_;
+  std::vector<std::vector<anhyst_plant_memory>> volumes_; // of the solid iron of each magnet
   std::vector<anhyst_plant_head_state> head_states_;
   anhyst_plant_body body_{};
   anhyst_plant_state state_{};

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from anhyst import _core
@@ -15,6 +15,7 @@ from anhyst.compensate.irons import full_kind
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Sources
 from anhyst.compensate.twin import Io
+from anhyst.model.compilable import has_layers
 from anhyst.support.errors import InputError
 
 
@@ -52,6 +53,12 @@ def full_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInv
     return _compile("full", sources, number_format)
 
 
+def full_inverse_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+    """Compile the full law as if its iron were thin: without what answers late."""
+    model = None if sources.model is None else sources.model.at_rest
+    return _compile("full", replace(sources, model=model), number_format)
+
+
 def simplified_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
     """Compile the simplified law."""
     return _compile("simplified", sources, number_format)
@@ -60,12 +67,16 @@ def simplified_inverse(sources: Sources, number_format: NumberFormat) -> Hystere
 def _compile(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
-    """Compile as for a controller; floating point takes the tables chosen for fixed point."""
+    """Compile as for a controller; floating point takes the tables chosen for fixed point.
+
+    Solid iron is followed where that can be compiled: by the full law, in floating point.
+    """
     model, where = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
     narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
-    solid = kind == "full" and number_format != "fixed" and narrowed.layers is not None
+    solid = kind == "full" and number_format != "fixed" and has_layers(narrowed)
+    narrowed = narrowed if solid else narrowed.at_rest
     io: Io = "f32" if solid else "q31"
     plan = make_plan(narrowed, CompileRequest(kind, io, where.rate), 0)
     block = plan.block

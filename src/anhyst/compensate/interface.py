@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 from anhyst.support.arrays import FloatArray
 
 MethodName = Literal[
-    "ratio", "secant", "linearised", "single-valued", "play", "simplified", "full", "flux"
+    "ratio",
+    "secant",
+    "linearised",
+    "single-valued",
+    "play",
+    "simplified",
+    "at-rest",
+    "full",
+    "flux",
 ]
 """How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
 

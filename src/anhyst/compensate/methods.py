@@ -13,7 +13,11 @@ from typing import Literal
 from anhyst.compensate.current_map import linearised_map, ratio_map, secant_map, single_valued_map
 from anhyst.compensate.flux_feedback import flux_feedback
 from anhyst.compensate.force_controller import ForceController, MethodParameters
-from anhyst.compensate.hysteresis_inverse import full_inverse, simplified_inverse
+from anhyst.compensate.hysteresis_inverse import (
+    full_inverse,
+    full_inverse_at_rest,
+    simplified_inverse,
+)
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.play_map import one_play
 from anhyst.compensate.sources import Sources
@@ -40,6 +44,7 @@ METHODS: Mapping[MethodName, Method] = {
     "single-valued": Method("best current without memory", "baseline", single_valued_map),
     "play": Method("map with one play", "baseline", one_play),
     "simplified": Method("simplified hysteresis compensator", "model", simplified_inverse),
+    "at-rest": Method("full hysteresis compensator, at rest", "model", full_inverse_at_rest),
     "full": Method("full hysteresis compensator", "model", full_inverse),
     "flux": Method("measured flux density", "sensor", flux_feedback),
 }

@@ -84,6 +84,12 @@ def _refuse(rig: BearingRig, controller: ControllerFile) -> None:
             code="not-compiled-controller",
             key="compensation",
         )
+    if rig.settings.magnet.solid is not None:
+        raise InputError(
+            f"{rig.path}: an FMU of a bearing has no solid iron; take magnet.solid out",
+            code="solid-not-exported",
+            key="magnet.solid",
+        )
     if rig.settings.magnet.kind == "law" or not isinstance(rig.settings.steel.steel(), CellSteel):
         raise InputError(
             f'{rig.path}: an FMU of a bearing knows an iron of cells; give force = "cells" with '

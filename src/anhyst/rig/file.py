@@ -24,7 +24,7 @@ from anhyst.rig.case_table import (
 )
 from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.magnet_table import LikeTable, MagnetEntry, MagnetTable, SolenoidTable
-from anhyst.rig.measurement_table import ExciteTable, LoopsTable, MeasurementTable
+from anhyst.rig.measurement_table import CampaignTable, ExciteTable, LoopsTable
 from anhyst.rig.sensor_table import (
     CurrentSensorTable,
     FluxSensorTable,
@@ -102,7 +102,7 @@ class RigFile(Table):
     given_load: LoadTable | None = Field(alias="load", default=None)
     frame: FrameTable = Field(default_factory=FrameTable)
     control: ControlEntry
-    given_measurement: MeasurementTable | None = Field(alias="measurement", default=None)
+    given_measurement: CampaignTable | None = Field(alias="measurement", default=None)
     excite: ExciteTable = Field(default_factory=ExciteTable)
     cases: Annotated[list[CaseEntry], Field(alias="case", min_length=1)]
     spread: SpreadTable = Field(default_factory=SpreadTable)
@@ -127,7 +127,7 @@ class RigFile(Table):
     moving: ClassVar = The("cases", MovingCase)
     moved: ClassVar = The("cases", DisplacementCase)
     loops: ClassVar = The("given_loops", LoopsTable)  # all that a controller may know
-    measurement: ClassVar = The("given_measurement", MeasurementTable)
+    measurement: ClassVar = The("given_measurement", CampaignTable)
     levitation: ClassVar = The("control", LevitationTable)
     tracking: ClassVar = The("control", TrackingTable)
     force: ClassVar = The("control", ForceTable)

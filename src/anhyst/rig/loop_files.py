@@ -77,7 +77,13 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fi
 
 
 def identify_loops(
-    loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
+    loops: Loops,
+    options: IdentifyTable,
+    gap_map: str,
+    progress: Progress | None = None,
+    *,
+    late: bool = False,
 ) -> Model:
-    """Identify a model as a rig file wants it, at rest as its compensators are."""
-    return identify(loops, **options.searching(gap_map), progress=progress).model.at_rest
+    """Identify a model as a rig file wants it, at rest but for `late`."""
+    model = identify(loops, **options.searching(gap_map), progress=progress).model
+    return model if late else model.at_rest

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from anhyst.rig.parts.magnet import Poles
+from anhyst.rig.parts.magnet import Poles, Solid
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive, Table
 
@@ -38,6 +38,15 @@ CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
 """Directions on one coordinate: a magnet that pulls towards a smaller x, and one opposite to it."""
 
 
+class SolidTable(Table):
+    """``magnet.solid``: what of the iron is no stack of sheets."""
+
+    depth_m: Positive  # from the surface to the middle
+    conductivity_S_per_m: Positive
+    path_m: Positive | None = None  # length of the flux path in it; none: all of iron_length_m
+    volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
+
+
 class MagnetTable(Table):
     """Winding, poles and iron of one magnet. What a fit finds or guesses may be left out."""
 
@@ -55,6 +64,7 @@ class MagnetTable(Table):
     iron_length_m: Positive | None = None
     joints_m: NotNegative | None = None
     eddy_time_s: NotNegative = 0.0
+    solid: SolidTable | None = None
     model: str | None = None
     flux_table: str | None = None
 
@@ -71,6 +81,11 @@ class MagnetTable(Table):
             raise InputError(
                 f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
             )
+        if self.solid is not None and (self.kind == "law" or self.from_loops):
+            raise InputError(
+                'solid belongs to kind "electromagnet" with an iron of [[iron]]; remove it, or name one',
+                code="not-for-this-kind",
+            )
         if self.from_loops:
             return self
         for key in ("turns", "resistance_ohm", *_GEOMETRY):
@@ -78,12 +93,23 @@ class MagnetTable(Table):
                 raise InputError(
                     f'needs {key}; add it, or write iron = "{FROM_LOOPS}"', code="missing"
                 )
+        if self.solid_iron is not None and self.solid_iron.length > (self.iron_length_m or 0.0):
+            raise InputError("solid.path_m is longer than iron_length_m; lower it", code="too-long")
         return self
 
     @property
     def from_loops(self) -> bool:
         """Whether the loops still have to say what is left out."""
         return self.iron == FROM_LOOPS
+
+    @property
+    def solid_iron(self) -> Solid | None:
+        """What of the iron is solid, once it is known."""
+        table = self.solid
+        if table is None or self.iron_length_m is None:
+            return None
+        length = self.iron_length_m if table.path_m is None else table.path_m
+        return Solid(length, table.depth_m, table.conductivity_S_per_m, table.volumes)
 
     @property
     def poles(self) -> Poles:

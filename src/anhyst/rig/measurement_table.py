@@ -46,6 +46,12 @@ class MeasurementTable(Table):
     records: Annotated[list[RecordTable], Field(min_length=1)]
 
 
+class CampaignTable(MeasurementTable):
+    """``[measurement]`` of a rig file: the same, and at which speeds full cycles run besides."""
+
+    fast_A_per_s: list[Positive] = Field(default_factory=list)
+
+
 class ExciteTable(Table):
     """``[excite]``: what a drive that measures loops must keep to, and where it measures."""
 

@@ -29,6 +29,7 @@ COLOURS: Mapping[MethodName, str] = {
     "single-valued": "#CC79A7",
     "play": "#882255",
     "simplified": "#009E73",
+    "at-rest": "#8C8C8C",
     "full": RISING,
     "flux": "#56B4E9",
 }
@@ -39,6 +40,7 @@ DASHES: Mapping[MethodName, Any] = {
     "single-valued": (0, (3, 1)),
     "play": (0, (4, 1, 1, 1, 1, 1)),
     "simplified": (0, (6, 1.5, 1, 1.5)),
+    "at-rest": (0, (5, 2)),
     "full": "-",
     "flux": (0, (2, 1, 1, 1)),
 }

@@ -234,6 +234,7 @@ def legend_table(variants: Sequence[MethodName]) -> PageTable:
         "single-valued": "the honest baseline of hysteresis: all that a curve without memory can do",
         "play": "the least that knows hysteresis: width of the loops and one state, no law of iron",
         "simplified": "inverse of the simplified law",
+        "at-rest": "the same as full, but for iron that answers late: taken as if it did not",
         "full": "inverse of the identified law, its state advanced with what was applied",
         "flux": "needs a Hall probe in the gap, and measures instead of modelling",
     }

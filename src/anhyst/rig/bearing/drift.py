@@ -141,6 +141,7 @@ def drifted_stage(rig: BearingRig, drift: Drift, seed: int) -> Plant:
             steel,
             lag,
             settings.gap_m,
+            magnet.solid_iron,
         )
         for scale in (drift.first_scale, drift.second_scale)
     )

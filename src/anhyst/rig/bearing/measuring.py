@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from anhyst.data import Loops
+from anhyst.data.history import History
+from anhyst.data.loops import Loop
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_magnet
-from anhyst.rig.measuring import Sensors, measure_place
+from anhyst.rig.measurement_table import CampaignTable
+from anhyst.rig.measuring import Sensors, conditioning, measure_place, straight, take
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.sensors import Converter, Sensor
 from anhyst.support.units import QUANTITIES
+
+FAST_SAMPLES, FAST_CYCLES = 200, 2
+"""Of a fast cycle, and how many of them are recorded."""
 
 
 class HeldBearing:
@@ -36,18 +44,54 @@ class HeldBearing:
         )
 
 
+def _measure_in_time(held: HeldBearing, campaign: CampaignTable, place: int) -> list[Loop]:
+    """Measure all records at one gap and full cycles at every fast speed, with what speed induces."""
+    gap, past, high = campaign.gaps_m[place], conditioning(campaign), campaign.current_max_A
+    runs = [
+        (one.name, [high * turn for turn in one.turns], campaign.sweep_A_per_s, campaign.sample_s)
+        for one in campaign.records
+    ]
+    cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
+    runs += [
+        (f"{speed:g}A/s", cycles, speed, 2.0 * high / (speed * FAST_SAMPLES))
+        for speed in campaign.fast_A_per_s
+    ]
+    loops = []
+    for number, (name, turns, speed, sample) in enumerate(runs):
+        magnet = held.magnet()
+        for turn in past:
+            magnet.step(turn, gap)
+        magnet.seconds = sample
+        path = straight(turns, speed * sample)
+        current, force = take(magnet, held.sensors([place, number], sample), gap, path)
+        loops.append(
+            Loop(
+                label=f"{gap * 1e3:.2f}mm-{name}",
+                input=current,
+                output=force,
+                schedule=np.full(path.size, gap),
+                time=np.arange(path.size, dtype=np.float64) * sample,
+                history=History("conditioned", (0.0, *past)),
+            )
+        )
+    return loops
+
+
 def loop_texts(loops: Loops, notes: str) -> dict[str, str]:
     """Return the text of each file of loops of force and current, by name; notes stand on top."""
-    rows = [
-        f"{current:.6f},{force:.4f},{gap:.5f},{loop.label}\n"
-        for loop in loops.loops
-        if loop.schedule is not None
-        for current, force, gap in zip(
-            loop.input.tolist(), loop.output.tolist(), loop.schedule.tolist(), strict=True
-        )
-    ]
+    timed = loops.loops[0].time is not None
+    rows = []
+    for loop in loops.loops:
+        assert loop.schedule is not None
+        columns = [loop.input, loop.output, loop.schedule]
+        form = f"%.6f,%.4f,%.5f,{loop.label}\n"
+        if loop.time is not None:
+            columns.insert(0, loop.time)
+            form = f"%.7g,{form}"
+        rows += [form % row for row in zip(*(one.tolist() for one in columns), strict=True)]
+    header = "t_s,I_A,F_N,gap_m,loop\n" if timed else "I_A,F_N,gap_m,loop\n"
     return {
-        "loops.csv": notes + "I_A,F_N,gap_m,loop\n" + "".join(rows),
+        "loops.csv": notes + header + "".join(rows),
         "loops.toml": f'history = "{loops.loops[0].history}"\n',
     }
 
@@ -56,9 +100,10 @@ def measure_loops(rig: BearingRig) -> Loops:
     """Measure what ``[measurement]`` of the rig file asks for.
 
     Before every record the current goes to its maximum and back, as often as the file says; sensors
-    read one sample at a time, quasi-statically.
+    read one sample at a time, quasi-statically, or in time where fast cycles are asked for too.
     """
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
-    loops = [loop for place in places for loop in measure_place(held, campaign, place)]
+    measure = _measure_in_time if campaign.fast_A_per_s else measure_place
+    loops = [loop for place in places for loop in measure(held, campaign, place)]
     return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])

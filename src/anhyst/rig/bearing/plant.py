@@ -137,7 +137,7 @@ def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
     settings, middle = rig.settings.magnet, rig.settings.gap_m
     if settings.kind == "electromagnet":
         steel = rig.settings.steel.steel()
-        return iron_magnet(settings.poles, steel, settings.eddy_time_s, middle)
+        return iron_magnet(settings.poles, steel, settings.eddy_time_s, middle, settings.solid_iron)
     table = flux_table(rig)
     model = law or law_of(rig)
     at = np.linspace(float(table.gap[0]), float(table.gap[-1]), ROWS)

@@ -5,6 +5,7 @@ The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their n
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 
 _CURRENTS, _GAPS = 257, 129
+_SUBSTEPS = 8
+"""Of a way that takes time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +57,39 @@ class Poles:
         return self.turns**2 / self.reluctance(gap)
 
 
-def iron_magnet(poles: Poles, steel: AnySteel, eddy_time: float = 0.0, gap: float = 1e-3) -> Magnet:
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """Solid iron in the path of a magnet: a slab that the field enters at its surface."""
+
+    length: float  # of the path, m
+    depth: float  # from the surface to the middle, m
+    conductivity: float  # S/m
+    volumes: int = 12  # into which the depth is cut, narrower at the surface
+
+    def numbers(self) -> tuple[FloatArray, FloatArray]:
+        """Return the share of each volume in the section, and its drag, A s/(m T)."""
+        width = np.geomspace(1.0, _WIDENS, self.volumes)
+        width /= width.sum()
+        apart = 0.5 * np.append(width[0], width[1:] + width[:-1])
+        return width, self.conductivity * self.depth**2 * apart
+
+
+_WIDENS = 6.0
+"""By which the volume in the middle is wider than that at the surface."""
+
+
+def iron_magnet(
+    poles: Poles,
+    steel: AnySteel,
+    eddy_time: float = 0.0,
+    gap: float = 1e-3,
+    solid: Solid | None = None,
+) -> Magnet:
     """Return a magnet whose iron is not a Jiles-Atherton material."""
-    return _in_circuit(poles, steel.plant(), eddy_time, gap)
+    if solid is None:
+        return _in_circuit(poles, steel.plant(), eddy_time, gap)
+    numbers = circuit_numbers(poles, eddy_time, gap)
+    return Magnet(numbers, steel.plant(), solid.length / poles.iron_length, *solid.numbers())
 
 
 def _in_circuit(poles: Poles, steel: Steel, eddy_time: float, gap: float) -> Magnet:
@@ -79,14 +112,19 @@ def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, flo
 
 
 class Electromagnet:
-    """A magnet with the memory of its iron, moved so slowly that nothing is induced."""
+    """A magnet with the memory of its iron, moved so slowly that nothing is induced, or in time."""
 
     def __init__(self, magnet: Magnet) -> None:
         self._coil = Coil(magnet)
+        self.seconds = math.inf  # in which it moves
 
     def step(self, current: float, gap: float) -> float:
-        """Move to a current, A, at a gap, m, and return the pull, N."""
-        self._coil.hold(current, gap)
+        """Move straight to a current, A, at a gap, m, and return the pull, N."""
+        if math.isinf(self.seconds):
+            self._coil.hold(current, gap)
+            return self._coil.force
+        for one in np.linspace(self._coil.current, current, _SUBSTEPS + 1)[1:].tolist():
+            self._coil.lead(one, gap, self.seconds / _SUBSTEPS)
         return self._coil.force
 
 

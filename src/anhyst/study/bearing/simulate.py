@@ -38,7 +38,7 @@ from anhyst.support.result import Result, columns_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COMPARED = (*BASELINES, *SENSORS, *MODELS)
+COMPARED = (*BASELINES, *SENSORS, *(name for name in MODELS if name != "at-rest"))
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 
 FIGURES = "figures.json"

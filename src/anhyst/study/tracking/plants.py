@@ -45,7 +45,7 @@ def stage_plants(
             code="one-coordinate-only",
             key="body.free",
         )
-    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops)
+    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
     gains = all_of(_find, list(made.values()), progress)

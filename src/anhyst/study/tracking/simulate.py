@@ -14,6 +14,8 @@ from scipy.optimize import minimize
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.data.writing import check_recording
+from anhyst.model.actuator import Model
+from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, rms
@@ -127,7 +129,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 FIGURES = "figures.json"
 OWN: MethodName = "full"
 """What the others are the baselines of; its run is recorded."""
-_NOT_SHOWN = ("ratio", "secant", "simplified")
+_NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest")
 COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
 """Variants, in the order of every table."""
 OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux")
@@ -349,16 +351,23 @@ def _standing(setup: StageSetup, gains: Feedforward) -> float:
     return rms(np.concatenate([run["error_m"][part] for part in cruises(moved, run.dt)]))
 
 
+def follows_rate(rig: StageRig, model: Model) -> bool:
+    """Whether the compensator of a stage follows iron that answers late."""
+    return rig.settings.tracking.format != "fixed" and has_layers(model)
+
+
 def make_variants(
     rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
     """Fit variants, all compared ones where none are named.
 
+    Where solid iron is followed, the same compensator stands beside it that takes iron to be thin.
     The second of the mappings says which could not be, and why.
     """
     made: dict[MethodName, StageSetup] = {}
     left_out: dict[MethodName, str] = {}
-    for name in names or (OF_AXES if rig.settings.several else COMPARED):
+    beside: tuple[MethodName, ...] = ("at-rest",) if follows_rate(rig, magnet.model) else ()
+    for name in names or (*(OF_AXES if rig.settings.several else COMPARED), *beside):
         if name == "flux" and rig.settings.hall_probe is None:
             left_out[name] = "the rig has no Hall probe"
             continue
@@ -397,7 +406,7 @@ def explore_stage(
     out: PathLike | None = None,
 ) -> TrackingStudy:
     """Try variants on a stage."""
-    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops)
+    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
     made, left_out = make_variants(rig, known, names)
     refuse_unstable(made[OWN], out)
     tried = all_of(try_variant, list(made.values()), progress)
