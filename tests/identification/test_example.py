@@ -104,9 +104,7 @@ def test_the_model_predicts_what_was_fitted(chosen: IdentifyResult, loops: Loops
         assert np.abs(one - other).max() < 1e-8 * largest(loops)
 
 
-@pytest.mark.parametrize(
-    "seed", [2, pytest.param(3, marks=pytest.mark.campaign)]
-)
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.campaign)])
 def test_every_seed_ends_there(chosen: IdentifyResult, loops: Loops, seed: int) -> None:
     other = identify(loops, law=chosen.model.law, gap_map="reluctance", seed=seed)
     assert fit_of(other).rms == pytest.approx(fit_of(chosen).rms, rel=0.01)
