@@ -18,26 +18,12 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import CalibratedMethod, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
-from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.measures import measure
 from anhyst.support.arrays import FloatArray
 from tests.study import bearings, stages
+from tests.study.stages import WRONG, recorded, training
 
-WRONG = Drift(
-    pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, second_scale=-0.005, eddy=40e-6,
-    flux_gain=0.006,
-)  # fmt: skip
 SLIT = 0.01
-
-
-def training() -> SetPoint:
-    scan = stages.stage().settings.scan
-    return motion_of(scan, scan.train_m_per_s2)
-
-
-@cache
-def recorded(drift: Drift = WRONG) -> Recording:
-    return track(replace(stages.setup("full"), drift=drift), training(), Feedforward(), 1)
 
 
 def taught(

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from anhyst._core import ForceController as MapOfFlux
 from anhyst._core import allocate
 from anhyst.compensate.flux_feedback import FluxFeedback
 from anhyst.compensate.interface import MethodName
@@ -234,13 +233,18 @@ class MotionLaw:
         ]
 
     def _by_flux(self, motion: Motion, scales: FloatArray) -> list[FloatArray]:
-        """Go back the way of the method's own map from force to flux density; it has no memory."""
+        """Go back the way of the method's calibration: the force goes with the flux density squared.
+
+        Its map has straight lines from force to force, which tells small ones too large.
+        """
         found = self.compensator(0.0).parameters
         assert isinstance(found, FluxFeedback)
-        flux = np.ascontiguousarray(scales * np.array([motion.read[name] for name in PROBES]))
-        gap = np.ascontiguousarray(motion.read["gap_read_m"])
+        of_root = found.wanted[:, -1] / math.sqrt(found.scales.demand)
+        gaps = np.linspace(found.scales.gap_low, found.scales.gap_high, of_root.size)
+        gap = motion.read["gap_read_m"]
+        flux = scales * np.array([motion.read[name] for name in PROBES])
         return [
-            MapOfFlux.map(found.wanted, *found.map.real()).follow(density, at)
+            (density / np.interp(at, gaps, of_root)) ** 2
             for density, at in zip(flux, (gap, self._total - gap), strict=True)
         ]
 
