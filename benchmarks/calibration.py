@@ -60,7 +60,7 @@ class Bench:
         run = track(own, training(rig), gains, 100)
         found = fit(MotionLaw(rig, magnet, method), [Motion(rig, run.columns)])
         other = make_stage(rig, magnet, method, found)
-        calibrated = find_gains(other, training(rig)) if found.fits else gains
+        calibrated = find_gains(other, training(rig))
         return cls(rig, magnet, method, gains, calibrated, scans)
 
     def judged(self, setup: StageSetup, gains: Feedforward, noise: int) -> Measures:
@@ -80,7 +80,7 @@ class Bench:
             motions.append(Motion(self.rig, run.columns))
             found = fit(law, motions)
             setup = make_stage(self.rig, self.magnet, self.method, found)
-            gains = self.calibrated_gains if found.fits else self.gains
+            gains = self.calibrated_gains
             if scan in self.scans:
                 figures.append(self.judged(replace(setup, drift=drift), gains, noise))
         return figures, found

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.rig.stage.file import calibration_of, read_stage
 from anhyst.study.tracking.plants import ERRORS
 from tests.refusals import says
+from tests.study.stages import recorded
 
 from .command import quick, refused
 
@@ -102,3 +104,25 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     assert wrong.returncode == 0, wrong.stderr
     found = json.loads((folder / "montecarlo.json").read_text())
     assert [row["error"] for row in found["variants"]["full"]["average_m"]] == [*ERRORS]
+
+
+def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(folder: Path) -> None:
+    recorded().save(folder / "run.csv")
+    command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml")
+    done = quick(*command, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    for text in ("full", "scale_1", "trusted: mass of 10 kg", "frozen", "calibration.toml"):
+        assert text in done.stdout
+    change(
+        folder / "rig.toml", "force_max_N = 240.0", 'force_max_N = 240.0\ncalibration = "run.csv"'
+    )
+    assert "run.csv" in refused("simulate", "rig.toml", "--out", "again.csv", cwd=folder)
+    change(folder / "rig.toml", '"run.csv"', '"calibration.toml"')
+    rig = read_stage(folder / "rig.toml")
+    found = calibration_of(rig, "full")
+    assert found is not None
+    assert found.value("lag_s") > 20e-6
+    assert says(
+        refused("calibrate", "rig.toml", "run.csv", "--out", "run.csv", cwd=folder),
+        "writes-over-input",
+    )

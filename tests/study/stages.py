@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import StageSetup, make_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.rig.tables import FrameTable
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
@@ -22,6 +24,12 @@ SHORT = {
     "train_m_per_s2": [22.0, 12.0],
     "test_m_per_s2": [22.0, 10.0, 18.0],
 }
+
+WRONG = Drift(
+    pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, second_scale=-0.005, eddy=40e-6,
+    flux_gain=0.006,
+)  # fmt: skip
+"""A plant that is off in everything."""
 
 
 def stage(substeps: int = 8, stray_m: float | None = None, **control: Any) -> StageRig:
@@ -52,3 +60,15 @@ def unseen(rig: StageRig) -> SetPoint:
 def study() -> TrackingStudy:
     """The compensator and what it is measured against."""
     return explore_stage(stage(), bearings.knowledge(), ("single-valued", "play", "full"))
+
+
+def training() -> SetPoint:
+    """SetPoint that is learnt on."""
+    scan = stage().settings.scan
+    return motion_of(scan, scan.train_m_per_s2)
+
+
+@cache
+def recorded(drift: Drift = WRONG) -> Recording:
+    """Return the motion of a plant under the compensator as it was fitted."""
+    return track(replace(setup("full"), drift=drift), training(), Feedforward(), 1)

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.compensate.interface import MethodName
@@ -16,25 +18,12 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import CalibratedMethod, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
-from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.measures import measure
+from anhyst.support.arrays import FloatArray
 from tests.study import bearings, stages
+from tests.study.stages import WRONG, recorded, training
 
-WRONG = Drift(
-    pinning=0.12, gap_offset=0.5e-6, first_scale=0.007, second_scale=-0.005, eddy=40e-6,
-    flux_gain=0.006,
-)  # fmt: skip
 SLIT = 0.01
-
-
-def training() -> SetPoint:
-    scan = stages.stage().settings.scan
-    return motion_of(scan, scan.train_m_per_s2)
-
-
-@cache
-def recorded(drift: Drift = WRONG) -> Recording:
-    return track(replace(stages.setup("full"), drift=drift), training(), Feedforward(), 1)
 
 
 def taught(
@@ -114,7 +103,21 @@ def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> 
     stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
     (found,) = taught(stuck).file.method
     assert not found.fits
-    assert make_stage(stages.stage(), bearings.knowledge(), "full", found).correction is None
+    assert {one.value for one in found.parameter} == {0.0}
+    assert all(one.frozen for one in found.parameter)
+
+
+def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_noise() -> None:
+    assert learnt("full").fits
+    assert learnt("flux").fits
+    assert not learnt("play").fits
+    assert not learnt("single-valued").fits
+    noisy = stages.stage().settings.changed({"position_sensor.noise_m": 5e-9})
+    rig = replace(stages.stage(), settings=noisy)
+    made = replace(make_stage(rig, bearings.knowledge(), "full"), drift=WRONG)
+    run = track(made, training(), Feedforward(), 1)
+    (found,) = calibrate(rig, run, magnet=bearings.knowledge(), methods=["full"]).file.method
+    assert found.fits
 
 
 def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
@@ -183,3 +186,35 @@ def test_a_stage_of_several_coordinates_is_refused() -> None:
     with pytest.raises(InputError) as caught:
         calibrate(planar, recorded(), magnet=bearings.knowledge())
     assert caught.value.code == "one-coordinate-only"
+
+
+def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
+    """Least squares of its own, tick by tick, without filter, delay, prior or recorded readings.
+
+    The flux lags as a low-pass of the true currents does; the law is asked sample by sample.
+    """
+    run, found = recorded(), learnt()
+    compensator = corrected().compensator
+    truth = -run["force_N"] - found.value("bias_N")
+    counts = np.abs(truth) > 15.0
+
+    def missed(numbers: FloatArray) -> FloatArray:
+        scales, share = numbers[:2], -np.expm1(-run.dt / (1e-9 + abs(numbers[2]) * 1e-5))
+        pulls = []
+        for scale, current, gap in zip(
+            scales,
+            (run["current_A"], run["current_2_A"]),
+            (run["gap_m"], 0.9e-3 - run["gap_m"]),
+            strict=True,
+        ):
+            slow, law = lfilter([share], [1.0, share - 1.0], scale * current), compensator.fresh()
+            pulls.append(
+                [law.commit(*one) for one in zip(slow.tolist(), gap.tolist(), strict=True)]
+            )
+        net = np.array(pulls[1]) - np.array(pulls[0])
+        return np.asarray((net - truth)[counts])
+
+    seen = least_squares(missed, [1.0, 1.0, 2.0], diff_step=[0.005, 0.005, 0.2], max_nfev=4).x
+    assert found.value("scale_1") == pytest.approx(seen[0] - 1.0, abs=0.0015)
+    assert found.value("scale_2") == pytest.approx(seen[1] - 1.0, abs=0.0015)
+    assert found.value("lag_s") == pytest.approx(1e-5 * seen[2], abs=15e-6)

@@ -153,7 +153,7 @@ def calibrate(
     found = anhyst.calibrate(rig, recordings, out)
     warn_of = [one for one in found.file.method if one.name == "full" and not one.fits]
     for one in warn_of:
-        warn(f"{one.name}: {found.facts()[one.name]}; it stays as it was, and a flux probe helps")
+        warn(f"{one.name}: {found.facts()[one.name]}; a flux probe helps there")
     if as_json:
         print_json(found.as_dict())
         return

@@ -399,7 +399,7 @@ def make_stage(
     It is corrected by what was found, here or in the file that the rig names.
     """
     found = calibrated or calibration_of(rig, method)
-    if found is None or not found.fits:
+    if found is None:
         return StageSetup(rig, fit_method(rig, magnet, method))
     compensator = fit_method(rig, magnet, method, found.value("width"))
     return StageSetup(rig, compensator, correction=found.correction(compensator, rig))

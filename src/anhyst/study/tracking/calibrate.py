@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from anhyst._core import ForceController as MapOfFlux
 from anhyst._core import allocate
 from anhyst.compensate.flux_feedback import FluxFeedback
 from anhyst.compensate.interface import MethodName
@@ -56,7 +55,7 @@ TRUST = 0.004
 """Standard deviation of a comparison, in parts of the largest force: what a good law leaves."""
 MOST = 4.0
 """Standard deviations within which a parameter stays."""
-PASSES = 4
+PASSES = 3
 """Linear fits, each around the last."""
 SEEN = 0.7
 """Of its prior standard deviation: a parameter with more left is called not seen."""
@@ -82,8 +81,10 @@ WIDTHS = 0.005
 """A law is fitted anew for widths on this grid."""
 COMMANDS = of_magnets(CURRENTS[:1], 1, MAGNETS)
 NEEDED = ("t_s", "demand_N", *READ, *COMMANDS)
-LARGEST = 0.01
-"""Of the moving force, that a law of the right kind leaves."""
+KIND = 0.0037
+"""Of the moving force: what a law of the right kind leaves at most, root mean square."""
+FAULT = 0.01
+"""The same of anything that is worth learning; where more is left, nothing is taken."""
 HEAD = """\
 # What motion taught of the magnets of a stage. Written by anhyst calibrate; a rig file names it as
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
@@ -132,6 +133,15 @@ class Motion:
         acceleration[1:-1] = np.diff(place, 2) / self.rig.dt**2
         return self.filtered(self.rig.settings.body.mass_kg * acceleration)
 
+    @property
+    def noise(self) -> float:
+        """Standard deviation of that force from the noise of the position, N."""
+        tick = np.zeros(self.ticks.size)
+        tick[:3] = 1.0, -2.0, 1.0
+        passed = float(np.linalg.norm(self.filtered(tick))) / self.rig.dt**2
+        file = self.rig.settings
+        return file.body.mass_kg * file.position_sensor.noise_m * passed
+
     @cached_property
     def compared(self) -> NDArray[np.intp]:
         """Ticks at which both sides are compared: where much is demanded."""
@@ -139,6 +149,13 @@ class Motion:
         least = DEAD * self.rig.settings.tracking.force_max_N
         asked = np.abs(self.filtered(self.read["demand_N"]))[::every]
         return every * np.flatnonzero(asked > least)
+
+    @cached_property
+    def rises(self) -> FloatArray:
+        """By how much the root of the force of each magnet that was asked for rises in a tick."""
+        idle = self.rig.idle
+        asked = np.array([allocate(one, idle) for one in self.read["demand_N"].tolist()]).T
+        return np.diff(np.sqrt(asked), prepend=0.0)
 
     @property
     def late(self) -> float:
@@ -166,6 +183,13 @@ def _motion(rig: StageRig, recording: Recording | PathLike) -> Motion:
                 key=header,
             )
     columns = {header: values for header, values in read.items() if values is not None}
+    for header, values in columns.items():
+        if not np.isfinite(values).all():
+            raise InputError(
+                f"{recording}: {header} holds what is no number; leave out what comes before it",
+                code="not-finite",
+                key=header,
+            )
     time = columns["t_s"]
     rate = (time.size - 1) / (time[-1] - time[0]) if time.size > 1 else 0.0
     if abs(rate * rig.dt - 1.0) > 1e-3:
@@ -200,11 +224,8 @@ class MotionLaw:
     ) -> list[FloatArray]:
         read, rig = motion.read, self.rig
         compensator = self.compensator(round(values["width"] / WIDTHS) * WIDTHS)
-        idle = rig.idle
-        asked = np.array([allocate(one, idle) for one in read["demand_N"].tolist()]).T
-        rises = np.diff(np.sqrt(asked), prepend=0.0)
         lead = values["lag_s"] / rig.dt * per_root(self.compensator(0.0), rig)
-        flowed = scales * np.array([read[name] for name in COMMANDS]) - lead * rises
+        flowed = scales * np.array([read[name] for name in COMMANDS]) - lead * motion.rises
         gap = np.interp(motion.ticks + motion.late, motion.ticks, read["gap_read_m"])
         return [
             compensator.fresh().follow(current, at)
@@ -212,13 +233,18 @@ class MotionLaw:
         ]
 
     def _by_flux(self, motion: Motion, scales: FloatArray) -> list[FloatArray]:
-        """Go back the way of the method's own map from force to flux density; it has no memory."""
+        """Go back the way of the method's calibration: the force goes with the flux density squared.
+
+        Its map has straight lines from force to force, which tells small ones too large.
+        """
         found = self.compensator(0.0).parameters
         assert isinstance(found, FluxFeedback)
-        flux = np.ascontiguousarray(scales * np.array([motion.read[name] for name in PROBES]))
-        gap = np.ascontiguousarray(motion.read["gap_read_m"])
+        of_root = found.wanted[:, -1] / math.sqrt(found.scales.demand)
+        gaps = np.linspace(found.scales.gap_low, found.scales.gap_high, of_root.size)
+        gap = motion.read["gap_read_m"]
+        flux = scales * np.array([motion.read[name] for name in PROBES])
         return [
-            MapOfFlux.map(found.wanted, *found.map.real()).follow(density, at)
+            (density / np.interp(at, gaps, of_root)) ** 2
             for density, at in zip(flux, (gap, self._total - gap), strict=True)
         ]
 
@@ -248,40 +274,44 @@ class _Fit:
         self.law, self.motions, self.names = law, motions, names
         self.values: dict[ParameterName, float] = dict.fromkeys(PARAMETERS, 0.0)
         self.pushed = np.concatenate([one.pushed[one.compared] for one in motions])
-        self.trust = TRUST * law.rig.settings.tracking.force_max_N
+        trust = TRUST * law.rig.settings.tracking.force_max_N
         held = np.array([priors[name] for name in names])
         slopes = np.zeros((self.pushed.size, len(names)))
-        for _ in range(PASSES if len(names) and self.pushed.size else 0):
-            slopes = np.column_stack([self._slope(name) for name in names])
+        for turn in range(PASSES if len(names) and self.pushed.size else 0):
+            slopes, expected = self._look(exact=turn == PASSES - 1)
             now = np.array([self.values[name] for name in names])
-            normal = slopes.T @ slopes / self.trust**2 + np.diag(held**-2.0)
-            pull = slopes.T @ self.missing() / self.trust**2 - now / held**2
+            normal = slopes.T @ slopes / trust**2 + np.diag(held**-2.0)
+            pull = slopes.T @ (self.pushed - expected) / trust**2 - now / held**2
             now = np.clip(now + np.linalg.solve(normal, pull), -MOST * held, MOST * held)
             self.values |= dict(zip(names, now.tolist(), strict=True))
-        self._round()
-        spread = max(self.trust, rms(self.missing())) if self.pushed.size else self.trust
-        normal = slopes.T @ slopes / spread**2 + np.diag(held**-2.0)
+        self.values["width"] = round(self.values["width"] / WIDTHS) * WIDTHS
+        self.residual = rms(self.pushed - self.forces({})) if self.pushed.size else 0.0
+        normal = slopes.T @ slopes / max(trust, self.residual) ** 2 + np.diag(held**-2.0)
         left = np.sqrt(np.diag(np.linalg.inv(normal)))
         self.left: dict[ParameterName, float] = dict(zip(names, left.tolist(), strict=True))
-
-    def _round(self) -> None:
-        self.values["width"] = round(self.values["width"] / WIDTHS) * WIDTHS
 
     def forces(self, changed: Mapping[ParameterName, float]) -> FloatArray:
         """Return the force by the law with some numbers changed, where it is compared."""
         values = {**self.values, **changed}
         return np.concatenate([self.law.net(one, values)[one.compared] for one in self.motions])
 
-    def missing(self) -> FloatArray:
-        """Return the force of the motion that the law does not explain."""
-        return self.pushed - self.forces({})
+    def _look(self, *, exact: bool) -> tuple[FloatArray, FloatArray]:
+        """Return what each number does along the path, and the force with all of them.
 
-    def _slope(self, name: ParameterName) -> FloatArray:
-        """Return what a parameter does along the path; of the width around 0, where laws are kept."""
-        step = STEPS[name]
-        start = 0.0 if name == "width" else self.values[name]
-        changed = self.forces({name: start + step}) - self.forces({name: start})
-        return np.asarray(changed / step)
+        Paths are those of the law as it was fitted and of one with a wider loop, which are kept;
+        exactly, the force is that of a law fitted anew.
+        """
+        flat = self.forces({"width": 0.0})
+        slopes = np.zeros((flat.size, len(self.names)))
+        for place, name in enumerate(self.names):
+            step = STEPS[name]
+            moved = {name: step if name == "width" else self.values[name] + step}
+            slopes[:, place] = (self.forces({"width": 0.0, **moved}) - flat) / step
+        if "width" not in self.names:
+            return slopes, flat
+        if exact:
+            return slopes, self.forces({})
+        return slopes, flat + self.values["width"] * slopes[:, self.names.index("width")]
 
 
 def fit(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
@@ -293,17 +323,19 @@ def fit(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
     if seen != names:
         found = _Fit(law, motions, priors, seen)
     moved = rms(found.pushed) if found.pushed.size else 0.0
-    residual = rms(found.missing()) if found.pushed.size else 0.0
+    noise = motions[0].noise
+    if found.residual > math.hypot(FAULT * moved, noise):
+        seen, found.values = [], dict.fromkeys(PARAMETERS, 0.0)
     return CalibratedMethod(
         name=law.method,
-        residual_N=residual,
+        residual_N=found.residual,
         force_N=moved,
-        fits=residual <= LARGEST * moved,
+        fits=found.residual <= math.hypot(KIND * moved, noise),
         parameter=[
             LearntParameter(
                 name=name,
                 value=found.values[name],
-                sigma=found.left.get(name, priors[name]),
+                sigma=found.left[name] if name in seen else priors[name],
                 prior=priors[name],
                 frozen=name not in seen,
             )
