@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from anhyst.data.reading import read_loops
+from anhyst.data.speeds import rate_told, speeds_of
 from anhyst.rig.measuring import HeldRig, Pull, Sensors
 from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
 from anhyst.study.excite.limits import Bound, Specimen, Winding
+from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.study.measured_rigs import INNER, WIDE, measured_rig
 
@@ -183,3 +185,49 @@ def test_a_model_of_these_loops_is_as_good_as_one_of_the_bundled_campaign(
         # Searches end apart by up to a thousandth of the force when only the noise is another.
         allowed = 1.15 * rig.errors(theirs, turns) + 1e-3 * largest
         assert rig.errors(ours, turns) <= allowed
+
+
+def solid_bearing(folder: Path, fast: str, more: str = "") -> Specimen:
+    """Return the bearing with solid iron and fast cycles asked for."""
+    path = measured_rig("bearing", folder, more=more).path
+    text = path.read_text(encoding="utf-8")
+    table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
+    text = text.replace("turns = 250", f"turns = 250\n{table}")
+    text = text.replace("sweep_A_per_s", f"fast_A_per_s = {fast}\nsweep_A_per_s")
+    path.write_text(text, encoding="utf-8")
+    return read_specimen(path).specimen
+
+
+def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_path: Path) -> None:
+    plain = bearing(tmp_path / "plain", TIGHT)
+    specimen = solid_bearing(tmp_path / "solid", "[30.0, 300.0]", TIGHT.replace("3.0", "200.0"))
+    specimen = replace(specimen, gaps=specimen.gaps[:1])
+    found = measure(specimen)
+    assert found.played.warmth.max() < 1.0
+    assert found.played.current.max() <= specimen.current.value + 1e-12
+    quick = [loop for loop in found.loops.loops if loop.label.endswith("A/s")]
+    paces = [
+        float(np.max(np.abs(np.diff(loop.input)) / np.diff(loop.time)))
+        for loop in quick
+        if loop.time is not None
+    ]
+    assert len(paces) == 2
+    assert max(paces) < 1.2 * 200.0  # noise of the shunt on top of excite.rate_max_A_per_s
+    assert len(found.loops.loops) - 2 == len(measure(replace(plain, gaps=plain.gaps[:1])).loops)
+    assert any("300" in note and "rate_max" in note for note in found.notes)
+    speeds = speeds_of(found.loops)
+    assert speeds is not None
+    assert {loop.label for group in speeds.fast for loop in group} == {one.label for one in quick}
+    assert "rate matters" in rate_told(found.loops)
+
+
+def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() -> None:
+    specimen = read_specimen(STAGE).specimen
+    specimen = replace(specimen, gaps=(0.45e-3,))
+    (place,) = measure(specimen).places
+    # 10 kg, 22 m/s2 in 5.5 ms; force about as the square of the current, a half of 240 N.
+    force = 10.0 * 22.0 / 5.5e-3
+    assert place.needed == pytest.approx(force * place.operating / (2.0 * 120.0), rel=0.25)
+    slow = measure(replace(specimen, fast=(20.0,)))
+    assert any("fast_A_per_s" in note for note in slow.notes)
+    assert not any("fast_A_per_s" in note for note in measure(replace(specimen, fast=(2e3,))).notes)

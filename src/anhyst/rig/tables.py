@@ -223,6 +223,7 @@ class SpreadTable(Table):
     hall_percent: Spread = 0.5
     gap_zero_m: NotNegative = 1e-6
     eddy_s: NotNegative = 25e-6
+    conductivity_percent: Spread = 10.0
     stroke_percent: Spread = 5.0
     creep_percent: Spread = 10.0
     resonance_percent: Spread = 3.0
@@ -250,6 +251,7 @@ SPREADS: Mapping[FileKind, Mapping[str, str]] = {
         "pinning": "pinning_percent",
         "flux_gain": "hall_percent",
         "eddy": "eddy_s",
+        "conductivity": "conductivity_percent",
     },
     FileKind.FORCE: {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},
     FileKind.PIEZO: {

@@ -48,6 +48,7 @@ class Drift:
     first_scale: float = 0.0  # of the current of the first magnet, and of the second
     second_scale: float = 0.0
     eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
+    conductivity: float = 0.0  # of solid iron
     stroke: float = 0.0  # of a piezo stack
     creep: float = 0.0
     resonance: float = 0.0
@@ -70,6 +71,8 @@ def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
     """Draw a plant: normal, cut off at :data:`CUT` standard deviations; a lag is positive."""
     drawn = {}
     for name, key in SPREADS[file.kind].items():
+        if name == "conductivity" and file.magnet.solid is None:
+            continue
         share = 0.01 if key.endswith("_percent") else 1.0
         drawn[name] = share * getattr(file.spread, key) * _normal(rng)
     if "eddy" in drawn:
@@ -115,6 +118,10 @@ def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
             "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
             "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
         }
+        solid = file.magnet.solid
+        if solid is not None:
+            conductivity = solid.conductivity_S_per_m * (1.0 + drift.conductivity)
+            changes["magnet.solid.conductivity_S_per_m"] = conductivity
         if hall is not None:
             changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain
     if file.iron is not None:

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from anhyst.data.history import DEMAGNETISED, History
+from anhyst.rig.bearing.measuring import FAST_CYCLES, FAST_SAMPLES
 from anhyst.rig.measuring import straight
 from anhyst.study.excite.limits import MARGIN, Bound, Specimen
 from anhyst.support.arrays import FloatArray
@@ -50,11 +51,19 @@ class Record:
     approach: FloatArray  # the same, sample by sample, A
     path: FloatArray  # currents that are recorded, A
     history: History  # what the approach leaves
+    sample: float  # from one of them to the next, s
+    fast: bool = False  # whether what their speed induces is to show
 
-    @property
-    def whole(self) -> FloatArray:
+    def whole(self, sample: float) -> FloatArray:
         """Approach and record, A."""
-        return np.concatenate([self.approach, self.path])
+        return np.concatenate([self.approach, self.counted(sample)])
+
+    def counted(self, sample: float) -> FloatArray:
+        """Return the record in samples of so many seconds, A: a fast one as its largest current."""
+        if not self.fast:
+            return self.path
+        count = math.ceil(self.path.size * self.sample / sample)
+        return np.full(count, float(np.max(np.abs(self.path))))
 
 
 def decaying(middle: float, first: float, decay: tuple[float, float]) -> list[float]:
@@ -103,7 +112,19 @@ def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
         "above": straight([0.0, peak, 0.0, *_inner(peak, operating, ABOVE), 0.0], step),
         "below": _below(peak, operating, step),
     }
-    return [Record(name, tuple(before), approach, path, history) for name, path in paths.items()]
+    begun = tuple(before), approach
+    slow = [Record(name, *begun, path, history, specimen.sample) for name, path in paths.items()]
+    cycles = [0.0, *[peak, 0.0] * FAST_CYCLES]
+    for speed in speeds_of(specimen):
+        sample = 2.0 * peak / (FAST_SAMPLES * speed)
+        path = straight(cycles, 2.0 * peak / FAST_SAMPLES)
+        slow.append(Record(f"{speed:.4g}A/s", *begun, path, history, sample, fast=True))
+    return slow
+
+
+def speeds_of(specimen: Specimen) -> list[float]:
+    """Return the rates of full cycles besides, A/s, no faster than is allowed."""
+    return sorted({min(speed, specimen.rate.value) for speed in specimen.fast})
 
 
 def _inner(peak: float, operating: float, swings: Sequence[float]) -> list[float]:
@@ -139,7 +160,9 @@ def coolest_peak(specimen: Specimen) -> Bound:
     while peak >= LEAST * wanted:
         # An operating point at the upper end warms most.
         hottest = records(specimen, peak, INNER[1] * peak)
-        if all(winding.start(one.whole, specimen.sample) >= COOL for one in hottest):
+        if all(
+            winding.start(one.whole(specimen.sample), specimen.sample) >= COOL for one in hottest
+        ):
             key = specimen.current.key if peak == wanted else "excite.continuous_A"
             return Bound(peak, key)
         peak *= SHORTER

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,8 +16,17 @@ from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.measuring import Pull, Sensors, straight, take
+from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.stage.file import read_stage
-from anhyst.study.excite.design import INNER, Record, coolest_peak, demagnetises, records, step_of
+from anhyst.study.excite.design import (
+    INNER,
+    Record,
+    coolest_peak,
+    demagnetises,
+    records,
+    speeds_of,
+    step_of,
+)
 from anhyst.study.excite.limits import Bound, Specimen, bearing_specimen, force_specimen
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -56,6 +66,10 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
     return ReadSpecimen(bearing_specimen(bearing), tuple(files))
 
 
+SECANT = 0.1
+"""Of the largest current, to either side of the operating point: over it the force's slope is taken."""
+SPARE = 1.5
+"""Fastest loops over the speed that is needed: beyond the fastest nothing is known."""
 HEADROOM = 0.95
 """Share of the largest force at which the current is taken back."""
 _PROBE = 1000
@@ -71,6 +85,9 @@ class Place:
     force: float  # largest force that was read on the way there, N
     operating: float  # current about which inner loops are run, A
     reached: bool  # whether it gives the operating force
+    needed: float = (
+        0.0  # change of the current that the set-point asks for there, A/s; 0: not known
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +148,7 @@ class Excitation:
                     "force_N": place.force,
                     "operating_A": place.operating,
                     "operating_reached": place.reached,
+                    **({"needed_A_per_s": place.needed} if place.needed else {}),
                 }
                 for place in self.places
             ],
@@ -201,7 +219,7 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
         places.append(place)
         wanted = records(specimen, place.peak.value, place.operating)
         for count, record in enumerate(wanted):
-            sensors = specimen.held.sensors([number, count], specimen.sample)
+            sensors = specimen.held.sensors([number, count], record.sample)
             loops.append(_take(specimen, magnet, sensors, clock, gap, record))
             if progress is not None:
                 progress(number * len(wanted) + count + 1, len(gaps) * len(wanted))
@@ -253,19 +271,35 @@ def place_of(
     least, most = (share * peak.value for share in INNER)
     wanted = float(gone[enough[0]]) if enough.size else np.inf
     operating = min(max(wanted, least), most)
-    return Place(gap, peak, max(forces), operating, wanted == operating)
+    needed = _needed(specimen, gone, np.array(forces), operating)
+    return Place(gap, peak, max(forces), operating, wanted == operating, needed)
+
+
+def _needed(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
+    """Return how fast the current changes where the force does as fast as is asked for, A/s."""
+    near = np.abs(current - operating) <= SECANT * current[-1]
+    if specimen.hurry == 0.0 or np.count_nonzero(near) < 3:
+        return 0.0
+    slope = float(np.polynomial.polynomial.polyfit(current[near], force[near], 1)[1])
+    return specimen.hurry / slope if slope > 0.0 else 0.0
 
 
 def _take(
     specimen: Specimen, magnet: Pull, sensors: Sensors, clock: _Clock, gap: float, record: Record
 ) -> Loop:
     """Bring the iron into the state that a record begins with, and record."""
-    clock.cool(record.whole, gap)
+    clock.cool(record.whole(specimen.sample), gap)
     clock.play(record.approach, gap)
     for turn in record.before:
         magnet.step(turn, gap)
-    time = clock.play(record.path, gap)
+    time = clock.time + record.sample * np.arange(1.0, record.path.size + 1.0)
+    clock.play(record.counted(specimen.sample), gap)
+    timed = magnet if record.fast and isinstance(magnet, Electromagnet) else None
+    if timed is not None:
+        timed.seconds = record.sample
     current, force = take(magnet, sensors, gap, record.path)
+    if timed is not None:
+        timed.seconds = math.inf
     label = f"{1e3 * gap:g}mm-{record.name}"
     above = np.flatnonzero(force > specimen.force.value)
     if above.size:
@@ -318,6 +352,18 @@ def notes_of(specimen: Specimen, places: Sequence[Place]) -> list[str]:
         notes.append(
             "the amplifier does not drive as far below zero as above: records begin after "
             f"{specimen.cycles} cycles from 0 to the largest current instead of demagnetised"
+        )
+    notes += [
+        f"full cycles at {specimen.rate.value:.4g} A/s instead of {speed:.4g} A/s: {specimen.rate.key}"
+        for speed in specimen.fast
+        if speed > specimen.rate.value
+    ]
+    needed = SPARE * max(place.needed for place in places)
+    if specimen.fast and needed > max(speeds_of(specimen)):
+        notes.append(
+            f"the set-point asks for {needed / SPARE:.3g} A/s at the operating point, and "
+            f"cycles of {needed:.3g} A/s would show what solid iron does there "
+            "(measurement.fast_A_per_s)"
         )
     if specimen.winding is None:
         notes.append(

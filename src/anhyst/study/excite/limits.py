@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.measuring import HeldBearing
+from anhyst.rig.file import RigFile
 from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import ExciteTable, MeasurementTable
@@ -85,6 +86,8 @@ class Specimen:
     sample: float  # wanted time from row to row, s
     cycles: int  # of conditioning
     pause: float  # to set the next gap, s
+    fast: tuple[float, ...] = ()  # wanted rates of full cycles besides, A/s
+    hurry: float = 0.0  # fastest change of the force that is asked for, N/s; 0 where none is known
 
 
 def bearing_specimen(rig: BearingRig) -> Specimen:
@@ -94,7 +97,7 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
     poles = settings.magnet.poles
     spare = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
-    return _specimen(
+    whole = _specimen(
         HeldBearing(rig),
         gaps,
         excite,
@@ -108,6 +111,16 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
         sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
+    return replace(whole, fast=tuple(campaign.fast_A_per_s), hurry=_hurry(settings))
+
+
+def _hurry(file: RigFile) -> float:
+    """Return how fast the set-point of a stage changes the force, N/s; 0 of what has none."""
+    if not isinstance(file.control, TrackingTable):
+        return 0.0
+    scan = file.scan
+    rise = scan.jerk_phase_s - scan.snap_phase_s  # at constant jerk, as if all of it were
+    return file.body.mass_kg * max(*scan.train_m_per_s2, *scan.test_m_per_s2) / rise
 
 
 def _operating(rig: BearingRig) -> Bound:

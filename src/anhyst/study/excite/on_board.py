@@ -114,7 +114,8 @@ def measure_on_board(
     At the end the controller is stopped, its settings as before, and idle if it was.
     """
     drive = BoardDrive(specimen, bench)
-    held = replace(specimen, gaps=(drive.gap,), current=drive.most)
+    # A board reads too slowly for fast cycles.
+    held = replace(specimen, gaps=(drive.gap,), current=drive.most, fast=())
     cool = coolest_peak(held)
     loops: list[Loop] = []
     try:
@@ -328,7 +329,7 @@ def _probe(specimen: Specimen, drive: BoardDrive, cool: Bound) -> Place:
 
 def _take(drive: BoardDrive, record: Record) -> Loop:
     """Bring the iron into the state that a record begins with, and record."""
-    drive.rest(record.whole)
+    drive.rest(record.whole(record.sample))
     for turn in record.before:
         drive.go(turn)
     parts = [drive.go(turn) for turn in _turns(record.path)]

@@ -9,6 +9,7 @@ from typing import Any
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.file import RigFile
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
@@ -26,9 +27,17 @@ ERRORS: Mapping[str, tuple[str, ...]] = {
     "pinning": ("pinning",),
     "Hall gain": ("flux_gain",),
     "eddy lag": ("eddy",),
-    "all": ("gap_offset", "first_scale", "second_scale", "pinning", "flux_gain", "eddy"),
+    "all": (
+        *("gap_offset", "first_scale", "second_scale"),
+        *("pinning", "flux_gain", "eddy", "conductivity"),
+    ),
 }
 """What a plant has drifted in, case by case."""
+
+
+def errors_of(file: RigFile) -> dict[str, tuple[str, ...]]:
+    """Return the cases of a stage: those of all, and of solid iron its own."""
+    return {**ERRORS, "conductivity": ("conductivity",)} if file.magnet.solid else {**ERRORS}
 
 
 def stage_plants(
@@ -49,7 +58,7 @@ def stage_plants(
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
     gains = all_of(_find, list(made.values()), progress)
-    cases = tuple(ERRORS), "error"
+    cases = tuple(errors_of(rig.settings)), "error"
     return Plants(
         file=rig.settings,
         work=StageWork(made, dict(zip(made, gains, strict=True))),
@@ -84,7 +93,7 @@ class StageWork:
         scan = setup.rig.settings.scan
         motion = motion_of(scan, scan.test_m_per_s2)
         found: dict[str, list[float]] = {"average_m": [], "peak_m": [], "settling_50_s": []}
-        for names in ERRORS.values():
+        for names in errors_of(setup.rig.settings).values():
             run = track(replace(setup, drift=drift.alone(names)), motion, gains, noise)
             if run.loss is not None:
                 return {"lost_s": run.dt * run.loss.tick}
