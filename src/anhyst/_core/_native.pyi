@@ -417,10 +417,8 @@ class Coil:
     def __init__(self, magnet: Magnet) -> None: ...
     def hold(self, current: float, gap: float) -> None:
         """Move to a current (A) at a gap (m) so slowly that nothing is induced."""
-    def lead(self, current: float, gap: float, seconds: float) -> None:
-        """Move to a current (A) at a gap (m) in a step, whatever voltage that takes."""
-    def step(self, voltage: float, gap: float, seconds: float) -> None:
-        """Go on for some seconds under a voltage."""
+    def lead(self, current: float, gap: float, seconds: float) -> None: ...  # under any voltage
+    def step(self, voltage: float, gap: float, seconds: float) -> None: ...  # under a voltage
     def run(self, current: _Array, gap: _Array) -> _Array:
         """Hold one after the other; rows of force (N), flux linkage (Wb), flux density (T)."""
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,28 +82,6 @@ class Objective:
         off, cost = self._drift.without(off)
         return np.concatenate([off, cost, self._ties @ theta, self._pull @ theta - self._usual])
 
-    def _derivatives(
-        self, sets: list[tuple[Local, FloatArray]]
-    ) -> Iterable[tuple[FloatArray, FloatArray]]:
-        return self._responder.derivatives(self.space.form, [one for one, _ in sets], self._loops)
-
-    def with_jacobian(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Deviations as above and their derivatives, one row for each, shape (.., size)."""
-        self.evaluations += 1
-        sets = self.space.unpack(theta)
-        values, rows = [], []
-        for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
-            weights = record.weights
-            values.append((output - record.output) * weights)
-            rows.append((by_local * weights[:, None]) @ sets[record.gap][1])
-        found = [
-            *self._drift.without(np.concatenate(values)),
-            self._ties @ theta,
-            self._pull @ theta - self._usual,
-        ]
-        slopes = [*self._drift.without(np.concatenate(rows)), self._ties, self._pull]
-        return np.concatenate(found), np.concatenate(slopes)
-
     def normal(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Deviations as above, gradient of half their sum of squares, and normal matrix.
 
@@ -119,7 +96,10 @@ class Objective:
         slopes = np.zeros((len(sets), numbers))
         values, along = [], np.zeros((len(sets), numbers))
         first = 0
-        for record, (output, by_local) in zip(self._loops, self._derivatives(sets), strict=True):
+        responses = self._responder.derivatives(
+            self.space.form, [one for one, _ in sets], self._loops
+        )
+        for record, (output, by_local) in zip(self._loops, responses, strict=True):
             part = slice(first, first + output.size)
             weights = self.weights[part]
             value, weighted = (output - record.output) * weights, by_local * weights[:, None]
