@@ -2,6 +2,7 @@
 #include "anhyst_plant/solid.h"
 
 #include <math.h>
+#include <string.h>
 
 #define VOLUMES ANHYST_PLANT_VOLUMES
 #define STEPS 60
@@ -133,6 +134,7 @@ static void advance(const problem *of, const double *step, int is_last, anhyst_p
   for (j = 0; j < of->solid->volumes; j++) {
     start[j] = found->at[j];
   }
+  memset(&next, 0, sizeof next);
   for (i = 0; i < HALVINGS; i++) {
     for (j = 0; j < of->solid->volumes; j++) {
       found->at[j] = start[j] + part * step[j];
@@ -162,6 +164,7 @@ void anhyst_plant_soak(const anhyst_plant_iron *iron, const anhyst_plant_solid *
     of.before[j] = flux;
     found->at[j] = volume[j].at + volume[j].stride;
   }
+  memset(&now, 0, sizeof now);
   look_at(&of, found, &now);
   for (i = 0; i < STEPS && most > CLOSE; i++) {
     most = newton(&of, &now, step);

@@ -143,4 +143,7 @@ def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
     done = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
     assert done.returncode == 2
     assert says(done.stderr, "option-not-for-this: --rate")
+    solid = "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6 }"
+    with refused("solid-not-exported magnet.solid"):
+        export_fmu(copied(tmp_path, rig=("turns = 250", solid)), tmp_path / "b.fmu")
     assert not (tmp_path / "b.fmu").exists()

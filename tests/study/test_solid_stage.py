@@ -12,7 +12,7 @@ import pytest
 from anhyst.data.speeds import speeds_of
 from anhyst.model.dynamics import Layers
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_drift, drifted_file
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, check_plant, identify_magnet
 from anhyst.rig.bearing.measuring import loop_texts, measure_loops
 from anhyst.rig.magnet_table import SolidTable
 from anhyst.rig.stage.file import StageRig
@@ -68,6 +68,14 @@ def test_loops_of_further_speeds_are_measured_in_time() -> None:
     assert [len(group) for group in speeds.fast] == [1, 1]
     assert speeds.fastest == pytest.approx(50.0, rel=0.02)
     assert loop_texts(loops, "")["loops.csv"].startswith("t_s,I_A,F_N,gap_m,loop\n0,")
+
+
+def test_a_plant_is_held_against_slow_loops_alone() -> None:
+    rig = solid(**{"measurement.fast_A_per_s": [450.0], "measurement.gaps_m": [0.45e-3]})
+    known = replace(bearings.knowledge(), loops=measure_loops(rig.bearing))
+    found = check_plant(rig.bearing, known)
+    assert found.plant.mean < 0.004 * found.plant.force_max
+    assert found.plant.worst < 0.02 * found.plant.force_max
 
 
 def test_conductivity_drifts_where_there_is_solid_iron() -> None:
