@@ -4,6 +4,9 @@
 #include <math.h>
 
 #define ITERATIONS 100
+/* From which iteration on the bracket is halved: where a field has folds, tangents may go to and
+ * fro. */
+#define HALVED 30
 
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,
                         double b, double r, double tolerance, anhyst_plant_goal *goal)
@@ -30,7 +33,7 @@ void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory
       low = end > low ? end : low;
     }
     goal->at += left / (a * goal->field_slope + b * goal->density_slope);
-    if (!(goal->at > low && goal->at < high)) {
+    if (i >= HALVED || !(goal->at > low && goal->at < high)) {
       goal->at = 0.5 * (low + high);
     }
   }

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Coil, Piece
@@ -192,6 +192,7 @@ def test_a_field_that_dies_away_demagnetises(steel: AnySteel) -> None:
 
 
 @settings(max_examples=60)
+@example("duhem-hard", [(1.0, 0.0, 640.0), (1.0, 1177.0, 0.0), (1.0, 0.0, 0.0)])
 @given(
     names,
     st.lists(
