@@ -106,6 +106,7 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     assert [row["error"] for row in found["variants"]["full"]["average_m"]] == [*ERRORS]
 
 
+@pytest.mark.slow
 def test_calibrate_says_what_was_learnt_and_writes_what_a_rig_file_can_name(folder: Path) -> None:
     recorded().save(folder / "run.csv")
     command = ("calibrate", "rig.toml", "run.csv", "--out", "calibration.toml")

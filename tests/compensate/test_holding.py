@@ -162,6 +162,7 @@ def test_compile_warns_of_a_held_force_that_drifts(creeping: Path, tmp_path: Pat
     assert reported in (tmp_path / "c" / "budget.html").read_text()
 
 
+@pytest.mark.slow
 def test_an_accuracy_that_is_asked_for_is_kept_by_a_held_force_or_refused(
     creeping: Path, tmp_path: Path
 ) -> None:

@@ -195,6 +195,7 @@ def worst_force(variant: MethodName) -> float:
     return max(errors)
 
 
+@pytest.mark.slow
 def test_what_knows_more_errs_less() -> None:
     """Each step of knowledge counts on a magnet with wide loops; the flux needs no model."""
     errors = {variant: worst_force(variant) for variant in VARIANTS}
@@ -208,6 +209,7 @@ def test_what_knows_more_errs_less() -> None:
 # One law, three formats
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_the_three_formats_are_one_law(variant: MethodName) -> None:
     drives = [fitted(variant, number_format) for number_format in FORMATS]

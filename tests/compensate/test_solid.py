@@ -204,10 +204,15 @@ def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: Number
     assert np.abs(force_of(model, current, gap) - demand).max() < 4e-3 * TOP
 
 
-def test_a_force_controller_in_fixed_point_refuses_layers() -> None:
+def test_a_force_controller_in_fixed_point_is_that_of_the_model_at_rest() -> None:
+    model = magnet(LAYERS["two"])
     where = Operating(4e-4, 60.0, RATE, GAPS, 200.0, 6.0)
-    with refused("layers-need-f32 layers"):
-        full_inverse(Sources(where, model=magnet(LAYERS["two"])), "fixed")
+    demand, gap = ramps(6, 300)
+    layered, at_rest = (
+        ForceController("full", "fixed", full_inverse(Sources(where, model=one), "fixed"))
+        for one in (model, model.at_rest)
+    )
+    assert np.array_equal(layered.run(demand, gap), at_rest.run(demand, gap))
 
 
 def test_what_all_layers_remember_can_be_taken_over() -> None:

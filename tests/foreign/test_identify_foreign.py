@@ -119,6 +119,7 @@ def test_an_offset_of_the_force_is_read_before_the_iron_is_magnetised(
     assert none.parameters["out_0"] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_promised_between_the_gaps_is_kept(found: Found, name: str) -> None:
     model, reported = found(name)

@@ -50,6 +50,7 @@ def test_a_model_has_a_dead_band_that_costs_no_more_than_it_may(name: str) -> No
         assert np.abs(one - other).max() < 1e-8 * largest(given.loops)
 
 
+@pytest.mark.slow
 def test_the_model_reports_how_wide_it_is_and_what_it_costs() -> None:
     given, without = (found("electromagnet", dead_band=wanted) for wanted in (True, False))
     reported = str(given.model.provenance.settings["dead_band"])

@@ -114,6 +114,7 @@ def records(loops: Loops) -> FitRecords:
     return records_of(loops)
 
 
+@pytest.mark.slow
 def test_free_sets_reproduce_the_loops_of_every_gap(free: Stand) -> None:
     assert free.cost < 1e-3
     assert free.varying == SEVEN

@@ -128,6 +128,7 @@ def test_one_coarse_loop_after_turning_points_is_reported_as_predicted(
     assert chosen == [pytest.approx(run.deviation.rms / run.deviation.largest, rel=1e-9)]
 
 
+@pytest.mark.slow
 def test_one_loop_chooses_the_law_by_blocks_of_samples_left_out(dipole: IdentifyResult) -> None:
     """Never the simplest where another leaves a third; other runs are missed as the loop is."""
     loops, truth = accelerator(), accelerator_magnet()

@@ -64,6 +64,7 @@ def test_every_demand_is_done_once_and_in_its_tick(host_firmware: Path, kind: st
     assert controller.repeated > 0 or kind == "duplicate"
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_streamed_demands_all_arrive_and_the_last_one_stays(host_firmware: Path, kind: str) -> None:
     line = other(DAMAGE[kind])

@@ -280,6 +280,7 @@ def test_what_is_drawn_equals_the_recording(serve: Serve, show: Show, tmp_path: 
     assert np.array_equal(np.array(table).T, wanted.astype("f4").astype(float))
 
 
+@pytest.mark.slow
 def test_no_spike_is_lost_between_pixels_and_missing_ticks_are_marked(
     serve: Serve, show: Show
 ) -> None:

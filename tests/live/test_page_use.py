@@ -69,6 +69,7 @@ def overlapping(boxes: list[tuple[str, float, float, float, float]]) -> list[tup
     return [(boxes[i][0], boxes[j][0]) for i, j in zip(first, second, strict=True)]
 
 
+@pytest.mark.slow
 def test_on_a_telephone_nothing_overlaps_and_stop_is_in_reach(page: Page) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     for view in range(1, 9):

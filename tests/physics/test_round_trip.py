@@ -12,7 +12,7 @@ from tests.oracles.iron import Iron, LawName
 from .sets import random_cases, random_walk, sine
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "step", "count"),
     [

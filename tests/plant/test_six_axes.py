@@ -133,7 +133,7 @@ def rigid(body: Body, pulls: FloatArray, time: FloatArray) -> tuple[FloatArray, 
     return np.column_stack((origin, turned.as_rotvec())), GAP + np.array(faces).T
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.3, 0.1])
 def test_a_body_moves_as_newton_and_euler_say_but_for_squares_of_its_angles(scale: float) -> None:
     """At half a milliradian a pose to a part in a thousand, gaps to 60 nm; at a tenth a hundredth."""

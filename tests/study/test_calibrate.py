@@ -63,6 +63,7 @@ def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
         assert abs(one.value) <= 0.5 * one.prior, one.name
 
 
+@pytest.mark.slow
 def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
     motion = stages.unseen(stages.stage())
 
@@ -76,6 +77,7 @@ def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
     assert left(corrected()) < 0.4 * left(corrected("play"))
 
 
+@pytest.mark.slow
 def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
     heavier = stages.stage().settings.changed({"body.mass_kg": 10.05})
     rig = replace(stages.stage(), settings=heavier)
@@ -85,6 +87,7 @@ def test_the_mass_is_the_scale_of_force_and_goes_into_the_scales() -> None:
         assert 0.0008 < found.value(name) - learnt().value(name) < 0.004
 
 
+@pytest.mark.slow
 def test_two_recordings_teach_more_than_one() -> None:
     (found,) = taught([recorded(), recorded()]).file.method
     for one, both in zip(learnt().parameter, found.parameter, strict=True):
@@ -99,6 +102,7 @@ def test_nothing_moves_where_hardly_any_force_was_demanded() -> None:
     assert all(one.frozen for one in found.parameter)
 
 
+@pytest.mark.slow
 def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> None:
     stuck = with_columns(command_A=np.full(len(recorded()), 1.0))
     (found,) = taught(stuck).file.method
@@ -107,6 +111,7 @@ def test_a_motion_that_the_law_cannot_explain_is_said_and_corrects_nothing() -> 
     assert all(one.frozen for one in found.parameter)
 
 
+@pytest.mark.slow
 def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_noise() -> None:
     assert learnt("full").fits
     assert learnt("flux").fits
@@ -136,6 +141,7 @@ def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> 
     assert np.abs(runs[0]["error_m"] - runs[1]["error_m"]).max() < 5e-9
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("column", [0, 2])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_a_correction_that_is_no_factor_is_refused(column: int, value: float) -> None:
@@ -145,6 +151,7 @@ def test_a_correction_that_is_no_factor_is_refused(column: int, value: float) ->
         track(replace(stages.setup("full"), correction=rows), training(), Feedforward())
 
 
+@pytest.mark.slow
 def test_the_file_that_a_rig_names_corrects_its_variants(tmp_path: Path) -> None:
     taught(recorded()).save(tmp_path / "calibration.toml")
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")

@@ -44,6 +44,7 @@ def found(plants: Plants, tmp_path_factory: pytest.TempPathFactory) -> MonteCarl
     return monte_carlo(plants, tmp_path_factory.mktemp("piezo") / "p.jsonl", 3, jobs=2)
 
 
+@pytest.mark.slow
 def test_processes_make_no_difference_to_piezo_stages(
     plants: Plants, found: MonteCarlo, tmp_path: Path
 ) -> None:
@@ -58,6 +59,7 @@ def test_compensation_pays_on_piezo_stages_that_have_drifted(found: MonteCarlo) 
     assert found.as_dict()["verdict"]["level"] == "yes"
 
 
+@pytest.mark.slow
 def test_a_piezo_stage_without_drift_is_the_one_that_is_simulated(rig: PiezoRig) -> None:
     wanted, inverse = reference(rig), find_inverses(rig)["full"]
     nominal = follow(rig, wanted, inverse)["error_m"]

@@ -41,6 +41,7 @@ def late() -> IdentifiedMagnet:
     )
 
 
+@pytest.mark.slow
 def test_at_rest_stands_beside_what_follows_solid_iron_and_nowhere_else() -> None:
     names = ("full", "at-rest")
     made, _ = make_variants(solid(), late())

@@ -110,6 +110,7 @@ def test_fixed_point_follows_floating_point_and_the_plant_is_fine_enough() -> No
     assert np.abs(error("f64", 16) - real).max() <= 2e-9
 
 
+@pytest.mark.slow
 def test_learning_converges_on_a_good_law_and_not_on_a_curve() -> None:
     found = stages.study().tried
     own, plain = found["full"].trials_m, found["single-valued"].trials_m

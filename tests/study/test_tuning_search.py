@@ -48,6 +48,7 @@ def test_the_same_seed_gives_the_same_gains_on_any_number_of_cores() -> None:
     assert found(2).figures == found(1).figures
 
 
+@pytest.mark.slow
 def test_only_gains_filters_and_weight_are_changed() -> None:
     before, after = setup().controller, found().setup.controller
     for name in ("limits", "compensation", "lift_off", "landing", "safety", "rate_Hz"):

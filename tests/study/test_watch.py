@@ -139,7 +139,7 @@ def test_an_hour_of_noise_is_no_drift(rig: Rig, model: Model) -> None:
     assert watch.finding.cycles == 3598
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("correlation", [0.0, 0.4])
 @pytest.mark.parametrize("shift", [0.0, 4.0])
 def test_a_chart_keeps_its_run_length_and_finds_a_shift_soon(
