@@ -97,6 +97,7 @@ def test_a_table_that_would_overflow(folder: Path, values: dict[str, str], said:
     assert says(said_, said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "said"),
     [

@@ -73,6 +73,7 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
     assert [one.name for one in tmp_path.iterdir()] == ["run.mat"]
 
 
+@pytest.mark.first(3)
 @pytest.mark.skipif(sys.platform == "win32", reason="has no limit on the size of files")
 @pytest.mark.parametrize("suffix", [".csv", ".mf4", ".tdms", ".h5", ".parquet", ".mat"])
 def test_a_disk_that_fills_up_leaves_nothing_behind(suffix: str, tmp_path: Path) -> None:

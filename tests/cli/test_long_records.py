@@ -101,6 +101,7 @@ def test_a_long_drive_is_predicted_in_bounded_memory(folder: Path) -> None:
     (folder / "force.csv").unlink()
 
 
+@pytest.mark.slow
 def test_a_fault_at_the_end_of_a_long_record_is_named(folder: Path) -> None:
     long = folder / "long.csv"
     size = long.stat().st_size
@@ -119,6 +120,7 @@ def test_a_fault_at_the_end_of_a_long_record_is_named(folder: Path) -> None:
     assert says(result.stderr, f"text-in-numbers: long.csv; {ROWS + 2}; t_s")
 
 
+@pytest.mark.slow
 def test_reading_a_long_record_shows_its_progress(folder: Path) -> None:
     shown = on_a_terminal("inspect", "long.csv", "--history", "settled", cwd=folder)
     assert "reading" in shown

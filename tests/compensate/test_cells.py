@@ -163,6 +163,7 @@ def test_the_force_is_what_was_demanded(name: str, io: str) -> None:
     assert found < BOUND * largest()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gap_map", "law"), [("circuit", "play-cells"), ("reluctance", "play-cells-langevin")]
 )
@@ -227,6 +228,7 @@ def test_every_format_takes_the_same_way(io: Io) -> None:
     assert np.abs(one - exact).max() < (5e-6 if io == "f32" else 3e-4) * 2.4
 
 
+@pytest.mark.slow
 def test_finer_rows_come_nearer() -> None:
     """Twice as many segments on each side of zero: no floor of its own."""
     demand, gap = demands("walk", largest())
@@ -292,6 +294,7 @@ def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
         fresh.commit_q31(b, place)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
     """Any 32-bit patterns: a full cycle later the force is what was demanded again."""

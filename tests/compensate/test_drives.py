@@ -128,6 +128,7 @@ def test_a_map_ends_where_its_table_does(
     assert wide.solve(NAN, NAN, NAN) == 0.0
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 5),
     st.integers(0, 4),

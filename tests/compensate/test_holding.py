@@ -55,7 +55,7 @@ def off(plan: Plan, demand: FloatArray, gap: FloatArray) -> FloatArray:
     return np.asarray((exact_output(plan.model, current, path) - demand) / plan.largest)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "force"), [("electromagnet", 87.5), ("bearing", 215.0), ("solenoid", 20.0)]
 )

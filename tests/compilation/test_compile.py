@@ -132,6 +132,7 @@ def test_the_budget_holds_on_demands_that_were_not_measured(compiled: Compiled) 
     assert compiled.manifest["memory"]["state_bytes"] <= 140
 
 
+@pytest.mark.slow
 def test_budget_is_what_the_model_says_sample_by_sample(folder: Path) -> None:
     """The budget maps currents to force in one go; the stepper does it another way."""
     plan = full(folder).plan

@@ -103,6 +103,7 @@ def test_every_file_compiles_alone_on_16_bits(compiled: Compiled) -> None:
     compiles_alone_on_16_bits(compiled.out)
 
 
+@pytest.mark.slow
 def test_what_is_written_for_an_actuator_breaks_no_rule_but_those_listed(
     compiled: Compiled,
 ) -> None:
@@ -238,6 +239,7 @@ def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_
     assert played(program, rows) == f"{scenario.ticks} rows, 0 differ\n"
 
 
+@pytest.mark.slow
 def test_same_inputs_give_the_same_bytes(place: Path, compiled: Compiled, tmp_path: Path) -> None:
     request = CompileRequest("full", "q31", RATE, name="bearing")
     again = compile_model(

@@ -46,6 +46,7 @@ def test_what_crashes_a_library_is_refused_in_one_line(path: Path) -> None:
         assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("suffix", [".mat", ".mf4", ".tdms", ".h5", ".parquet", ".xlsx"])
 def test_a_file_that_is_cut_off_is_refused_with_its_name(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"run{suffix}"

@@ -40,6 +40,7 @@ def read_back(path: Path) -> dict[str, tuple[str, Array]]:
     return found
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("make", "columns"),
     [
@@ -171,6 +172,7 @@ def _converted(source: Path, out: Path) -> list[ChannelGroup]:
     return sections(opened(out).file)
 
 
+@pytest.mark.slow
 def test_groups_and_clocks_survive_every_format_that_has_them(tmp_path: Path) -> None:
     slow = np.arange(0.0, 2.0, 0.1)
     parts = (

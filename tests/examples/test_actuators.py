@@ -52,6 +52,7 @@ def test_a_voltage_that_is_not_changed_leaves_the_stage_at_rest() -> None:
     assert np.all(stage.run(np.zeros(10), 1e-4) == 0.0)
 
 
+@pytest.mark.slow
 def test_random_reversals_are_predicted_four_times_as_well_as_by_a_curve() -> None:
     loops = read_loops(PIEZO / "loops.csv")
     model = identify(loops).model

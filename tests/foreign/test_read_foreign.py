@@ -193,6 +193,7 @@ def test_a_drift_that_cannot_be_judged_is_left_and_said_so(tmp_path: Path) -> No
     assert any("cannot be judged" in text for text in found["notes"])
 
 
+@pytest.mark.slow
 def test_gadolinium_starts_on_its_virgin_curve(measurements: Path) -> None:
     for path in sorted((measurements / "gadolinium_temperature").glob("gd_T*.csv")):
         assert histories(path) == {"demagnetised"}, path

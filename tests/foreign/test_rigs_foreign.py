@@ -83,6 +83,7 @@ def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
     assert percent(found, loops) < CLOSE["soft"]
 
 
+@pytest.mark.slow
 def test_a_rig_with_iron_from_its_loops_becomes_whole(tmp_path: Path) -> None:
     rig = read_bearing(write_bearing(MAGNETS["soft"], tmp_path))
     assert rig.settings.iron is None

@@ -169,6 +169,7 @@ def test_a_reluctance_truth_passes_the_acceptance_test(output: str) -> None:
     assert result.model.is_monotone_over_gap()
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
 @pytest.mark.parametrize("in_0", [-0.03, 0.005, 0.03])
 def test_an_offset_of_the_current_sensor_fails_no_magnet(gap_map: GapMap, in_0: float) -> None:

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
@@ -42,6 +43,7 @@ def found(gap_map: str) -> IdentifyResult:
     return identify(loops(), law=law, gap_map=gap_map, dead_band=False)  # the truth has none
 
 
+@pytest.mark.slow
 def test_it_follows_what_the_simpler_maps_cannot() -> None:
     ours = worst(loops(), found("circuit").fitted)
     assert ours < 2e-3

@@ -229,6 +229,7 @@ def test_flux_over_field_determines_the_air_core() -> None:
     assert not any("air core" in text for text in reported.statements)
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("in_0", [-0.1, 0.0, 0.06])
 @pytest.mark.parametrize("out_0", [-3.0, 0.0, 8.0])
 def test_offsets_are_found(in_0: float, out_0: float) -> None:

@@ -104,6 +104,7 @@ def eddy_error(rule: str, steps: int) -> float:
     return b0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rule", "order"), [("euler", 1.0), ("trapezoid", 2.0)])
 def test_eddy_rules_have_their_order(rule: str, order: float) -> None:
     truth = eddy_error("trapezoid", 3200)

@@ -158,6 +158,7 @@ def test_so_many_browsers_and_no_more(serve: Serve) -> None:
             next_message(line, "bench")
 
 
+@pytest.mark.slow
 def test_a_browser_that_does_not_read_does_not_stall_the_bench(serve: Serve) -> None:
     served = serve()
     with meet(served, max_queue=1) as slow, meet(served) as quick:

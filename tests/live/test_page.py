@@ -320,6 +320,7 @@ def test_keys_choose_views_and_turn_the_light_off(serve: Serve, show: Show) -> N
     assert page.evaluate("document.documentElement.dataset.theme") != theme
 
 
+@pytest.mark.slow
 def test_the_token_is_asked_for_and_stands_in_no_address(serve: Serve, show: Show) -> None:
     page = show(serve(token="a-token"))
     page.locator("#token input").fill("a-token")

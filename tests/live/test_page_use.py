@@ -108,6 +108,7 @@ def test_a_stop_names_what_leads_back_to_run_and_the_rest_is_grey(
     state_is(page, "run")
 
 
+@pytest.mark.slow
 def test_cursors_say_what_lies_between_them(page: Page) -> None:
     for share in (0.9, 0.2, 0.3):  # the last moves the nearer one
         page.mouse.click(*at(page, share))
@@ -181,6 +182,7 @@ def test_the_view_is_saved_as_a_table_and_as_a_picture(page: Page, bearing: Serv
     assert page.get_by_role("button", name="PNG", exact=True).is_disabled()
 
 
+@pytest.mark.slow
 def test_choices_are_kept_for_this_rig_over_a_reload(page: Page) -> None:
     page.get_by_role("checkbox", name="velocity").check()
     page.locator("#scope .bar select").first.select_option("0.2")

@@ -174,6 +174,7 @@ def test_a_session_that_ends_while_it_searches_leaves_nobody_behind(
         other.beat()
 
 
+@pytest.mark.slow
 def test_a_controller_whose_line_was_cut_went_on_by_itself_and_so_do_its_ticks(
     board: Board, manifest: Manifest
 ) -> None:

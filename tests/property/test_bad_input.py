@@ -183,6 +183,7 @@ def test_odd_numbers_are_looked_at_or_refused(content: bytes) -> None:
     holds_or_is_refused("loops.csv", content, look)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(odd_numbers())
 def test_odd_numbers_are_cleaned_or_refused(content: bytes) -> None:

@@ -255,6 +255,7 @@ def test_a_model_without_gap_has_no_sections_about_one(tmp_path: Path) -> None:
     assert "H iron" in page.text  # not to be mixed up with the H that is applied
 
 
+@pytest.mark.slow
 def test_another_scheduling_variable_keeps_its_name_and_unit(tmp_path: Path) -> None:
     text, _ = report_of(iron_sample(tmp_path, QUANTITIES["temperature"]), tmp_path)
     page = Page(text)
@@ -265,6 +266,7 @@ def test_another_scheduling_variable_keeps_its_name_and_unit(tmp_path: Path) -> 
     assert "between" in page.sections()
 
 
+@pytest.mark.slow
 def test_without_measurements_the_report_is_written_from_the_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

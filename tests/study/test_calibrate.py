@@ -125,6 +125,7 @@ def test_a_law_of_another_kind_is_said_and_one_of_the_right_kind_is_not_in_any_n
     assert found.fits
 
 
+@pytest.mark.slow
 def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
     far = with_columns(command_A=1.2 * recorded()["command_A"])
     (found,) = taught(far).file.method
@@ -165,6 +166,7 @@ def test_the_file_that_a_rig_names_corrects_its_variants(tmp_path: Path) -> None
     assert caught.value.code == "mass-differs"
 
 
+@pytest.mark.slow
 def test_a_written_recording_teaches_the_same(tmp_path: Path) -> None:
     recorded().save(tmp_path / "run.csv")
     (found,) = calibrate(

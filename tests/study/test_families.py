@@ -106,6 +106,7 @@ def test_what_is_left_of_an_overshoot_is_that_of_the_loop_without_hysteresis() -
     assert overshoot(setup_of("cells", "single-valued"), 100e-6) < full - 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cells", pytest.param("preisach-usual", marks=pytest.mark.slow)])
 def test_noise_of_demand_and_gap_does_not_move_a_force_held_for_a_minute(name: str) -> None:
     """The force of the iron itself, without a dead band: 0.002 and 0.004 % of the largest."""

@@ -285,6 +285,7 @@ def test_drawn_plants_have_the_spreads_of_the_file(rig: BearingRig) -> None:
     assert {one.mass for one in drawn} == {0.0}
 
 
+@pytest.mark.slow
 def test_without_drift_a_plant_is_the_nominal_one(
     rig: BearingRig, controller: ControllerFile, tmp_path: Path
 ) -> None:

@@ -60,7 +60,7 @@ def cycles(count: int, low: float, high: float) -> FloatArray:
     return 0.5 * (low + high) - 0.5 * (high - low) * np.cos(2.0 * np.pi * time)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", [(0.1, 1.0), (0.3, 0.8)])
 @pytest.mark.parametrize("gap", [1.25e-3, 2.0e-3, None])
 def test_pinning_of_a_fifth_more_is_found_within_ten_seconds_of_motion(
