@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -15,11 +16,14 @@ from scipy.signal import lfilter
 from anhyst import Calibration, InputError, calibrate
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import CalibratedMethod, read_stage
+from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst.study.tracking import calibrate as module
 from anhyst.study.tracking.measures import measure
 from anhyst.support.arrays import FloatArray
+from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.stages import WRONG, recorded, training
 
@@ -176,7 +180,7 @@ def test_a_written_recording_teaches_the_same(tmp_path: Path) -> None:
 
 
 def test_a_recording_that_does_not_fit_the_rig_is_refused_by_what_it_lacks(tmp_path: Path) -> None:
-    def refused(run: Recording) -> InputError:
+    def error_of(run: Recording) -> InputError:
         run.save(tmp_path / "run.csv")
         with pytest.raises(InputError) as caught:
             calibrate(stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge())
@@ -184,10 +188,95 @@ def test_a_recording_that_does_not_fit_the_rig_is_refused_by_what_it_lacks(tmp_p
 
     columns = recorded().columns
     less = {name: values for name, values in columns.items() if name != "gap_read_m"}
-    assert (lacks := refused(Recording(less))).code == "column-missing"
+    assert (lacks := error_of(Recording(less))).code == "column-missing"
     assert lacks.key == "gap_read_m"
     every = {name: values[::2] for name, values in columns.items()}
-    assert refused(Recording(every)).code == "rate-differs"
+    assert error_of(Recording(every)).code == "rate-differs"
+    short = {name: values[:2] for name, values in columns.items()}
+    assert error_of(Recording(short)).code == "too-short"
+
+
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [
+        pytest.param(lambda n: n > 2, "", id="all but the first ticks"),
+        pytest.param(lambda n: n >= int(np.argmax(np.abs(np.diff(recorded()["position_m"])))),
+                     "begins-in-motion", id="from the middle on"),
+        pytest.param(lambda n: n != n.size // 2, "ticks-missing", id="one tick less"),
+        pytest.param(lambda n: abs(n - n.size // 2) > 8, "ticks-missing", id="a gap"),
+    ],
+)  # fmt: skip
+def test_a_recording_is_of_every_tick_from_rest_on(
+    rows: Callable[[np.ndarray], np.ndarray], code: str
+) -> None:
+    kept = rows(np.arange(len(recorded())))
+    part = Recording({name: values[kept] for name, values in recorded().columns.items()})
+    if not code:
+        assert taught(part).file.method[0].fits
+        return
+    with refused(code):
+        taught(part)
+
+
+def test_a_recording_teaches_once_and_only_what_is_there(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "run.csv")
+    same = [tmp_path / "run.csv", tmp_path / "." / "run.csv"]
+    with refused("recordings-not-once"):
+        calibrate(stages.stage(), same, magnet=bearings.knowledge())
+    with refused("recordings-not-once"):
+        taught([])
+    with refused("no-such-method"):
+        taught(recorded(), ["ratio"])
+    with refused("not-finite: command_A"):
+        taught(with_columns(command_A=np.full(len(recorded()), np.nan)))
+
+
+def test_a_current_is_not_taken_for_a_force(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "run.csv")
+    text = (tmp_path / "run.csv").read_text()
+    (tmp_path / "run.csv").write_text(text.replace("command_A", "command_N", 1))
+    with refused("unit-of-another-kind: command_N"):
+        calibrate(stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge())
+
+
+def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> None:
+    slow = stages.stage().settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
+        calibrate(replace(stages.stage(), settings=slow), recorded(), magnet=bearings.knowledge())
+
+
+def test_what_answers_late_is_identified_as_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def identified(*_: object, late: bool = False) -> IdentifiedMagnet:
+        asked.append(late)
+        return bearings.knowledge()
+
+    monkeypatch.setattr(module, "identify_magnet", identified)
+    calibrate(stages.stage(), recorded(), methods=["single-valued"])
+    assert asked == [True]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("scale_1", -1.0), ("scale_2", 1e300), ("width", -0.9), ("lag_s", 1.0), ("gap_zero_m", 1.0)],
+)
+def test_no_file_corrects_by_more_than_any_calibration(
+    tmp_path: Path, name: ParameterName, value: float
+) -> None:
+    found = taught(recorded(), ["single-valued"])
+    found.save(tmp_path / "calibration.toml")
+    text = (tmp_path / "calibration.toml").read_text()
+    number = re.search(rf'name = "{name}", value = [^,]+', text)
+    if number is None:  # not of this method
+        text = text.replace('name = "bias_N"', f'name = "{name}"', 1)
+        number = re.search(rf'name = "{name}", value = [^,]+', text)
+    assert number is not None
+    changed = text.replace(number[0], f'name = "{name}", value = {value}', 1)
+    (tmp_path / "calibration.toml").write_text(changed)
+    rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
+    with refused("beyond-any-calibration"):
+        calibration_of(rig, "single-valued")
 
 
 def test_a_stage_of_several_coordinates_is_refused() -> None:

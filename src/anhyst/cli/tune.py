@@ -151,17 +151,23 @@ def calibrate(
     Example: anhyst calibrate examples/stage/rig.toml run.csv --out calibration.toml
     """
     found = anhyst.calibrate(rig, recordings, out)
-    warn_of = [one for one in found.file.method if one.name == "full" and not one.fits]
-    for one in warn_of:
-        warn(f"{one.name}: {found.facts()[one.name]}; a flux probe helps there")
+    facts = found.facts()
+    for one in found.file.method:
+        if one.name == "full" and one.force_N > 0.0 and not one.fits:
+            warn(f"{one.name}: {facts[one.name]}; a flux probe helps there")
     if as_json:
         print_json(found.as_dict())
-        return
-    drawn = table("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
-    for one in found.file.method:
-        for number in one.parameter:
-            values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
-            said = "frozen: not seen" if number.frozen else ""
-            drawn.add_row(one.name, number.name, *values, said)
-    written = [] if out is None else [f"written: {out}"]
-    show(drawn, *(f"{name}: {text}" for name, text in found.facts().items()), *written)
+    else:
+        drawn = table("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
+        for one in found.file.method:
+            for number in one.parameter:
+                values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
+                unseen = "frozen: not seen" if one.taken else "not taken"
+                drawn.add_row(one.name, number.name, *values, unseen if number.frozen else "")
+        written = [f"written: {out}"] if out is not None and found.learnt else []
+        show(drawn, *(f"{name}: {text}" for name, text in facts.items()), *written)
+    if not found.learnt:
+        raise NegativeResult(
+            "nothing was learnt: too little force was asked for, or no law explains the motion",
+            code="nothing-learnt",
+        )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.formats import OpenTable, open_table
-from anhyst.data.formats.columns import TextInNumbersError, Texts, is_number
+from anhyst.data.formats.columns import TextInNumbersError, Texts, is_finite, is_number
 from anhyst.data.formats.raw_table import shown
 from anhyst.data.hints import map_one, mapping
 from anhyst.data.path import time_fault
@@ -65,7 +65,7 @@ class DataTable:
                 key=header.text,
             )
         if isinstance(column, Texts):
-            bad = next((r for r, text in enumerate(column.rows()) if not is_number(text)), 0)
+            bad = next((r for r, text in enumerate(column.rows()) if not is_finite(text)), 0)
             raise InputError(
                 f"{self.where(bad)}, column '{header.text}': "
                 f"'{shown(column.values[column.codes[bad]])}' is not a number; correct or "

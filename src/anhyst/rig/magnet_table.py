@@ -41,9 +41,11 @@ CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
 class SolidTable(Table):
     """``magnet.solid``: what of the iron is no stack of sheets."""
 
-    depth_m: Positive  # from the surface to the middle
-    conductivity_S_per_m: Positive
-    path_m: Positive | None = None  # length of the flux path in it; none: all of iron_length_m
+    depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # from the surface to the middle
+    conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)]
+    path_m: Annotated[float, Field(ge=1e-6)] | None = (
+        None  # length of the flux path in it; none: all of iron_length_m
+    )
     volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
 
 

@@ -46,10 +46,30 @@ class MeasurementTable(Table):
     records: Annotated[list[RecordTable], Field(min_length=1)]
 
 
+SHORTEST_S, LONGEST_S = 1e-5, 600.0
+"""Of a full cycle at a further speed."""
+
+
 class CampaignTable(MeasurementTable):
     """``[measurement]`` of a rig file: the same, and at which speeds full cycles run besides."""
 
     fast_A_per_s: list[Positive] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _cycles(self) -> Self:
+        for speed in self.fast_A_per_s:
+            seconds = 2.0 * self.current_max_A / speed
+            if not SHORTEST_S <= seconds <= LONGEST_S:
+                raise InputError(
+                    f"fast_A_per_s: a full cycle at {speed:g} A/s takes {seconds:.3g} s; {SHORTEST_S:g} to "
+                    f"{LONGEST_S:g} s are measured",
+                    code="speed-out-of-range",
+                )
+        if len({f"{speed:.4g}" for speed in self.fast_A_per_s}) < len(self.fast_A_per_s):
+            raise InputError(
+                "fast_A_per_s: a speed stands there twice; name each once", code="name-twice"
+            )
+        return self
 
 
 class ExciteTable(Table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -68,3 +69,8 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return "_" not in text
+
+
+def is_finite(text: str) -> bool:
+    """Whether a field reads as a number that is neither NaN nor infinite."""
+    return is_number(text) and math.isfinite(float(text.replace(",", ".", 1)))

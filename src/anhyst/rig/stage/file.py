@@ -4,14 +4,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from anhyst._core import WrenchLayout
 from anhyst.compensate.force_controller import ForceController
@@ -38,6 +40,9 @@ from anhyst.support.toml_file import (
 )
 
 _SAME = 1e-9
+
+HELD_S = 0.02
+"""For which a force is held until eddy currents of the iron have died away."""
 """By which lines of a pair may miss each other, m or parts of a direction."""
 
 
@@ -204,6 +209,17 @@ both: what the gap reads too much, the part by which the loop is wider, the lag 
 the current, and a force that no magnet makes."""
 
 
+LIMITS: Mapping[ParameterName, float] = {
+    "scale_1": 0.3,
+    "scale_2": 0.3,
+    "gap_zero_m": 1e-4,
+    "width": 0.8,
+    "lag_s": 1e-3,
+    "bias_N": math.inf,
+}
+"""Beyond which no number of a stage is: what is farther off is no calibration."""
+
+
 class LearntParameter(Table):
     """One number that a method was corrected by."""
 
@@ -212,6 +228,21 @@ class LearntParameter(Table):
     sigma: NotNegative  # standard deviation that is left of it
     prior: NotNegative  # the one that the rig file states
     frozen: bool  # nothing moved it
+
+    @model_validator(mode="after")
+    def _within(self) -> Self:
+        if abs(self.value) > (most := LIMITS[self.name]):
+            raise InputError(
+                f"{self.name} must be within {most:g} of 0; calibrate again",
+                code="beyond-any-calibration",
+            )
+        return self
+
+
+def _once(names: Iterable[str]) -> None:
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise InputError(f"{name} stands {count} times; keep one", code="name-twice")
 
 
 class CalibratedMethod(Table):
@@ -222,6 +253,16 @@ class CalibratedMethod(Table):
     force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
     fits: bool  # whether what is left is of the size that a law of the right kind leaves
     parameter: list[LearntParameter]
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        _once(one.name for one in self.parameter)
+        return self
+
+    @property
+    def taken(self) -> bool:
+        """Whether anything corrects the method."""
+        return any(not one.frozen for one in self.parameter)
 
     def value(self, name: ParameterName) -> float:
         """Return a number of it."""
@@ -253,11 +294,21 @@ class CalibrationFile(Table):
     mass_kg: Positive  # by which forces were measured: their scale is as good as this number
     method: Annotated[list[CalibratedMethod], Field(min_length=1)]
 
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        _once(one.name for one in self.method)
+        return self
+
 
 def per_root(compensator: ForceController, rig: StageRig) -> float:
-    """Return the current over the root of the force, A/N^(1/2), at half of the largest force."""
-    force = 0.5 * rig.settings.tracking.force_max_N
-    return float(compensator.fresh().solve(force, rig.gap) / np.sqrt(force))
+    """Return the current over the root of the force, A/N^(1/2), at half of the largest force.
+
+    It is held until eddy currents have died away.
+    """
+    force, held = 0.5 * rig.settings.tracking.force_max_N, compensator.fresh()
+    for _ in range(round(HELD_S / rig.dt)):
+        held.commit(held.solve(force, rig.gap), rig.gap)
+    return float(held.solve(force, rig.gap) / np.sqrt(force))
 
 
 def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
@@ -270,6 +321,13 @@ def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None
         return None
     place = rig.path.parent / named
     file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
+    if file.rig != rig.settings.name:
+        raise InputError(
+            f"{place}: rig: is that of '{file.rig}', and {rig.path} is '{rig.settings.name}'; "
+            "calibrate this one",
+            code="rig-differs",
+            key="rig",
+        )
     if file.mass_kg != rig.settings.body.mass_kg:
         raise InputError(
             f"{place}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "

@@ -26,6 +26,7 @@ from anhyst.data.table import read_columns
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.recording import CURRENTS, MAGNETS, Recording, of_magnets, rms
 from anhyst.rig.stage.file import (
+    LIMITS,
     CalibratedMethod,
     CalibrationFile,
     LearntParameter,
@@ -35,6 +36,7 @@ from anhyst.rig.stage.file import (
     read_stage,
 )
 from anhyst.rig.stage.loop import PROBES, READ, fit_method
+from anhyst.study.tracking.simulate import follows_rate
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
@@ -57,6 +59,12 @@ MOST = 4.0
 """Standard deviations within which a parameter stays."""
 PASSES = 3
 """Linear fits, each around the last."""
+LEAST = 100
+"""Rows of a recording."""
+STILL = 20
+"""Ticks over which a speed is taken, to see whether a recording begins at rest."""
+AMPLIFIER = 16.0
+"""Bandwidth that an amplifier must have, in corners of the filter: what it lags is not counted."""
 SEEN = 0.7
 """Of its prior standard deviation: a parameter with more left is called not seen."""
 
@@ -64,6 +72,7 @@ _OF_IRON: tuple[ParameterName, ...] = ("scale_1", "scale_2", "width", "lag_s", "
 MOVED: Mapping[MethodName, tuple[ParameterName, ...]] = {
     "single-valued": ("scale_1", "scale_2", "lag_s", "bias_N"),
     "play": _OF_IRON,
+    "at-rest": _OF_IRON,
     "full": _OF_IRON,
     "flux": ("scale_1", "scale_2", "bias_N"),
 }
@@ -167,39 +176,91 @@ class Motion:
         return self.rig.settings.timing.delay_ticks + 0.5 + dead
 
 
-def _motion(rig: StageRig, recording: Recording | PathLike) -> Motion:
-    """Take what is needed of a recording, at the ticks of the rig."""
-    if isinstance(recording, Recording):
-        return Motion(rig, recording.columns)
-    table = read_columns(recording)
+def _read(rig: StageRig, path: PathLike) -> dict[str, FloatArray]:
+    """Read the columns that are needed of a file, SI."""
+    table = read_columns(path)
     probes = PROBES if rig.settings.hall_probe is not None else ()
-    named = {header: parse_header(header).quantity for header in (*NEEDED, *probes)}
-    read = {header: table.get(one.name) for header, one in named.items() if one is not None}
-    for header in NEEDED:
-        if read[header] is None:
+    columns = {}
+    for name in (*NEEDED, *probes):
+        wanted = parse_header(name).quantity
+        assert wanted is not None
+        values = table.get(wanted.name)
+        if values is None:
+            continue
+        held = table.headers[table.names.index(wanted.name)]
+        if held.quantity is not None and held.quantity.unit != wanted.unit:
             raise InputError(
-                f"{recording}: has no column {header}; record it, as anhyst simulate does",
+                f"{path}: column '{held.text}' is in {held.quantity.unit or 'no unit'}, and "
+                f"{wanted.unit} is needed; name it {name}",
+                code="unit-of-another-kind",
+                key=held.text,
+            )
+        columns[name] = values
+    return columns
+
+
+def _motion(rig: StageRig, recording: Recording | PathLike) -> Motion:
+    """Take what is needed of a recording: every tick of the rig, from rest on."""
+    if isinstance(recording, Recording):
+        where, columns = "recording", recording.columns
+    else:
+        where, columns = str(recording), _read(rig, recording)
+    for name in NEEDED:
+        if name not in columns:
+            raise InputError(
+                f"{where}: has no column {name}; record it, as anhyst simulate does",
                 code="column-missing",
-                key=header,
+                key=name,
             )
-    columns = {header: values for header, values in read.items() if values is not None}
-    for header, values in columns.items():
-        if not np.isfinite(values).all():
+        if not np.isfinite(columns[name]).all():
             raise InputError(
-                f"{recording}: {header} holds what is no number; leave out what comes before it",
+                f"{where}: {name} holds what is no number; leave out what comes before it",
                 code="not-finite",
-                key=header,
+                key=name,
             )
-    time = columns["t_s"]
-    rate = (time.size - 1) / (time[-1] - time[0]) if time.size > 1 else 0.0
-    if abs(rate * rig.dt - 1.0) > 1e-3:
+    _check_ticks(rig, where, columns["t_s"])
+    _check_rest(rig, where, columns)
+    return Motion(rig, columns)
+
+
+def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
+    """Refuse a recording that is too short, of another rate, or not of every tick."""
+    if time.size < LEAST:
         raise InputError(
-            f"{recording}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record "
+            f"{where}: has {time.size} rows, and {LEAST} are the least; record a whole motion",
+            code="too-short",
+            key="t_s",
+        )
+    rate = (time.size - 1) / (time[-1] - time[0])
+    steps = np.diff(time) / rig.dt
+    if abs(rate * rig.dt - 1.0) > 1e-3 and abs(float(np.median(steps)) - 1.0) > 1e-3:
+        raise InputError(
+            f"{where}: has {rate:g} rows a second, {rig.path} {1.0 / rig.dt:g} ticks; record "
             "every tick",
             code="rate-differs",
             key="t_s",
         )
-    return Motion(rig, columns)
+    if (off := np.flatnonzero(np.abs(steps - 1.0) > 0.5)).size:
+        raise InputError(
+            f"{where}: row {off[0] + 2} comes {steps[off[0]]:.3g} ticks after the one before; "
+            "record every tick once",
+            code="ticks-missing",
+            key="t_s",
+        )
+
+
+def _check_rest(rig: StageRig, where: str, columns: Mapping[str, FloatArray]) -> None:
+    """Refuse a recording that begins in motion: what the iron remembers of before is not known."""
+    place = columns["position_read_m"]
+    speed = np.abs(place[STILL:] - place[:-STILL]) / (STILL * rig.dt)
+    noise = 10.0 * rig.settings.position_sensor.noise_m / (STILL * rig.dt)
+    pushed = abs(columns["demand_N"][0]) > DEAD * rig.settings.tracking.force_max_N
+    if pushed or speed[0] > 0.02 * float(speed.max()) + noise:
+        raise InputError(
+            f"{where}: begins in motion; begin at rest with demagnetised iron",
+            code="begins-in-motion",
+            key="demand_N" if pushed else "position_read_m",
+        )
 
 
 class MotionLaw:
@@ -276,13 +337,14 @@ class _Fit:
         self.pushed = np.concatenate([one.pushed[one.compared] for one in motions])
         trust = TRUST * law.rig.settings.tracking.force_max_N
         held = np.array([priors[name] for name in names])
+        far = np.minimum(MOST * held, [LIMITS[name] for name in names])
         slopes = np.zeros((self.pushed.size, len(names)))
         for turn in range(PASSES if len(names) and self.pushed.size else 0):
             slopes, expected = self._look(exact=turn == PASSES - 1)
             now = np.array([self.values[name] for name in names])
             normal = slopes.T @ slopes / trust**2 + np.diag(held**-2.0)
             pull = slopes.T @ (self.pushed - expected) / trust**2 - now / held**2
-            now = np.clip(now + np.linalg.solve(normal, pull), -MOST * held, MOST * held)
+            now = np.clip(now + np.linalg.solve(normal, pull), -far, far)
             self.values |= dict(zip(names, now.tolist(), strict=True))
         self.values["width"] = round(self.values["width"] / WIDTHS) * WIDTHS
         self.residual = rms(self.pushed - self.forces({})) if self.pushed.size else 0.0
@@ -330,7 +392,7 @@ def fit(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
         name=law.method,
         residual_N=found.residual,
         force_N=moved,
-        fits=found.residual <= math.hypot(KIND * moved, noise),
+        fits=moved > 0.0 and found.residual <= math.hypot(KIND * moved, noise),
         parameter=[
             LearntParameter(
                 name=name,
@@ -357,14 +419,21 @@ class Calibration(Result):
 
     file: CalibrationFile
 
+    @property
+    def learnt(self) -> bool:
+        """Whether anything was learnt of any method."""
+        return any(one.taken for one in self.file.method)
+
     def facts(self) -> dict[str, str]:
         """Return what every method is corrected by and what is left, and the number trusted."""
         told = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
         for one in self.file.method:
             left = f"{one.residual_N:.2g} of {one.force_N:.3g} N not explained"
-            told[one.name] = (
-                left if one.fits else f"{left}: more than a law of the right kind leaves"
-            )
+            if one.force_N == 0.0:
+                left = "too little force was asked for"
+            elif not one.fits:
+                left += ": more than a law of the right kind leaves"
+            told[one.name] = left if one.taken else f"{left}; nothing is taken"
         return told
 
     def to_columns(self) -> dict[str, Any]:
@@ -434,7 +503,8 @@ def calibrate(
         Runs from the demagnetised iron, as ``anhyst simulate`` writes them: demanded force,
         position and gap as read, commanded currents of both magnets; flux densities for ``flux``.
     out : path-like, optional
-        File to write, which the rig file names as ``control.calibration``.
+        File to write, which the rig file names as ``control.calibration``; not written where
+        nothing was learnt.
     magnet : IdentifiedMagnet, optional
         What is known of the magnets; identified from the loops of the rig file if left out.
     methods : sequence of str
@@ -457,15 +527,39 @@ def calibrate(
             code="one-coordinate-only",
             key="body.free",
         )
-    given: list[Recording | PathLike]
-    given = list(recordings) if isinstance(recordings, list | tuple) else [recordings]  # type: ignore[list-item]
+    least = AMPLIFIER * FILTER_HZ
+    if file.amplifier.bandwidth_Hz < least:
+        raise InputError(
+            f"{stage.path}: amplifier.bandwidth_Hz: is below {least:g} Hz, and its lag would be "
+            "taken for the iron's; calibrate with a faster amplifier",
+            code="amplifier-too-slow",
+            key="amplifier.bandwidth_Hz",
+        )
+    alone = isinstance(recordings, Recording | str | Path)
+    given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
     files = [Path(one) for one in given if not isinstance(one, Recording)]
+    if not given or len({one.resolve() for one in files}) < len(files):
+        raise InputError(
+            "RUNS: name at least one recording, and each once; the same one teaches nothing new",
+            code="recordings-not-once",
+            key="RUNS",
+        )
     if out is not None:
         check_writable(out, [stage.path, *stage.measured.files, *files])
     motions = [_motion(stage, one) for one in given]
-    known = magnet or identify_magnet(stage.measured.read(), file.loops)
-    probes = all(name in one.read for one in motions for name in PROBES)
-    chosen = methods or [name for name in MOVED if name != "flux" or probes]
+    known = magnet or identify_magnet(stage.measured.read(), file.loops, late=True)
+    left_out = set() if follows_rate(stage, known.model) else {"at-rest"}
+    if not all(name in one.read for one in motions for name in PROBES):
+        left_out.add("flux")
+    possible = [name for name in MOVED if name not in left_out]
+    for name in methods:
+        if name not in possible:
+            raise InputError(
+                f"methods: '{name}' cannot be calibrated of this; name {', '.join(possible)}",
+                code="no-such-method",
+                key="methods",
+            )
+    chosen = methods or possible
     found = Calibration(
         CalibrationFile(
             format="anhyst-calibration",
@@ -475,6 +569,6 @@ def calibrate(
             method=[fit(MotionLaw(stage, known, name), motions) for name in chosen],
         )
     )
-    if out is not None:
+    if out is not None and found.learnt:
         found.save(out)
     return found

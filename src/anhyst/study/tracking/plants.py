@@ -10,7 +10,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.file import RigFile
-from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.file import StageRig, calibration_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
@@ -54,6 +54,7 @@ def stage_plants(
             code="one-coordinate-only",
             key="body.free",
         )
+    calibration_of(rig, OWN)  # what is wrong with the file is said before any work
     known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
