@@ -32,8 +32,9 @@ static ANHYST_REAL ANHYST_NAME(expected)(const ANHYST_NAME(anhyst_force_controll
                                          ANHYST_REAL applied, ANHYST_REAL gap)
 {
   const ANHYST_NAME(anhyst_corrected) *own = c->own;
-  return ANHYST_NAME(anhyst_force_controller_expected)(own->inner, applied * own->correction.scale,
-                                                       gap - own->correction.zero);
+  return ANHYST_NAME(anhyst_force_controller_expected)(
+      own->inner, applied * own->correction.scale - ANHYST_NAME(led)(own),
+      gap - own->correction.zero);
 }
 
 static int32_t ANHYST_NAME(length)(const ANHYST_NAME(anhyst_force_controller) *c)
@@ -53,6 +54,8 @@ static ANHYST_REAL ANHYST_NAME(conditioning)(const ANHYST_NAME(anhyst_force_cont
 static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *c)
 {
   ANHYST_NAME(anhyst_corrected) *own = c->own;
+  own->root = R(0.0);
+  own->before = R(0.0);
   ANHYST_NAME(anhyst_force_controller_demagnetise)(own->inner);
 }
 
