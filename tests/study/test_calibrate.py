@@ -98,12 +98,15 @@ def test_two_recordings_teach_more_than_one() -> None:
         assert both.sigma < one.sigma or both.frozen
 
 
-def test_nothing_moves_where_hardly_any_force_was_demanded() -> None:
+def test_nothing_moves_where_hardly_any_force_was_demanded(tmp_path: Path) -> None:
     gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
     setup = replace(stages.setup("full"), drift=WRONG)
-    (found,) = taught(track(setup, gently, Feedforward(), 1)).file.method
+    run, out = track(setup, gently, Feedforward(), 1), tmp_path / "calibration.toml"
+    whole = calibrate(stages.stage(), run, out, magnet=bearings.knowledge(), methods=["full"])
+    (found,) = whole.file.method
     assert {one.value for one in found.parameter} == {0.0}
     assert all(one.frozen for one in found.parameter)
+    assert not (whole.learnt or found.fits or out.exists())
 
 
 @pytest.mark.slow
