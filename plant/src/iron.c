@@ -4,8 +4,7 @@
 #include <math.h>
 
 #define ITERATIONS 100
-/* From which iteration on the bracket is halved: where a field has folds, tangents may go to and
- * fro. */
+/* Iterations before the bracket is halved: where a field has folds, tangents may lead nowhere. */
 #define HALVED 30
 
 void anhyst_plant_field(const anhyst_plant_iron *iron, const anhyst_plant_memory *memory, double a,

@@ -18,9 +18,9 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.recording import Recording
+from anhyst.rig.stage import loop as module
 from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
-from anhyst.study.tracking import calibrate as module
 from anhyst.study.tracking.measures import measure
 from anhyst.support.arrays import FloatArray
 from tests.refusals import refused

@@ -69,7 +69,7 @@ def test_an_unstable_stage_exits_with_1(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The recording is kept; figures and report of another one go, and there is no verdict."""
-    monkeypatch.setattr(tracking, "identify_magnet", lambda *_, **__: bearings.knowledge())
+    monkeypatch.setattr(tracking, "identify_stage", lambda _: bearings.knowledge())
     rig = unstable(tmp_path)
     for name in ("figures.json", "report.html"):
         (tmp_path / name).write_text("of another run")

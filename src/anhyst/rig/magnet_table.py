@@ -43,9 +43,8 @@ class SolidTable(Table):
 
     depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # from the surface to the middle
     conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)]
-    path_m: Annotated[float, Field(ge=1e-6)] | None = (
-        None  # length of the flux path in it; none: all of iron_length_m
-    )
+    # length of the flux path in it; none: all of iron_length_m
+    path_m: Annotated[float, Field(ge=1e-6)] | None = None
     volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
 
 

@@ -61,8 +61,8 @@ class CampaignTable(MeasurementTable):
             seconds = 2.0 * self.current_max_A / speed
             if not SHORTEST_S <= seconds <= LONGEST_S:
                 raise InputError(
-                    f"fast_A_per_s: a full cycle at {speed:g} A/s takes {seconds:.3g} s; {SHORTEST_S:g} to "
-                    f"{LONGEST_S:g} s are measured",
+                    f"fast_A_per_s: a full cycle at {speed:g} A/s takes {seconds:.3g} s; "
+                    f"{SHORTEST_S:g} to {LONGEST_S:g} s are measured",
                     code="speed-out-of-range",
                 )
         if len({f"{speed:.4g}" for speed in self.fast_A_per_s}) < len(self.fast_A_per_s):

@@ -72,6 +72,20 @@ def take(
     return rows[:, 0], rows[:, 1]
 
 
+def measure_path(
+    magnet: Pull, sensors: Sensors, gap: float, path: FloatArray, name: str, past: Sequence[float]
+) -> Loop:
+    """Measure one record of a magnet that was conditioned."""
+    current, force = take(magnet, sensors, gap, path)
+    return Loop(
+        label=f"{gap * 1e3:.2f}mm-{name}",
+        input=current,
+        output=force,
+        schedule=np.full(path.size, gap),
+        history=History("conditioned", (0.0, *past)),
+    )
+
+
 def measure_place(
     held: HeldRig, campaign: MeasurementTable, place: int, magnet: Pull | None = None
 ) -> list[Loop]:
@@ -85,14 +99,5 @@ def measure_place(
             specimen.step(turn, gap)
         path = straight([campaign.current_max_A * turn for turn in record.turns], step)
         sensors = held.sensors([place, number], campaign.sample_s)
-        current, force = take(specimen, sensors, gap, path)
-        loops.append(
-            Loop(
-                label=f"{gap * 1e3:.2f}mm-{record.name}",
-                input=current,
-                output=force,
-                schedule=np.full(path.size, gap),
-                history=History("conditioned", (0.0, *past)),
-            )
-        )
+        loops.append(measure_path(specimen, sensors, gap, path, record.name, past))
     return loops

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.history import History
 from anhyst.data.loops import Loop
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.measurement_table import CampaignTable
-from anhyst.rig.measuring import Sensors, conditioning, measure_place, straight, take
+from anhyst.rig.measuring import Sensors, conditioning, measure_path, measure_place, straight
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.sensors import Converter, Sensor
 from anhyst.support.units import QUANTITIES
@@ -63,17 +64,8 @@ def _measure_in_time(held: HeldBearing, campaign: CampaignTable, place: int) -> 
             magnet.step(turn, gap)
         magnet.seconds = sample
         path = straight(turns, speed * sample)
-        current, force = take(magnet, held.sensors([place, number], sample), gap, path)
-        loops.append(
-            Loop(
-                label=f"{gap * 1e3:.2f}mm-{name}",
-                input=current,
-                output=force,
-                schedule=np.full(path.size, gap),
-                time=np.arange(path.size, dtype=np.float64) * sample,
-                history=History("conditioned", (0.0, *past)),
-            )
-        )
+        loop = measure_path(magnet, held.sensors([place, number], sample), gap, path, name, past)
+        loops.append(replace(loop, time=np.arange(path.size, dtype=np.float64) * sample))
     return loops
 
 

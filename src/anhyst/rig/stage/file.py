@@ -40,10 +40,9 @@ from anhyst.support.toml_file import (
 )
 
 _SAME = 1e-9
-
+"""By which lines of a pair may miss each other, m or parts of a direction."""
 HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
-"""By which lines of a pair may miss each other, m or parts of a direction."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +76,33 @@ class StageRig:
     def bearing(self) -> BearingRig:
         """The plant, seen from the long stroke."""
         return BearingRig(self.path, self.settings)
+
+    @cached_property
+    def calibration(self) -> CalibrationFile | None:
+        """What motion taught of its magnets, from the file that it names.
+
+        Feedforward and force scale must believe in the same mass.
+        """
+        named = self.settings.tracking.calibration
+        if named is None:
+            return None
+        place = self.path.parent / named
+        file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
+        if file.rig != self.settings.name:
+            raise InputError(
+                f"{place}: rig: is that of '{file.rig}', and {self.path} is "
+                f"'{self.settings.name}'; calibrate this one",
+                code="rig-differs",
+                key="rig",
+            )
+        if file.mass_kg != self.settings.body.mass_kg:
+            raise InputError(
+                f"{place}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
+                f"{self.settings.body.mass_kg:g} kg in {self.path}; calibrate again",
+                code="mass-differs",
+                key="mass_kg",
+            )
+        return file
 
 
 def read_stage(path: PathLike) -> StageRig:
@@ -312,27 +338,6 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
 
 
 def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
-    """Return what the file that a rig names says of a method; None where it says nothing.
-
-    Feedforward and force scale must believe in the same mass.
-    """
-    named = rig.settings.tracking.calibration
-    if named is None:
-        return None
-    place = rig.path.parent / named
-    file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
-    if file.rig != rig.settings.name:
-        raise InputError(
-            f"{place}: rig: is that of '{file.rig}', and {rig.path} is '{rig.settings.name}'; "
-            "calibrate this one",
-            code="rig-differs",
-            key="rig",
-        )
-    if file.mass_kg != rig.settings.body.mass_kg:
-        raise InputError(
-            f"{place}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
-            f"{rig.settings.body.mass_kg:g} kg in {rig.path}; calibrate again",
-            code="mass-differs",
-            key="mass_kg",
-        )
-    return next((one for one in file.method if one.name == method), None)
+    """Return what the file that a rig names says of a method; None where it says nothing."""
+    methods = [] if rig.calibration is None else rig.calibration.method
+    return next((one for one in methods if one.name == method), None)

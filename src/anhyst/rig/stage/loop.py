@@ -26,7 +26,7 @@ from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_magnet
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.recording import (
     CURRENTS,
@@ -386,6 +386,11 @@ def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
         "current_high": low + steps * step,
         "current_step": step,
     }
+
+
+def identify_stage(rig: StageRig) -> IdentifiedMagnet:
+    """Identify what is known of the magnets of a stage, with what answers late, from its loops."""
+    return identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
 
 
 def make_stage(

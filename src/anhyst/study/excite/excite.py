@@ -85,9 +85,8 @@ class Place:
     force: float  # largest force that was read on the way there, N
     operating: float  # current about which inner loops are run, A
     reached: bool  # whether it gives the operating force
-    needed: float = (
-        0.0  # change of the current that the set-point asks for there, A/s; 0: not known
-    )
+    # change of the current that the set-point asks for there, A/s; 0: not known
+    needed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from anhyst._core import allocate
 from anhyst.compensate.flux_feedback import FluxFeedback
 from anhyst.compensate.interface import MethodName
 from anhyst.data.table import read_columns
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.recording import CURRENTS, MAGNETS, Recording, of_magnets, rms
 from anhyst.rig.stage.file import (
     LIMITS,
@@ -35,7 +35,7 @@ from anhyst.rig.stage.file import (
     per_root,
     read_stage,
 )
-from anhyst.rig.stage.loop import PROBES, READ, fit_method
+from anhyst.rig.stage.loop import PROBES, READ, fit_method, identify_stage
 from anhyst.study.tracking.simulate import follows_rate
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -285,7 +285,7 @@ class MotionLaw:
     ) -> list[FloatArray]:
         read, rig = motion.read, self.rig
         compensator = self.compensator(round(values["width"] / WIDTHS) * WIDTHS)
-        lead = values["lag_s"] / rig.dt * per_root(self.compensator(0.0), rig)
+        lead = values["lag_s"] / rig.dt * self._per_root
         flowed = scales * np.array([read[name] for name in COMMANDS]) - lead * motion.rises
         gap = np.interp(motion.ticks + motion.late, motion.ticks, read["gap_read_m"])
         return [
@@ -308,6 +308,10 @@ class MotionLaw:
             (density / np.interp(at, gaps, of_root)) ** 2
             for density, at in zip(flux, (gap, self._total - gap), strict=True)
         ]
+
+    @cached_property
+    def _per_root(self) -> float:
+        return per_root(self.compensator(0.0), self.rig)
 
     @property
     def _total(self) -> float:
@@ -547,7 +551,7 @@ def calibrate(
     if out is not None:
         check_writable(out, [stage.path, *stage.measured.files, *files])
     motions = [_motion(stage, one) for one in given]
-    known = magnet or identify_magnet(stage.measured.read(), file.loops, late=True)
+    known = magnet or identify_stage(stage)
     left_out = set() if follows_rate(stage, known.model) else {"at-rest"}
     if not all(name in one.read for one in motions for name in PROBES):
         left_out.add("flux")

@@ -8,10 +8,10 @@ from typing import Any
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.file import RigFile
-from anhyst.rig.stage.file import StageRig, calibration_of
-from anhyst.rig.stage.loop import Feedforward, StageSetup, track
+from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.tracking.measures import measure
@@ -54,8 +54,8 @@ def stage_plants(
             code="one-coordinate-only",
             key="body.free",
         )
-    calibration_of(rig, OWN)  # what is wrong with the file is said before any work
-    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
+    _ = rig.calibration  # what is wrong with the file is said before any work
+    known = magnet or identify_stage(rig)
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
     gains = all_of(_find, list(made.values()), progress)

@@ -16,17 +16,16 @@ from anhyst.compensate.methods import METHODS
 from anhyst.data.writing import check_recording
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.file import (
     StageRig,
-    calibration_of,
     read_stage,
     scan_direction,
     unit_of,
 )
-from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, pid, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
 from anhyst.study.tracking.measures import (
@@ -412,8 +411,8 @@ def explore_stage(
     out: PathLike | None = None,
 ) -> TrackingStudy:
     """Try variants on a stage."""
-    calibration_of(rig, OWN)  # what is wrong with the file is said before any work
-    known = magnet or identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
+    _ = rig.calibration  # what is wrong with the file is said before any work
+    known = magnet or identify_stage(rig)
     made, left_out = make_variants(rig, known, names)
     refuse_unstable(made[OWN], out)
     tried = all_of(try_variant, list(made.values()), progress)
