@@ -15,8 +15,8 @@ from tools.prove.listing import ROOT, Proof
 from tools.prove.provers import command
 from tools.prove.verdict import PROVED, REFUTED, TIMEOUT, verdict_of
 
-LONGEST = 420  # seconds of processor time of one run of a tool
-HANGING = 2400  # seconds after which it is given up, on however busy a machine
+LONGEST = 1200  # seconds of processor time of one run of a tool
+HANGING = 3600  # seconds after which it is given up, on however busy a machine
 
 
 @dataclass(frozen=True)
