@@ -32,6 +32,7 @@ def test_loops_go_in_and_a_model_comes_out_that_predicts_unseen_gaps(tmp_path: P
     assert apart["mean_abs"] < 0.005 * apart["largest"]
 
 
+@pytest.mark.slow
 def test_a_model_that_fails_its_acceptance_test_is_written_and_said(tmp_path: Path) -> None:
     text = (EXAMPLE / "loops.csv").read_text()
     for old, new in (("0.00030", "x"), ("0.00060", "0.00030"), ("x", "0.00060")):

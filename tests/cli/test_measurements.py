@@ -64,6 +64,7 @@ def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
     assert says(identify(tmp_path), "no-files: loops.csv")
 
 
+@pytest.mark.first(19)
 @pytest.mark.parametrize(
     ("content", "said"),
     [

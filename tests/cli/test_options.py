@@ -71,7 +71,7 @@ def test_an_option_that_does_not_fit_is_refused(
     assert says(refused(*arguments, cwd=folder), said)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["avx1024", "", "AVX2"])
 def test_an_instruction_set_that_is_not_there_is_refused(folder: Path, level: str) -> None:
     said = refused(*IDENTIFY, cwd=folder, variables={"ANHYST_DISPATCH": level})
@@ -96,6 +96,7 @@ def test_what_is_read_is_not_written_over(folder: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_model_beside_its_measurements_is_no_sidecar(folder: Path) -> None:
     call = ["identify", "loops.csv", "--out", "loops.toml", *PLAIN]
     first = quick(*call, cwd=folder)

@@ -82,6 +82,7 @@ NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
 """For commands that may write small files only: halves of compiled sources would stay behind."""
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("verb", LARGE)
 def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: str) -> None:
     start, name = LARGE[verb]
@@ -106,6 +107,7 @@ def test_a_disk_without_room_for_a_checkpoint_is_reported(folder: Path) -> None:
     assert said.startswith(f"{name}.checkpoint: cannot be written: File too large")
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("verb", LARGE)
 def test_a_device_that_is_full_is_reported(folder: Path, verb: str) -> None:
     if not Path("/dev/full").is_char_device():

@@ -81,6 +81,7 @@ def on_a_terminal(*arguments: object, cwd: Path) -> str:
     return shown.decode()
 
 
+@pytest.mark.slow
 def test_a_terminal_gets_progress(folder: Path) -> None:
     shown = on_a_terminal(*VERBS["identify"], cwd=folder)
     assert "reading" in shown

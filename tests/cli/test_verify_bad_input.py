@@ -36,6 +36,7 @@ def test_an_unknown_target(folder: Path) -> None:
     assert says(refused("verify", "c", "--on", ",", cwd=folder), "no-target")
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("target", "said"),
     [

@@ -294,7 +294,7 @@ def test_rest_is_never_more_than_what_the_cells_at_rest_give() -> None:
         fresh.commit_q31(b, place)
 
 
-@pytest.mark.first(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_any_memory_leads_back_into_bounds_and_to_the_demand(seed: int) -> None:
     """Any 32-bit patterns: a full cycle later the force is what was demanded again."""

@@ -149,7 +149,7 @@ def test_a_swap_between_solve_and_commit_takes_the_new_block_for_the_commit() ->
     assert swapped.memory.tolist() == fresh.memory.tolist()
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "reach", "most"),
     [

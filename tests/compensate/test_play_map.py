@@ -78,6 +78,7 @@ def walk(ticks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return force, gap, off
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("number_format", "bound"), [("f64", 1e-9), ("f32", 2e-6), ("fixed", 1.5 * LAST)]
 )

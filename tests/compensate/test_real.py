@@ -352,6 +352,7 @@ int main(void)
 """
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("level", ["-O0", "-O3"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_c_that_is_written_out_gives_the_same_bits(

@@ -84,6 +84,7 @@ def test_the_laws_cover_the_range() -> None:
     assert max(nus) > 0.9
 
 
+@pytest.mark.first(63)
 @each_law
 @pytest.mark.parametrize("size", [0.002, 0.02, 0.2, 2.0])
 @pytest.mark.parametrize("segments", [3, 4, 5])

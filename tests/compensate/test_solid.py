@@ -194,6 +194,7 @@ def test_fixed_point_refuses_layers() -> None:
         make_plan(magnet(LAYERS["two"]), CompileRequest("full", "q15", RATE), 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number_format", ["f64", "f32"])
 def test_a_force_controller_of_a_magnet_follows_its_layers(number_format: NumberFormat) -> None:
     model = magnet(LAYERS["three and sheets"])

@@ -163,6 +163,7 @@ def test_lost_currents_are_reported_to_the_memory(folder: Path) -> None:
     assert error[lost & free].max() > 20.0 * plan.allowance
 
 
+@pytest.mark.slow
 def test_same_model_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     first = full(folder)
     again = compile_model(
@@ -293,6 +294,7 @@ def test_generated_c_is_formatted_as_the_core_is(folder: Path) -> None:
         assert max(len(line) for line in text.splitlines()) <= 100
 
 
+@pytest.mark.slow
 def test_fragments_for_make_and_cmake_build_the_example(folder: Path, tmp_path: Path) -> None:
     out = full(folder).out
     vectors = (out / "vectors.csv").read_text()
@@ -353,6 +355,7 @@ def test_state_is_as_large_as_the_manifest_says(folder: Path, tmp_path: Path, io
     assert said == -(-(manifest["memory"]["state_bytes"] + 4 * pointers) // 8) * 8
 
 
+@pytest.mark.slow
 def test_a_ring_without_a_gap_and_of_either_sign_compiles(tmp_path: Path) -> None:
     write_model(measured(ring(), -120.0, 120.0), tmp_path / "ring.toml")
     compiled = compile_model(
@@ -469,6 +472,7 @@ def test_only_its_own_folder_is_replaced(folder: Path, tmp_path: Path) -> None:
         compile_model(model, tmp_path / "no" / "out", request)
 
 
+@pytest.mark.slow
 def test_json_says_what_the_manifest_says(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

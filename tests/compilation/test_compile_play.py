@@ -47,6 +47,7 @@ def test_the_example_builds_without_a_warning_and_gives_the_golden_currents(
     assert (run.returncode, run.stdout) == (0, "1000 rows, 0 differ\n")
 
 
+@pytest.mark.slow
 @pytest.mark.needs("gcc")
 def test_every_target_gives_the_bits_of_the_host(
     compiled: CompiledPlay, monkeypatch: pytest.MonkeyPatch
@@ -108,6 +109,7 @@ def test_what_does_not_fit_is_refused(
     assert not (place / "other").exists()
 
 
+@pytest.mark.slow
 def test_the_command_shows_both_accuracies(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

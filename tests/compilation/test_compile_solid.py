@@ -52,6 +52,7 @@ def test_the_example_compiles_without_a_warning(compiled: Compiled, tmp_path: Pa
     assert compile_c(["cc"], build, tmp_path / "program", "host") == 0
 
 
+@pytest.mark.slow
 def test_fixed_point_is_at_rest_and_says_so(tmp_path: Path) -> None:
     magnet(LAYERS["two"]).save(tmp_path / "magnet.toml")
     request = CompileRequest("full", "q15", RATE)

@@ -138,6 +138,7 @@ ranges = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(ranges)
 def test_gains_survive_the_way_there_and_back(values: dict[str, float]) -> None:

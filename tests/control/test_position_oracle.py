@@ -82,7 +82,7 @@ CASES = {
 }
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("control", CASES.values(), ids=CASES.keys())
 def test_a_whole_run(control: PositionControl) -> None:
     """Lift, steps, load, saturation, lost samples, hold, landing, fault: every bit of it."""

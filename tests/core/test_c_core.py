@@ -74,8 +74,8 @@ def build_tests(build: Path, way: str) -> None:
     quietly(cmake, "--build", str(build), "--parallel", "2")
 
 
-# Every pair of numbers of 16 bits: a sweep.
-SWEEPS = {"test_fixed_q15"}
+# Every pair of numbers of 16 bits, and millions of drawn ones: seconds each.
+SWEEPS = {"test_branch", "test_fixed_q15", "test_operator", "test_round_trip"}
 
 
 @pytest.mark.parametrize(

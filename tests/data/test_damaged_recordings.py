@@ -100,7 +100,7 @@ def mat_files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32))
 def test_a_damaged_mat_file_is_listed_or_refused(mat_files: list[bytes], seed: int) -> None:
     content = damaged(mat_files[seed % len(mat_files)], seed)

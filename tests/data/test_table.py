@@ -203,6 +203,7 @@ def long_table(folder: Path, rows: int, *, fault: int | None = None) -> Path:
     return file_of(folder, "t_s,loop,I_A,tag,F_N\n" + "\n".join(lines) + "\n")
 
 
+@pytest.mark.slow
 def test_long_files_are_read_in_chunks_with_progress(tmp_path: Path) -> None:
     path = long_table(tmp_path, 200_000)
     seen: list[tuple[float, float]] = []

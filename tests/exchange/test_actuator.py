@@ -141,6 +141,7 @@ def test_identified_actuators_give_the_output_of_their_model(
     assert np.ptp(compare(model, fmu(model, "actuator", "2.0"), tmp_path)) > 0.0
 
 
+@pytest.mark.slow
 def test_an_actuator_without_a_gap_gives_its_output(fmu: Fmu, tmp_path: Path) -> None:
     iron = LANGEVIN | {"c_H": 1.0, "c_out": 3e-4}
     rod = anhyst.Model("rod", QUANTITIES["field"], QUANTITIES["magnetostriction"], iron,
@@ -233,6 +234,7 @@ def test_what_no_actuator_can_be_made_of_is_refused(model: anhyst.Model, tmp_pat
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_command_writes_it(model: anhyst.Model, tmp_path: Path) -> None:
     model.save(tmp_path / "model.toml")
     done = run(

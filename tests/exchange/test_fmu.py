@@ -92,6 +92,7 @@ def test_it_is_valid_and_says_what_it_is(files: Versions, version: FmiVersion) -
     assert float(about.defaultExperiment.stepSize) == 1.0 / RATE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_it_gives_the_currents_of_the_compiled_c_bit_for_bit(
     files: Versions, version: FmiVersion, model: anhyst.Model, tmp_path: Path

@@ -91,6 +91,7 @@ def test_a_compensator_gives_the_currents_of_the_controller_a_sample_later(
     assert found.max() > 0.3
 
 
+@pytest.mark.slow
 def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path: Path) -> None:
     program = built(export_sfunction(model, tmp_path / "s", of="actuator"))
     drive = drives(model)
@@ -115,6 +116,7 @@ def test_a_bearing_flies_as_its_fmu_does(tmp_path: Path) -> None:
     assert np.array_equal(found[1:], rows[:-1])
 
 
+@pytest.mark.slow
 def test_what_a_block_is_given_wrongly_is_said(model: anhyst.Model, tmp_path: Path) -> None:
     program = built(export_sfunction(model, tmp_path / "s", of="actuator"))
     assert "not a finite number" in complaint(program, "nan 4e-4\n", "1e-4")

@@ -102,6 +102,7 @@ def test_every_record_of_the_foreign_magnet_starts_demagnetised(tmp_path: Path) 
     assert not any("the output drifts" in text for text in found["warnings"])
 
 
+@pytest.mark.first(4)
 @pytest.mark.parametrize("noise", [0.0, 3e-4, 1e-3])
 @pytest.mark.parametrize("name", ["u", "hard"])
 def test_a_virgin_rise_is_recognised(tmp_path: Path, name: str, noise: float) -> None:
@@ -181,6 +182,7 @@ def test_a_drift_is_seen_and_removed_whatever_the_start(
         assert abs(loop["closure_N"]) < 6.0 * loop["noise_N"]
 
 
+@pytest.mark.slow
 def test_removing_the_drift_of_a_record_without_any_changes_nothing(tmp_path: Path) -> None:
     path = MAGNETS["u"].write_loops(tmp_path / "u.csv")
     assert inspected(path, "--clean", "drift")["repairs"] == []
@@ -199,6 +201,7 @@ def test_gadolinium_starts_on_its_virgin_curve(measurements: Path) -> None:
         assert histories(path) == {"demagnetised"}, path
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("example", ["electromagnet", "bearing", "solenoid"])
 def test_the_bundled_loops_are_settled_without_their_sidecars(tmp_path: Path, example: str) -> None:
     loops = Path(__file__).parents[2] / "examples" / example / "loops.csv"
@@ -333,7 +336,7 @@ def delayed(values: FloatArray, samples: float) -> FloatArray:
     return late
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["u", "hard", "soft"])
 def test_no_delay_is_claimed_where_a_foreign_magnet_has_none(tmp_path: Path, name: str) -> None:
     found = inspected(MAGNETS[name].write_loops(tmp_path / "loops.csv"))

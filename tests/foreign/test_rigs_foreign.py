@@ -72,6 +72,7 @@ def test_a_plant_is_fitted_to_the_bundled_loops_within_their_noise(example: str)
     assert percent(found, loops) < 0.35
 
 
+@pytest.mark.slow
 def test_what_the_rig_file_says_of_a_magnet_is_held(tmp_path: Path) -> None:
     shape = MAGNETS["soft"].geometry
     path = MAGNETS["soft"].write_loops(tmp_path / "loops.csv")

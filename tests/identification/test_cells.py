@@ -177,6 +177,7 @@ def test_a_drift_of_the_sensor_is_no_force() -> None:
     )  # cells finer than the samples count as free
 
 
+@pytest.mark.slow
 def test_a_law_of_jiles_and_atherton_is_kept_for_its_own_loops() -> None:
     loops = noisy(loops_of(magnet("reluctance")), NOISE, 1)
     assert identify(loops).model.law == "effective-field"

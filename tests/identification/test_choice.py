@@ -47,7 +47,7 @@ def reason(result: IdentifyResult) -> str:
     return str(result.model.provenance.settings["gap_map_reason"])
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
 @pytest.mark.parametrize("gap_map", ["scaling", "reluctance"])
 def test_auto_finds_the_map_that_made_the_loops(gap_map: GapMap, output: str) -> None:
@@ -78,6 +78,7 @@ def test_a_left_out_error_is_that_of_a_fit_without_that_gap() -> None:
     assert reported == pytest.approx(np.mean(missed), rel=0.02)
 
 
+@pytest.mark.slow
 def test_gaps_in_any_order_give_the_same_model() -> None:
     loops = loops_of(magnet(), noise=NOISE, samples=60)
     mixed = replace(loops, loops=loops.loops[1::2] + loops.loops[::2])
@@ -161,6 +162,7 @@ def test_another_schedule_than_the_gap_works_the_same_way() -> None:
     assert fit_of(result).rms < 1.1 * NOISE * largest(loops)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output", ["force", "flux_linkage"])
 def test_a_reluctance_truth_passes_the_acceptance_test(output: str) -> None:
     loops = loops_of(magnet("reluctance", output), noise=NOISE, samples=60)
@@ -205,6 +207,7 @@ def test_a_force_that_grows_with_the_gap_fails() -> None:
     assert fit_of(identify(loops, gap_map="scaling")).monotone is False
 
 
+@pytest.mark.slow
 def test_no_fitted_reluctance_is_negative_down_to_the_closed_gap() -> None:
     for rho in ((0.0, 0.0005, 0.001, 0.0015), (0.0035, 0.0047, 0.0059, 0.0070)):
         loops = loops_of(magnet(rho=rho), noise=NOISE, samples=60)

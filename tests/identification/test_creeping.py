@@ -33,6 +33,7 @@ def halves(folder: Path) -> tuple[Model, Loop, int]:
     return identify(loops.with_loops([first])).model, whole, half
 
 
+@pytest.mark.slow
 def test_the_other_half_is_inverted_to_half_of_what_the_authors_reach(measurements: Path) -> None:
     model, whole, half = halves(measurements)
     asked = model.invert(whole.output, time=whole.time).drive

@@ -84,6 +84,7 @@ def test_a_dead_band_that_is_there_is_fitted_to_the_end(history: str) -> None:
     assert rms(result) < 1e-6 * largest(loops)
 
 
+@pytest.mark.slow
 def test_the_law_of_1986_is_given_one_too() -> None:
     whole = example("bearing").at(example("bearing").schedule_values[0])
     one = whole.with_loops(whole.loops[:1])

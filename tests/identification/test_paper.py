@@ -38,6 +38,8 @@ from anhyst.model.actuator import Model
 from tests.identification.truths import GAPS, core, loops_of, magnet
 from tests.refusals import refused
 
+pytestmark = pytest.mark.slow
+
 SHORT = SearchEffort(generations=30, final=40, trial=8)
 LEAST = SearchEffort(generations=5, final=5, trial=2)
 """For what does not hang on how well anything is found."""
@@ -114,7 +116,6 @@ def records(loops: Loops) -> FitRecords:
     return records_of(loops)
 
 
-@pytest.mark.slow
 def test_free_sets_reproduce_the_loops_of_every_gap(free: Stand) -> None:
     assert free.cost < 1e-3
     assert free.varying == SEVEN
@@ -126,25 +127,21 @@ def test_free_sets_scatter_along_the_redundancy(free: Stand) -> None:
     assert max(k) > 1.5 * min(k)
 
 
-@pytest.mark.slow
 def test_where_only_c_h_varies_freezing_the_others_costs_nothing(reduced: list[Stand]) -> None:
     assert max(stand.cost for stand in reduced[1:]) < 1e-5
 
 
-@pytest.mark.slow
 def test_where_only_c_h_varies_it_is_the_last_one_left(reduced: list[Stand]) -> None:
     assert [len(stand.varying) for stand in reduced] == [7, 6, 5, 4, 3, 2, 1]
     assert reduced[-1].varying == ("c_H",)
 
 
-@pytest.mark.slow
 def test_c_h_is_found_up_to_one_common_factor(truth: Model, reduced: list[Stand]) -> None:
     found = np.array([one["c_H"] for one in reduced[-1].sets])
     ratio = found / truth.over_schedule("c_H", THREE)
     np.testing.assert_allclose(ratio / ratio[0], 1.0, rtol=1e-4)
 
 
-@pytest.mark.slow
 def test_what_is_frozen_is_the_same_at_every_gap(reduced: list[Stand]) -> None:
     for stand in reduced[1:]:
         for name in set(SEVEN) - set(stand.varying):
@@ -158,7 +155,6 @@ def test_a_parameter_can_be_kept_to_the_last(two_gaps: Loops) -> None:
     assert found.model.varying in {("alpha",), ("rho",)}
 
 
-@pytest.mark.slow
 def test_alpha_is_read_as_a_reluctance_in_the_law_that_allows_it(two_gaps: Loops) -> None:
     form = form_of(two_gaps.input, two_gaps.output, "jiles-atherton-1986")
     run = SearchRun(form=form, records=records_of(two_gaps), seed=1, held=NO_OFFSETS)

@@ -145,6 +145,7 @@ def test_cores_of_every_kind_are_found(
     assert worst(loops, predicted(result.model, loops)) < 1e-2
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("name", ["closed core", "force, reluctance", "flux density, scaling"])
 def test_noise_is_what_remains(name: str) -> None:
     truth = TRUTHS[name]
@@ -194,6 +195,7 @@ def test_the_truth_lies_within_the_uncertainty_stated(name: str) -> None:
     assert np.abs(scores(name)).max() < 4.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["closed core", pytest.param("force, two gaps", marks=pytest.mark.slow)]
 )
@@ -325,6 +327,7 @@ def test_a_creeping_inner_loop_is_settled_in_the_figures_too() -> None:
     assert worst(again, predicted(result.model, again)) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 1e-3])
 def test_a_coordinate_at_its_bound_does_not_end_the_search(offset: float) -> None:
     """With nothing reversible the search runs along c = 0 for most of its way."""

@@ -207,6 +207,7 @@ def test_progress_counts_up_to_its_total(loops: Loops) -> None:
     assert single.seen == [(1, 2), (2, 2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gaps", [1, 4])
 def test_progress_comes_to_its_total_where_laws_are_compared(gaps: int) -> None:
     progress = Killer()

@@ -290,7 +290,9 @@ def test_every_model_of_real_measurements_can_be_read(
     name: str, measurements: Path, tmp_path: Path
 ) -> None:
     """All laws, and all maps, of every set of loops; a law or map that does not go is refused."""
-    loops = clean(read_loops(sorted(measurements.glob(name)), **SETS[name]))  # type: ignore[arg-type]
+    files = sorted(measurements.glob(name))
+    files = files[:: max(1, len(files) // 3)]  # of many temperatures every other one
+    loops = clean(read_loops(files, **SETS[name]))  # type: ignore[arg-type]
     few = loops.with_loops(
         replace(loop, input=loop.input[::step], output=loop.output[::step],
                 schedule=None if loop.schedule is None else loop.schedule[::step],

@@ -102,6 +102,7 @@ def terminal_of(chip: Chip) -> Iterator[str]:
         os.close(theirs)
 
 
+@pytest.mark.slow
 def test_a_master_on_the_second_serial_port_of_the_nucleo(chip: Chip) -> None:
     samples = Samples(("gap", "state"))
     with (

@@ -130,6 +130,7 @@ def test_a_measurement_that_is_stopped_or_cancelled_leaves_the_controller_as_it_
         assert why in session.status()["improve"]["trouble"]
 
 
+@pytest.mark.slow
 def test_a_force_limit_is_kept_from_the_first_tick_on(session: LiveSession) -> None:
     limit = 30.0
     at = 1 + [signal.name for signal in session.bench.signals].index("force")

@@ -132,6 +132,7 @@ def test_a_drive_keeps_to_limits_that_are_drawn_tighter(session: LiveSession) ->
     assert all(place["force_N"] <= 36.0 for place in measured["gaps"])
 
 
+@pytest.mark.slow
 def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
     ended: list[object] = []
     job = Job(forever, ended=ended.append)
@@ -141,6 +142,7 @@ def test_a_job_says_how_far_it_is_and_ends_when_it_is_cancelled() -> None:
     assert ended == []
 
 
+@pytest.mark.slow
 def test_a_job_that_dies_says_so() -> None:
     ended: list[object] = []
     Job(dies, ended=ended.append)

@@ -75,7 +75,7 @@ def test_a_killed_server_leaves_a_recording_that_inspect_reads(
                 for name in ("demagnetised", "lift"):
                     wait_for(lambda: path.stat().st_size > 1e6)
                     line.send(json.dumps({"do": "command", "name": name, "id": 1}))
-                wait_for(lambda: path.stat().st_size > 4e6)
+                wait_for(lambda: path.stat().st_size > 2.5e6)
         finally:
             process.send_signal(signal.SIGKILL)
     assert path.read_bytes().endswith(b"\n")

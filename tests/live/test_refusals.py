@@ -61,6 +61,7 @@ def is_refused(bench: Bench, command: Command) -> bool:
     return False
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("way", WAYS)
 def test_what_is_greyed_is_what_the_controller_refuses(opening: Open, way: str) -> None:
     bench = opening()

@@ -249,6 +249,7 @@ def test_a_damaged_file_is_reported_in_one_line(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_a_file_cut_anywhere_is_never_a_traceback(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

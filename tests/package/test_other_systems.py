@@ -135,6 +135,7 @@ def test_loops_become_a_model_and_c_on_another_system(platform: str, tmp_path: P
     assert (tmp_path / "controller" / "DROP_IN.md").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code_page", ["ascii", "cp1252"])
 def test_signs_that_a_code_page_lacks_stop_no_command(code_page: str, tmp_path: Path) -> None:
     variables = {"PYTHONIOENCODING": code_page, "PYTHONUTF8": "0"}
@@ -150,6 +151,7 @@ def test_boards_that_windows_cannot_run_say_so(tmp_path: Path) -> None:
     assert process.startswith("board host: runs on Linux and macOS, not on Windows; ")
 
 
+@pytest.mark.slow
 def test_the_firmware_is_reached_without_a_pseudo_terminal_on_macos(tmp_path: Path) -> None:
     assert played("darwin", REFUSED, tmp_path).split()[0] == "tcp:0"
 

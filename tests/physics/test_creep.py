@@ -74,6 +74,7 @@ def test_noise_of_one_percent_of_k_halves_hysteresis_in_about_a_hundred_samples(
     assert np.median(halves) == pytest.approx(expected, rel=0.15)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("alpha", [-2e-3, 0.0, 5e-4])
 def test_play_of_four_to_five_times_the_noise_cures_the_creep(alpha: float) -> None:
     plain = Iron(m_s=1.3e6, a=300.0, k=200.0, c=0.2, alpha=alpha)

@@ -84,6 +84,7 @@ def test_loop_area_is_the_heat_of_its_steps() -> None:
     assert heat * MU_0 * iron.m_s * iron.a == pytest.approx(polygon_area(h, b), rel=2e-4)
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize(
     ("law", "step"), [(LAWS[0], "exact"), (LAWS[0], "linear"), (LAWS[1], "exact")]
 )

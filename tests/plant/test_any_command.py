@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -37,6 +38,7 @@ rigs = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=120)
 @given(rigs, st.booleans(), commands)
 def test_no_command_makes_a_number_that_is_none(

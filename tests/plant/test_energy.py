@@ -22,6 +22,7 @@ SHAPE, STEEL = Shape(), example_steel()
 STAGE = Path(__file__).resolve().parents[2] / "examples" / "stage" / "rig.toml"
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize(
     ("mean", "swing", "moves", "phase", "gives"),
     [
@@ -84,6 +85,7 @@ def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
     assert abs(balance) < 1e-3 * parts["iron"]
 
 
+@pytest.mark.slow
 def test_over_a_cycle_of_a_stage_no_energy_is_lost_in_its_steps() -> None:
     """Two magnets and what moves between them, stepped as the example is: 5e-6 of the iron's heat,
     a quarter of it with twice as many steps."""

@@ -164,6 +164,7 @@ def test_any_bytes_are_loops_or_a_refusal(content: bytes) -> None:
     holds_or_is_refused("loops.csv", content, look)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(damaged(TABLE))
 def test_damaged_loops_are_looked_at_or_refused(content: bytes) -> None:
@@ -190,12 +191,14 @@ def test_odd_numbers_are_cleaned_or_refused(content: bytes) -> None:
     holds_or_is_refused("loops.csv", content, wash)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(damaged(TABLE))
 def test_a_damaged_drive_is_read_or_refused(content: bytes) -> None:
     holds_or_is_refused("drive.csv", content, compute)
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(damaged(SIDECAR))
 def test_a_damaged_sidecar_is_read_or_refused(content: bytes) -> None:

@@ -111,6 +111,7 @@ def test_flags_show_what_was_limited(kind: Kind, demand: int, gap: int) -> None:
 HISTORIES = st.lists(st.tuples(WORDS, WORDS), min_size=1, max_size=40)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(KINDS, HISTORIES, WORDS)
 def test_the_same_history_gives_the_same_bits(

@@ -101,7 +101,7 @@ def tuned(controller: ControllerTable) -> ControllerTable:
     )
 
 
-@pytest.mark.first(3)
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", list(COLOURS))
 @pytest.mark.parametrize(
     ("full", "after_tuning"),

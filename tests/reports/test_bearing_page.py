@@ -108,6 +108,7 @@ def test_tables_with_every_variant_wrap_and_narrow_ones_do_not(subject: Simulati
     assert tables.count("table") >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_undrawn")
 def test_a_browser_shows_every_table_whole(subject: SimulationSubject, tmp_path: Path) -> None:
     chromium = shutil.which("chromium")
@@ -236,6 +237,7 @@ def test_lost_levitation_is_reported_first(subject: SimulationSubject) -> None:
     assert "nan" not in text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_undrawn")
 def test_an_overshoot_that_is_noise_is_marked(subject: SimulationSubject) -> None:
     same = Interval(OVERSHOOT["full"][1][0], 0.3, 20)

@@ -57,6 +57,7 @@ def holds(still: Recording, load: float, most: float) -> None:
     assert still["force_N"].mean() == pytest.approx(load, abs=0.2)
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("number_format", bearings.FORMATS)
 @pytest.mark.parametrize(
     "changes",
@@ -177,6 +178,7 @@ def with_table(rig: BearingRig) -> BearingRig:
     return changed(rig, {"magnet.flux_table": "flux.csv", "magnet.iron": None, "irons": []})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change", [pytest.param(lambda rig: rig, id="made"), pytest.param(with_table, id="measured")]
 )

@@ -145,6 +145,7 @@ def test_time_waits_for_a_recorder_that_has_no_room(paced: Callable[..., PacedBe
     wait_for(lambda: pacer.pace().tick > stands + 0.1 * RATE)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("speed", [1.0, 0.1, 0.01])
 def test_time_goes_as_fast_as_it_is_told_to(speed: float, paced: Callable[..., PacedBench]) -> None:
     bench = Counter()

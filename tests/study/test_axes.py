@@ -44,6 +44,7 @@ def followed(method: MethodName, substeps: int = 4) -> Recording:
     return track(setup, motion_of(scan, scan.test_m_per_s2), Feedforward())
 
 
+@pytest.mark.slow
 def test_compensating_every_magnet_keeps_all_axes_closer() -> None:
     scan = planar().settings.scan
     motion = motion_of(scan, scan.test_m_per_s2)

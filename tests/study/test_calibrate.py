@@ -62,6 +62,7 @@ def test_numbers_that_are_off_are_found_from_one_scan() -> None:
         assert one.sigma < one.prior or one.frozen
 
 
+@pytest.mark.slow
 def test_on_a_plant_that_is_as_it_should_be_little_is_found() -> None:
     for one in learnt(drift=NO_DRIFT).parameter:
         assert abs(one.value) <= 0.5 * one.prior, one.name
@@ -141,6 +142,7 @@ def test_no_number_leaves_what_the_rig_file_states_of_it() -> None:
     assert all(abs(one.value) <= 4.0 * one.prior + 1e-12 for one in found.parameter)
 
 
+@pytest.mark.slow
 def test_corrections_of_nothing_change_no_bit_and_single_precision_follows() -> None:
     made, motion = stages.setup("full"), training()
     nothing = np.array([[1.0, 0.0, 1.0, 0.0]] * 2)
@@ -291,6 +293,7 @@ def test_a_stage_of_several_coordinates_is_refused() -> None:
     assert caught.value.code == "one-coordinate-only"
 
 
+@pytest.mark.slow
 def test_an_oracle_that_sees_true_forces_and_currents_finds_the_same_numbers() -> None:
     """Least squares of its own, tick by tick, without filter, delay, prior or recorded readings.
 

@@ -46,6 +46,7 @@ def test_full_overshoots_at_most_half_as_much_as_ratio(fraction: float) -> None:
     assert min(ratio) > 2.0
 
 
+@pytest.mark.slow
 def test_steps_arrive() -> None:
     """The paper found settling and the error that stays almost unchanged; both are distinguished."""
     for cell in cells("full", "fixed", 0.15):

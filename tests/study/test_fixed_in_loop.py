@@ -136,7 +136,7 @@ def differs_at(setup: Setup, recording: Recording) -> int | None:
     return None
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["full", "simplified", "single-valued"])
 def test_the_pieces_give_every_current_of_the_loop(variant: MethodName) -> None:
     setup = bearings.single(variant)

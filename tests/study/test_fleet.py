@@ -47,6 +47,7 @@ def drawn(count: int, left: float, seed: int) -> list[MagnetEstimate]:
     return [MagnetEstimate.of(one, std, correlation) for one in true + errors]
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("left", [1e-3, 0.5, 1.0])
 def test_mean_and_scatter_are_those_of_the_magnets_not_of_their_loops(left: float) -> None:
     found = spread_of(drawn(400, left, 3))

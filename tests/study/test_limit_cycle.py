@@ -22,6 +22,7 @@ def noise(rng: np.random.Generator, damping: float) -> Row:
     return np.asarray(10e-9 * row / np.std(row))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.1, 0.3])
 def test_resonant_noise_is_no_cycle(damping: float) -> None:
     rng = np.random.default_rng(4)

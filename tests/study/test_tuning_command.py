@@ -144,7 +144,7 @@ def test_every_variant_is_compared_and_flux_only_with_a_probe() -> None:
     }
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
