@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst.identification.cell_path import CellPath, CellPaths
 from anhyst.identification.fit_records import FitRecord
@@ -43,15 +46,17 @@ class CellResponder:
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
-    ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield the output of every drive, and its derivatives by what the form names, (n, numbers)."""
+    ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+        """Yield gap, output and derivatives by what the form names, (n, numbers), of all drives."""
         for cells, drives in self._together(form, sets, records):
             omega, r, scale = drives.under(sets)
             # What the circuit at other gaps adds through the past alone is left out.
             r_t = np.stack([-r * drives.own / scale, -drives.own / scale], axis=1)
             path = cells.with_tangents(omega, r, drives.own, r_t, drives.begins)
-            for record, part in zip(drives.records, drives.parts, strict=True):
-                yield _differentiated(form, sets[record.gap], CellPath(*(v[part] for v in path)))
+            path = CellPath(*(values[drives.kept] for values in path))
+            for gap, part in drives.runs:
+                found = _differentiated(form, sets[gap], CellPath(*(v[part] for v in path)))
+                yield gap, *found
 
     def _together(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
@@ -77,6 +82,24 @@ class _Drives:
     own: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
     begins: Sequence[int]  # where each drive begins
     parts: Sequence[slice]  # where its record is
+
+    @cached_property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which samples are of records."""
+        kept = np.zeros(self.drive.size, dtype=np.bool_)
+        for part in self.parts:
+            kept[part] = True
+        return kept
+
+    @cached_property
+    def runs(self) -> list[tuple[int, slice]]:
+        """Gaps, and where among the samples of records those at each are, one after the other."""
+        found, first = [], 0
+        for gap, alike in groupby(self.records, lambda record: record.gap):
+            last = first + sum(record.input.size for record in alike)
+            found.append((gap, slice(first, last)))
+            first = last
+        return found
 
     def under(self, sets: Sequence[Local]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Put them in the terms of the cells: omega and right side; and the scale of each sample."""

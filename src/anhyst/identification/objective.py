@@ -99,13 +99,13 @@ class Objective:
         responses = self._responder.derivatives(
             self.space.form, [one for one, _ in sets], self._loops
         )
-        for record, (output, by_local) in zip(self._loops, responses, strict=True):
+        for gap, output, by_local in responses:
             part = slice(first, first + output.size)
             weights = self.weights[part]
-            value, weighted = (output - record.output) * weights, by_local * weights[:, None]
-            squares[record.gap] += weighted.T @ weighted
-            slopes[record.gap] += value @ weighted
-            along[record.gap] += self._drift.way[part] @ weighted
+            value, weighted = (output - self.measured[part]) * weights, by_local * weights[:, None]
+            squares[gap] += weighted.T @ weighted
+            slopes[gap] += value @ weighted
+            along[gap] += self._drift.way[part] @ weighted
             first = part.stop
             values.append(value)
         whole = np.concatenate(values)

@@ -10,7 +10,7 @@ and flux density measured it follows from ``scale`` and ``gain``, else no data d
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,10 +137,11 @@ class Responder:
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
-    ) -> list[tuple[FloatArray, FloatArray]]:
-        """Output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
+    ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+        """Yield gap and output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         laws = _operators(form, sets)
-        return [self.with_derivatives(form, sets, laws[d.gap], d) for d in records]
+        for one in records:
+            yield one.gap, *self.with_derivatives(form, sets, laws[one.gap], one)
 
     def output(
         self,
