@@ -15,11 +15,12 @@ from anhyst._core import allocate
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
-from anhyst.rig.bearing.drift import Drift, draw_drift
+from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.recording import moving
-from anhyst.rig.stage.loop import Feedforward, pid, track
+from anhyst.rig.stage.loop import Feedforward, pid, ticks_of, track
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst.study.tracking.plants import ERRORS
+from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.pays import STAGE
 from tests.study import stages
 
@@ -49,6 +50,28 @@ def test_a_set_point_keeps_its_limits_and_its_derivatives_belong_together() -> N
     assert np.abs(np.gradient(acceleration, time) - jerk)[1:-1].max() < 30.0
     ends = [begin + length + 1e-3 for begin, length, _ in motion.pulses]
     assert np.interp(ends, time, speed) == pytest.approx([0.25, -0.25, 0.25], rel=1e-4)
+
+
+def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds_it() -> None:
+    setup, motion = stages.setup("full"), stages.training()
+    load = np.full(ticks_of(setup.rig, motion), 3.0)
+    alone, pushed = (track(setup, motion, Feedforward(), 1, load=given) for given in (None, load))
+    assert pushed["position_m"][:200].max() > 20e-9 > alone["position_m"][:200].max()
+    more = pushed["demand_N"] - alone["demand_N"]  # positive towards smaller positions
+    assert float(np.mean(more[2000:])) == pytest.approx(3.0, rel=0.05)
+
+
+def test_gains_weigh_the_moving_average_as_the_rig_file_says() -> None:
+    setup, motion = stages.setup("full"), stages.training()
+
+    def left(weight: float) -> Measures:
+        rig = changed(setup.rig, {"scan.average_weight": weight})
+        gains = find_gains(replace(setup, rig=rig), motion)
+        return measure(track(setup, motion, gains, 0), motion, SLIT)
+
+    plain, weighed = left(0.0), left(1.0)
+    assert weighed.average_m < plain.average_m
+    assert weighed.rms_m > plain.rms_m
 
 
 def test_the_loop_crosses_where_the_file_says_with_room_for_its_delay() -> None:

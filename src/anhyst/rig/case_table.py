@@ -60,6 +60,8 @@ class ScanCase(Table):
     train_m_per_s2: Peaks
     test_m_per_s2: Peaks
     slit_s: Positive
+    # of the moving average beside the rms error, in what the search of feedforward gains minimises
+    average_weight: NotNegative = 0.0
     direction: Direction = OPENS  # of a body of several coordinates
 
     @model_validator(mode="after")

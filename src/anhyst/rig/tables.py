@@ -200,8 +200,8 @@ class LoadTable(Table):
     disturbance: list[DisturbanceTable] = Field(default_factory=list)
 
 
-NO_LOAD = LoadTable(force_N=0.0, bandwidth_Hz=1.0, encoder_step_m=0.0, velocity_bandwidth_Hz=1.0)
-"""Of a body that nothing pulls at."""
+NO_LOAD = LoadTable(force_N=0.0, bandwidth_Hz=1e5, encoder_step_m=0.0, velocity_bandwidth_Hz=1.0)
+"""Of a body that nothing pulls at, or what a benchmark says, at once."""
 
 
 class FrameTable(Table):

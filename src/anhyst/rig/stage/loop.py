@@ -155,8 +155,13 @@ def track(
     gains: Feedforward,
     seed: int = 0,
     learnt: FloatArray | None = None,
+    load: FloatArray | None = None,
 ) -> Recording:
-    """Follow a motion from rest, the iron demagnetised."""
+    """Follow a motion from rest, the iron demagnetised; a force may pull at a body of one coordinate.
+
+    `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
+    towards larger positions.
+    """
     rig, settings = setup.rig, setup.rig.settings
     n = ticks_of(rig, motion)
     time = instants(rig, n + 1)
@@ -176,7 +181,7 @@ def track(
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
     rows = loop.run(
         np.ascontiguousarray(reference[:n]),
-        np.zeros(n),
+        np.zeros(n) if load is None else np.ascontiguousarray(load),
         noise,
         np.ascontiguousarray(-forward),
         np.full(n, _COMMAND_NONE, dtype=np.uint32),

@@ -35,7 +35,7 @@ from anhyst.rig.stage.file import (
     per_root,
     read_stage,
 )
-from anhyst.rig.stage.loop import PROBES, READ, fit_method, identify_stage
+from anhyst.rig.stage.loop import PROBES, READ, StageSetup, fit_method, identify_stage
 from anhyst.study.tracking.simulate import follows_rate
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -269,6 +269,11 @@ class MotionLaw:
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         self.rig, self.magnet, self.method = rig, magnet, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
+
+    def stage(self, found: CalibratedMethod) -> StageSetup:
+        """Return the stage whose controller is corrected by what was found."""
+        compensator = self.compensator(found.value("width"))
+        return StageSetup(self.rig, compensator, correction=found.correction(compensator, self.rig))
 
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force along a path by the law with some numbers, filtered, N."""
