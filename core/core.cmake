@@ -38,7 +38,6 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/simplified_f64.c"
   "${ANHYST_CORE_DIR}/src/compensator/compensator_f32.c"
   "${ANHYST_CORE_DIR}/src/compensator/compensator_f64.c"
-  "${ANHYST_CORE_DIR}/src/numeric/factor.c"
   "${ANHYST_CORE_DIR}/src/control/pidd2.c"
   "${ANHYST_CORE_DIR}/src/control/pidd2_real.c"
   "${ANHYST_CORE_DIR}/src/compensator/map.c"

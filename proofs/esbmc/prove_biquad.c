@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A step of the filter of second order, from any state, for any valid factors and any signal. */
 #define ANHYST_PORT_HEADER "contracts.h"
-#include "numeric/factor.c"
 #include "control/biquad.c"
 
 static anhyst_factor any_factor(void)

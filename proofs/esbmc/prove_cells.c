@@ -26,54 +26,62 @@
   ASSUME(invariant);                                                                               \
   break;
 
-#define GALLOP (first >= 0 && first <= end && end <= along->stride - 2 && step >= 1 && step <= 2048)
-#define FORGET_GALLOP                                                                              \
-  first = nondet_i16();                                                                            \
-  end = nondet_i16();                                                                              \
-  *missing = any_within(-3 * HALF, 3 * HALF);                                                      \
-  step = nondet_i16()
-#define HALVING (first >= 0 && first <= end && end <= along->stride - 2)
+#define HALVING (segment >= 0 && segment <= end && end <= along->stride - 2 && is_inside(begin))
 #define FORGET_HALVING                                                                             \
-  first = nondet_i16();                                                                            \
-  *missing = any_within(-3 * HALF, 3 * HALF);                                                      \
+  segment = nondet_i16();                                                                          \
+  begin = nondet_i32();                                                                            \
+  missing = any_within(-MOST_MISSING, ANHYST_Q31_MAX);                                             \
   end = nondet_i16()
-#define GATHERING                                                                                  \
-  (is_path(along) && least > begun && least <= cell && (cell < most || least == most) &&           \
-   cell <= most && most <= along->moved && along->low >= place && is_inside(*next))
-#define FORGET_GATHERING                                                                           \
-  cell = nondet_i16();                                                                             \
-  *next = nondet_i32();                                                                            \
-  met = nondet_i16() != 0;                                                                         \
+#define REJOINING                                                                                  \
+  (is_path(along) && least >= begun && least <= most && most <= along->moved && place >= low &&    \
+   place < ONE)
+#define FORGET_REJOINING                                                                           \
   least = nondet_i16();                                                                            \
   most = nondet_i16();                                                                             \
+  place = nondet_i32();                                                                            \
   move_on(along)
-#define JOINING (cell >= along->active && cell <= along->cells + 1)
-#define JOINED (cell > along->active && cell <= along->cells + 1 && next >= place && next < ONE)
-#define FORGET_JOINING                                                                             \
-  cell = nondet_i16();                                                                             \
-  next = nondet_i32()
-#define PARTING (cell >= least && cell < along->active && low >= begin && low < ONE)
-#define FORGET_PARTING                                                                             \
-  cell = nondet_i16();                                                                             \
-  low = nondet_i32()
-#define PURSUING (is_path(along) && is_inside(*next) && low >= x && low <= *next)
+#define PURSUING                                                                                   \
+  (is_path(along) && is_inside(next) && low >= begun_at && low <= next &&                          \
+   is_on(along, here, along->active - 1))
 #define FORGET_PURSUING                                                                            \
   along->left = any_spot(along, along->rows);                                                      \
   along->x = nondet_i32();                                                                         \
   along->moved = nondet_i16();                                                                     \
   low = nondet_i32();                                                                              \
-  *next = nondet_i32();                                                                            \
-  met = nondet_i16() != 0;                                                                         \
-  move_on(along)
+  next = nondet_i32();                                                                             \
+  move_on(along);                                                                                  \
+  here = any_spot(along, along->row)
+/* Within a turn the row is brought up when all that join in one place have done so. */
+#define JOINING                                                                                    \
+  (along->active >= 1 && along->active <= along->cells && along->moved >= 0 &&                     \
+   along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&            \
+   is_on(along, here, along->active - 1) && is_on(along, along->left, 0) && low >= begun_at)
+#define JOINED (JOINING_BUT_LAST && is_inside(next) && low <= next)
+#define JOINING_BUT_LAST                                                                           \
+  (along->active >= 2 && along->active <= along->cells + 1 && along->moved >= 0 &&                 \
+   along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&            \
+   is_on(along, here, along->active - 1) && is_on(along, along->left, 0) && low >= begun_at)
+#define FORGET_JOINING                                                                             \
+  along->left = any_spot(along, along->rows);                                                      \
+  along->x = nondet_i32();                                                                         \
+  along->moved = nondet_i16();                                                                     \
+  along->rest = nondet_i32();                                                                      \
+  along->active = (int16_t)any_within(1, along->cells + 1);                                        \
+  here = any_spot(along, along->rows + (along->active - 1) * along->stride);                       \
+  next = nondet_i32()
 
 #include "compensator/cells_path.h"
 
-static int16_t begun; /* cells that moved before */
+static int16_t begun;    /* cells that moved before */
+static int32_t begun_at; /* and where */
 static int is_path(const cell_path *along);
+static int is_on(const cell_path *along, anhyst_spot spot, int32_t row);
 static anhyst_spot any_spot(const cell_path *along, const int16_t *row);
 static void move_on(cell_path *along);
 
 #define HALF (ONE / 2)
+/* What may be missing of a target. */
+#define MOST_MISSING (ONE + HALF / 2)
 
 #include "compensator/cells.c"
 #include "compensator/cells_block.c"
@@ -163,18 +171,30 @@ static void move_on(cell_path *along)
   along->low = any_within(-ONE, ONE - 1);
 }
 
-/* Targets that a flux or a current can ask for, over 4. */
+/* Targets that a current or a flux can ask for, over 4. */
 #define MOST_TARGET (HALF + HALF / 4)
 
-static equation any_equation(void)
+static anhyst_arms any_arms(void)
 {
-  const equation solve = {
-      (int16_t)any_within(1, ANHYST_Q15_MAX), (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
-      (int16_t)any_within(0, ANHYST_Q15_MAX), any_within(-MOST_TARGET, MOST_TARGET)};
-  return solve;
+  const anhyst_arms arms = {any_within(-HALF, HALF),
+                            (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
+                            (int16_t)any_within(1, ANHYST_Q15_MAX)};
+  return arms;
 }
 
-static int is_target(int32_t target) { return target >= -MOST_TARGET && target <= MOST_TARGET; }
+static int is_target(const equation *solve)
+{
+  const int32_t most = solve->arms == 0 ? HALF / 2 + 1 : MOST_TARGET;
+  return solve->target >= -most && solve->target <= most;
+}
+
+static equation any_equation(const anhyst_arms *arms)
+{
+  const equation solve = {(int16_t)any_within(1, ANHYST_Q15_MAX), nondet_i16() != 0 ? arms : 0,
+                          nondet_i32()};
+  ASSUME(is_target(&solve));
+  return solve;
+}
 
 /* ---- contracts ---- */
 
@@ -205,24 +225,22 @@ static inline anhyst_spot spot_on(const cell_path *along, const int16_t *row, in
 static int32_t missing_at(const cell_path *along, const equation *solve, int32_t x,
                           anhyst_spot spot)
 {
-  SHOW(is_inside(x) && is_inside(along->rest) && is_target(solve->target));
+  SHOW(is_inside(x) && is_inside(along->rest) && is_target(solve));
   SHOW(is_on(along, spot, along->active - 1));
-  return any_within(-3 * HALF, 3 * HALF);
+  return any_within(-MOST_MISSING, MOST_MISSING);
 }
 
-static int32_t part_with_target(const equation *solve, int32_t from, int16_t row_rise,
-                                uint16_t fine, int32_t missing)
+static inline int32_t part_with_target(const equation *solve, const int16_t *segment, uint16_t fine,
+                                       int32_t missing)
 {
-  SHOW(missing >= -3 * HALF && missing <= 3 * HALF && is_target(solve->target));
-  SHOW(from >= 0 && from <= 0x7FFF && fine >= 2U && fine <= 13U);
-  return any_within(-1, 0x8000);
+  SHOW(missing >= -MOST_MISSING && is_target(solve));
+  SHOW(fine >= 2U && fine <= 13U);
+  return any_within(0, 0x8000);
 }
-
-static int16_t rise_of(const int16_t *segment) { return (int16_t)any_within(0, ANHYST_Q15_MAX); }
 #endif
 
 #ifdef PART_BY_CONTRACT
-static int32_t part_of(int32_t n, int32_t d)
+static inline int32_t part_of(int32_t n, int32_t d)
 {
   SHOW(n >= 0 && n < d);
   return any_within(0, 65535);
@@ -236,14 +254,6 @@ static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
   return any_within(low, ONE - 1);
 }
 
-static void find_left(cell_path *along)
-{
-  SHOW(is_path(along) && along->active <= along->cells);
-  along->left = any_spot(along, along->rows);
-  along->x = any_within(-ONE, ONE - 1);
-  along->moved = (int16_t)any_within(along->active + 1, along->cells + 1);
-}
-
 static void let_move(cell_path *along, int16_t cells)
 {
   SHOW(is_path(along) && cells >= 1 && cells <= along->cells + 1);
@@ -252,25 +262,14 @@ static void let_move(cell_path *along, int16_t cells)
   along->row = along->rows + (cells - 1) * along->stride;
 }
 
-static int32_t gather_here(cell_path *along, anhyst_spot here, int32_t place)
+static int32_t rests_with(cell_path *along, anhyst_spot here)
 {
-  SHOW(is_path(along) && along->active <= along->cells && is_inside(place));
-  SHOW(is_on(along, here, along->active - 1));
-  const int32_t least = along->active + 1;
-  move_on(along);
-  along->low = place;
-  ASSUME(along->active >= least);
-  return any_within(place, ONE - 1);
-}
-
-static void part(cell_path *along, anhyst_spot here, int16_t least, int32_t begin)
-{
-  SHOW(is_path(along) && least >= 1 && along->active > least && is_inside(begin));
-  SHOW(is_on(along, here, along->active - 1));
-  SHOW(begin <= along->low);
-  const int32_t place = along->low;
-  move_on(along);
-  ASSUME(along->active >= least && along->low >= begin && along->low <= place);
+  SHOW(along->active >= 1 && along->active <= along->cells && is_inside(along->x));
+  SHOW(is_on(along, here, along->active - 1) && is_on(along, along->left, 0));
+  along->left = any_spot(along, along->rows);
+  along->x = any_within(-ONE, ONE - 1);
+  along->moved = (int16_t)any_within(0, along->cells + 1);
+  return any_within(-ONE + 1, ONE - 1);
 }
 
 static void turn(cell_path *along, anhyst_spot here)
@@ -287,12 +286,21 @@ static void turn(cell_path *along, anhyst_spot here)
 #endif
 
 #ifdef GO_BY_CONTRACT
-static void go(cell_path *along, const equation *solve, int32_t low, int32_t high)
+static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_t low, int32_t high)
 {
-  SHOW(is_path(along) && is_target(solve->target));
+  SHOW(is_path(along) && is_target(solve) && is_on(along, here, along->active - 1));
   SHOW(is_inside(low) && is_inside(high) && low <= high);
   along->x = any_within(low, high);
   along->segment = along->row + any_within(0, along->stride - 2);
+}
+
+static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
+{
+  SHOW(is_path(along) && is_target(solve) && is_inside(low) && along->active < along->moved);
+  const int32_t least = along->active;
+  move_on(along);
+  ASSUME(along->active >= least);
+  return any_within(low, ONE - 1);
 }
 #endif
 
@@ -304,30 +312,22 @@ static int32_t node(const cell_path *along, int16_t segment)
 }
 #endif
 
-#ifdef GATHER_BY_CONTRACT
-static int gather_left(cell_path *along, const equation *solve, int32_t *next)
-{
-  const int32_t place = *next;
-  SHOW(is_path(along) && is_target(solve->target) && is_inside(place));
-  SHOW(along->active < along->moved);
-  const int32_t least = along->active + 1;
-  move_on(along);
-  ASSUME(along->active >= least && along->low >= place);
-  *next = any_within(along->low, ONE - 1);
-  return nondet_i16() != 0;
-}
-#endif
-
 #ifdef PURSUE_BY_CONTRACT
-static void pursue(cell_path *along, const equation *solve, int32_t x, int32_t *next)
+static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here)
 {
-  SHOW(is_path(along) && is_target(solve->target) && is_inside(x) && is_inside(*next));
-  SHOW(x <= *next);
+  SHOW(is_path(along) && is_target(solve) && is_on(along, here, along->active - 1));
+  const int32_t x = along->x;
   move_on(along);
   along->x = any_within(x, ONE - 1);
-  along->low = any_within(-ONE, ONE - 1);
   along->segment = along->row + any_within(0, along->stride - 2);
-  *next = any_within(along->x, ONE - 1);
+  return any_within(along->x, ONE - 1);
+}
+
+static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_candidate *at)
+{
+  SHOW(is_inside(begin) && is_inside(rest));
+  at->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->flux = any_within(-ONE, ONE);
 }
 #endif
 
@@ -340,7 +340,10 @@ static void prove_rows(void)
   const int32_t x = any_within(-ONE, ONE - 1);
   const anhyst_spot spot = spot_on(&along, along.row, x);
   SHOW(is_on(&along, spot, along.active - 1));
-  SHOW(segment_of(&along, x) == place_of(&along, spot.at) - place_of(&along, along.row));
+  const uint16_t fine = fineness(&along, x);
+  const int32_t begin = begin_of(x, fine);
+  SHOW(is_inside(begin) && begin <= x && x - begin < (int32_t)((uint32_t)0x8000 << fine));
+  SHOW(place_in(begin, fine, 0x8000) <= ONE && part_at(x, fine) == spot.part);
   const int16_t segment = (int16_t)any_within(0, along.stride - 2);
   SHOW(is_inside(node(&along, segment)));
 }
@@ -355,17 +358,16 @@ static void prove_part(void)
 static void prove_residual(void)
 {
   const cell_path along = any_path();
-  const equation solve = any_equation();
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
   const int32_t x = any_within(-ONE, ONE - 1);
   const anhyst_spot spot = any_spot(&along, along.row);
   ASSUME(spot.at[1] >= spot.at[0] && spot.at[1] - spot.at[0] <= ANHYST_Q15_MAX);
   const int32_t missing = missing_at(&along, &solve, x, spot);
-  SHOW(missing >= -3 * HALF && missing <= 3 * HALF);
-  const uint16_t fine = fineness(&along, x);
-  const int32_t left = any_within(-3 * HALF, 3 * HALF);
-  const int32_t part = part_with_target(&solve, part_at(x, fine), rise_of(spot.at), fine, left);
-  SHOW(part >= -1 && part <= 0x8000);
-  (void)beside(x, fine, part);
+  SHOW(missing >= -MOST_MISSING && missing <= MOST_MISSING);
+  const int32_t left = any_within(-MOST_MISSING, ANHYST_Q31_MAX);
+  const int32_t part = part_with_target(&solve, spot.at, fineness(&along, x), left);
+  SHOW(part >= 0 && part <= 0x8000);
 }
 
 static void prove_joins(void)
@@ -376,7 +378,9 @@ static void prove_joins(void)
   const int32_t at = joins_at(&along, cell, low);
   SHOW(at >= low && at < ONE);
   ASSUME(cell <= along.cells);
-  const int32_t with = left_with(&along, cell);
+  along.active = cell;
+  along.row = row_of(&along, cell);
+  const int32_t with = rests_with(&along, any_spot(&along, along.row));
   SHOW(with > -ONE && with < ONE);
 }
 
@@ -397,30 +401,6 @@ static void prove_let_move(void)
   SHOW(is_path(&along) && along.active == cells);
 }
 
-static void prove_gather_here(void)
-{
-  cell_path along = any_path();
-  const anhyst_spot here = any_spot(&along, along.row);
-  const int32_t place = any_within(-ONE, ONE - 1);
-  const int16_t active = along.active;
-  ASSUME(active <= along.cells);
-  const int32_t next = gather_here(&along, here, place);
-  SHOW(is_path(&along) && along.active > active && along.low == place);
-  SHOW(next >= place && next < ONE);
-}
-
-static void prove_apart(void)
-{
-  cell_path along = any_path();
-  const int16_t least = (int16_t)any_within(1, along.cells + 1);
-  const int32_t begin = any_within(-ONE, along.low);
-  const int32_t place = along.low;
-  ASSUME(along.active > least);
-  part(&along, any_spot(&along, along.row), least, begin);
-  SHOW(is_path(&along) && along.active >= least);
-  SHOW(along.low >= begin && along.low <= place);
-}
-
 static void prove_turn(void)
 {
   cell_path along = any_path();
@@ -428,37 +408,37 @@ static void prove_turn(void)
   SHOW(is_path(&along) && along.active == 1);
 }
 
-static void prove_gather_left(void)
+static void prove_rejoin(void)
 {
   cell_path along = any_path();
-  const equation solve = any_equation();
-  const int32_t place = any_within(-ONE, ONE - 1);
-  int32_t next = place;
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
+  const int32_t low = any_within(-ONE, ONE - 1);
   begun = along.active;
   ASSUME(begun < along.moved);
-  (void)gather_left(&along, &solve, &next);
-  SHOW(is_path(&along) && along.active > begun && along.low >= place);
-  SHOW(next >= along.low && is_inside(next));
+  const int32_t place = rejoin(&along, &solve, low);
+  SHOW(is_path(&along) && along.active >= begun && place >= low && place < ONE);
 }
 
 static void prove_go(void)
 {
   cell_path along = any_path();
-  const equation solve = any_equation();
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
   const int32_t low = any_within(-ONE, ONE - 1);
   const int32_t high = any_within(low, ONE - 1);
-  go(&along, &solve, low, high);
+  go(&along, &solve, any_spot(&along, along.row), low, high);
   SHOW(is_path(&along) && along.x >= low && along.x <= high);
 }
 
 static void prove_pursue(void)
 {
   cell_path along = any_path();
-  const equation solve = any_equation();
-  const int32_t x = any_within(-ONE, ONE - 1);
-  int32_t next = any_within(x, ONE - 1);
-  pursue(&along, &solve, x, &next);
-  SHOW(is_path(&along) && along.x >= x && next >= along.x && is_inside(next));
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
+  begun_at = along.x;
+  const int32_t next = pursue(&along, &solve, any_spot(&along, along.row));
+  SHOW(is_path(&along) && along.x >= begun_at && next >= along.x && next < ONE);
 }
 
 static int is_memory(const anhyst_memory *to)
@@ -473,27 +453,34 @@ static anhyst_memory any_memory(void)
   return any;
 }
 
-static void prove_field(void)
+/* What a step leaves that a candidate is taken for. */
+static int is_candidate(const anhyst_candidate *at)
 {
-  (void)any_path();
-  const anhyst_memory from = any_memory();
-  anhyst_candidate to;
-  const int32_t flux = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  const int32_t x = cells_field(block_words, &from, rested, flux, &to);
-  SHOW(is_memory(&to.memory) && x == to.memory.x && to.way >= -1 && to.way <= 1);
+  return is_memory(&at->memory) && is_inside(at->m) && at->flux >= -ONE && at->flux <= ONE &&
+         at->m_slope >= 0 && at->fine >= 2U && at->fine <= 13U;
 }
 
-static void prove_flux(void)
+static void prove_travel(void)
 {
   (void)any_path();
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
   const anhyst_memory from = any_memory();
-  const anhyst_candidate solved = {any_memory(), nondet_i32(), nondet_i16(), 0, 0, 2};
-  const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
-                            (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
-                            (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  anhyst_memory to;
-  (void)cells_flux(block_words, &from, rested, &solved, &arms, nondet_i32(), &to);
-  SHOW(is_memory(&to));
+  anhyst_candidate to;
+  (void)travel(block_words, &from, rested, &solve, &to);
+  SHOW(is_candidate(&to) && to.way >= -1 && to.way <= 1);
+}
+
+static void prove_slid(void)
+{
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
+  anhyst_candidate at = {any_memory(), nondet_i32(), nondet_i32(),          nondet_i16(),
+                         nondet_i16(), nondet_i16(), (uint16_t)nondet_i16()};
+  ASSUME(is_candidate(&at));
+  int32_t flux = 0;
+  (void)slid(block_words, &solve, any_within(-ONE, ONE - 1), &at, &flux);
+  SHOW(is_memory(&at.memory));
 }
 
 static void prove_keep(void)

@@ -39,8 +39,7 @@ static int32_t any_field(const int16_t *words, const anhyst_memory *from, const 
 }
 
 static int32_t any_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                        const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                        anhyst_memory *to)
+                        anhyst_candidate *solved, const anhyst_arms *arms, int32_t current)
 {
   SHOW(arms->flux_arm >= least_flux_arm && arms->field_arm > 0);
   SHOW(arms->bias >= -ANHYST_Q30_ONE / 2 && arms->bias <= ANHYST_Q30_ONE / 2);

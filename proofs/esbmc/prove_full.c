@@ -437,17 +437,18 @@ static void prove_kernel(void)
   const anhyst_memory to = solved.memory;
   SHOW(is_slope(solved.y_slope) && is_slope(solved.m_slope));
 #else
-  const anhyst_candidate solved = {
-      {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()},
-      nondet_i32(),
-      nondet_i16(),
-      (int16_t)any_within(0, ANHYST_SLOPE_MAX),
-      (int16_t)any_within(0, ANHYST_SLOPE_MAX)};
-  anhyst_memory to;
+  anhyst_candidate solved = {{nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()},
+                             nondet_i32(),
+                             0,
+                             nondet_i16(),
+                             (int16_t)any_within(0, ANHYST_SLOPE_MAX),
+                             (int16_t)any_within(0, ANHYST_SLOPE_MAX),
+                             0};
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  (void)full_flux(words, &from, 0, &solved, &arms, nondet_i32(), &to);
+  (void)full_flux(words, &from, 0, &solved, &arms, nondet_i32());
+  const anhyst_memory to = solved.memory;
 #endif
   SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
   SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);

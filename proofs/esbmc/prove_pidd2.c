@@ -2,7 +2,6 @@
 /* A whole tick of the fixed-point controller, and the two functions beside it, from any state
    within the invariant, for any valid gains and any signals. */
 #define ANHYST_PORT_HEADER "contracts.h"
-#include "numeric/factor.c"
 #include "control/pidd2.c"
 
 static anhyst_factor any_factor(void)

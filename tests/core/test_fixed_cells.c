@@ -96,8 +96,8 @@ static void a_field_gives_the_flux_that_was_asked_for(void)
   uint64_t seed = 11;
   int32_t flux = 0;
   double worst = 0.0;
+  anhyst_candidate found = {0};
   for (int i = 0; i < STEPS; i++) {
-    anhyst_candidate found;
     flux = next_flux(flux, &seed);
     const int32_t x = cells_field(words, &memory, rested, flux, &found);
     anhyst_cells_keep(words, &memory, &found.memory, rested);
@@ -117,18 +117,17 @@ static void a_current_leads_where_it_must(void)
   uint64_t seed = 5;
   int32_t flux = 0;
   double worst = 0.0;
+  anhyst_candidate found = {0};
   for (int i = 0; i < STEPS; i++) {
-    anhyst_candidate found;
-    anhyst_memory reached;
     flux = next_flux(flux, &seed);
     const int32_t x = cells_field(words, &memory, rested, flux, &found);
     const double solved = arm * as_number(flux) + field_arm * as_number(x);
     const double beside = (double)(random_bits(&seed) % 2000U) * 1e-6 - 1e-3;
     const double applied = i % 5 == 0 ? -0.8 * solved : solved + beside;
     const int32_t current = (int32_t)(applied * (double)ANHYST_Q30_ONE);
-    const int32_t came = cells_flux(words, &memory, rested, &found, &arms, current, &reached);
-    anhyst_cells_keep(words, &memory, &reached, rested);
-    memory = reached;
+    const int32_t came = cells_flux(words, &memory, rested, &found, &arms, current);
+    anhyst_cells_keep(words, &memory, &found.memory, rested);
+    memory = found.memory;
     const double m_and_air = follow(as_number(memory.x));
     keep_worst(&worst, fabs(m_and_air - as_number(came)));
     keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(memory.x) - applied));
@@ -140,17 +139,18 @@ static void a_current_leads_where_it_must(void)
 static void a_demagnetised_iron_forgets_where_its_plays_were(void)
 {
   anhyst_compensator c;
-  anhyst_candidate found;
   int32_t fields[2];
   c.kernel = &anhyst_kernel_cells;
   c.words = words;
   for (int i = 0; i < 2; i++) {
     anhyst_compensator_demagnetise(&c);
-    fields[i] = cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / 8, &found);
-    (void)cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / 2, &found);
-    keep(&c, &found.memory);
-    (void)cells_field(words, &c.memory, c.plays, -ANHYST_Q30_ONE / 4, &found);
-    keep(&c, &found.memory);
+    fields[i] = cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / 8, &c.next);
+    for (int way = 0; way < 2; way++) {
+      c.next.fine = 0;
+      (void)cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / (way == 0 ? 2 : -4), &c.next);
+      anhyst_cells_keep(words, &c.memory, &c.next.memory, c.plays);
+      c.memory = c.next.memory;
+    }
   }
   CHECK(c.plays[0] != 0);
   CHECK(fields[0] == fields[1]);

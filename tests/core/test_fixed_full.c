@@ -195,9 +195,9 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
         (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
     const anhyst_arms arms = {0, iron, air};
-    const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0};
-    anhyst_memory to;
-    const int32_t flux = full_flux(words, &from, 0, &none, &arms, target * 4, &to);
+    anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0, 0};
+    const int32_t flux = full_flux(words, &from, 0, &none, &arms, target * 4);
+    const anhyst_memory to = none.memory;
     const double m =
         (flux - anhyst_scale(to.x, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
     keep_worst(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));

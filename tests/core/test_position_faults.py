@@ -24,7 +24,7 @@ from .test_c_core import HERE, ROOT, tool
 
 SOURCES = (
     *("control/position", "control/levitation", "control/supervisor", "control/pidd2"),
-    *("compensator/force_controller", "compensator/map", "numeric/factor"),
+    *("compensator/force_controller", "compensator/map"),
     *("compensator/compensator", "compensator/block", "compensator/closed"),
 )
 LIMITS = (

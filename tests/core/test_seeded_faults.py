@@ -285,7 +285,7 @@ BLOCKS = ("compensator/block", "compensator/closed")
 BESIDE = {
     "test_fixed_tracking": (
         *("control/tracking", "control/tracking_real", "control/allocation", "control/biquad"),
-        *("control/allocation_real", "control/biquad_real", "control/pidd2", "numeric/factor"),
+        *("control/allocation_real", "control/biquad_real", "control/pidd2"),
         *(f"compensator/{name}" for name in ("force_controller", "force_controller_real", "map")),
         *(f"compensator/{name}" for name in ("map_real", "compensator", "block")),
         *(f"compensator/compensator_{name}" for name in ("f32", "f64")),

@@ -91,16 +91,16 @@ static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms 
 }
 
 int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
-                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                           anhyst_memory *to, anhyst_advance *advance)
+                           anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                           anhyst_advance *advance)
 {
   const int32_t target =
       anhyst_clamp(anhyst_sub_q31(current, arms->bias), -ANHYST_Q30_ONE + 1, ANHYST_Q30_ONE - 1);
   const int32_t missing = anhyst_sub_q31(target, current_at(from, arms));
   const int falling = missing < 0;
   if (missing <= STILL && missing >= -STILL) {
-    *to = *from;
-    return to->x;
+    solved->memory = *from;
+    return from->x;
   }
   anhyst_memory start = in_direction(from, falling);
   anhyst_memory end = start;
@@ -113,6 +113,6 @@ int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
     }
   }
   reach(words, &start, arms, falling ? -target : target, &end, advance);
-  *to = in_direction(&end, falling);
-  return to->x;
+  solved->memory = in_direction(&end, falling);
+  return solved->memory.x;
 }

@@ -52,7 +52,7 @@ typedef void anhyst_advance(const int16_t *words, anhyst_memory *start, int32_t 
 int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
                             anhyst_candidate *to, anhyst_advance *advance);
 int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
-                           const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                           anhyst_memory *to, anhyst_advance *advance);
+                           anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
+                           anhyst_advance *advance);
 
 #endif

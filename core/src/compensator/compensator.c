@@ -100,14 +100,12 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity)
 {
-  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0};
   const anhyst_status status = anhyst_block_check(kernel, words, capacity);
   if (status != ANHYST_OK) {
     return status;
   }
   c->kernel = kernel;
   c->words = words;
-  c->next = none;
   c->current = 0;
   c->flux = 0;
   c->flux_applied = 0;
@@ -115,6 +113,14 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
   c->flags = 0;
   anhyst_compensator_demagnetise(c);
   return ANHYST_OK;
+}
+
+/* Forgets what was found last, which says nothing of another memory or block. */
+static void forget(anhyst_compensator *c)
+{
+  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0, 0};
+  c->next = none;
+  c->solved = 0;
 }
 
 void anhyst_compensator_demagnetise(anhyst_compensator *c)
@@ -127,7 +133,7 @@ void anhyst_compensator_demagnetise(anhyst_compensator *c)
   if (c->kernel->start != 0) {
     c->kernel->start(c->words, c->plays, &c->memory);
   }
-  c->solved = 0;
+  forget(c);
 }
 
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)
@@ -138,6 +144,9 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const place at = gap_place(words, gap);
   c->arms = arms_at(words, at);
   c->flux = flux_of(c, demand, at);
+  if (c->solved != 0U) {
+    c->next.fine = 0; /* leads to where nobody went */
+  }
   const int32_t field = c->kernel->field(words, &c->memory, c->plays, c->flux, &c->next);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
@@ -157,25 +166,13 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
       anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536));
 }
 
-/* Goes on with the memory after a step. */
-static void keep(anhyst_compensator *c, const anhyst_memory *reached)
-{
-  if (c->kernel->keep != 0) {
-    c->kernel->keep(c->words, &c->memory, reached, c->plays);
-  }
-  c->memory = *reached;
-}
-
 static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_solved)
 {
+  const int16_t *words = c->words;
   const int same_gap = c->solved != 0U && gap == c->gap;
-  if (as_solved && same_gap && (c->flags & ANHYST_CURRENT_LIMITED) == 0U) {
-    keep(c, &c->next.memory);
-    c->flux_applied = c->flux;
-  } else {
-    const int16_t *words = c->words;
+  c->flux_applied = c->flux;
+  if (!as_solved || !same_gap || (c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
     const int32_t inner = applied >> (words[ANHYST_WORD_CURRENT_SHIFT] + 1);
-    anhyst_memory reached;
     if (!same_gap) {
       c->arms = arms_at(words, gap_place(words, gap));
       c->gap = gap;
@@ -183,10 +180,12 @@ static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_s
     if (c->solved == 0U) {
       c->next.way = 0;
     }
-    c->flux_applied =
-        c->kernel->flux(words, &c->memory, c->plays, &c->next, &c->arms, inner, &reached);
-    keep(c, &reached);
+    c->flux_applied = c->kernel->flux(words, &c->memory, c->plays, &c->next, &c->arms, inner);
   }
+  if (c->kernel->keep != 0) {
+    c->kernel->keep(words, &c->memory, &c->next.memory, c->plays);
+  }
+  c->memory = c->next.memory;
   c->solved = 0;
 }
 
@@ -232,7 +231,7 @@ void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
   c->kernel->carry(c->words, words, flux, &c->memory, c->plays);
   c->flux_applied = flux;
   c->words = words;
-  c->solved = 0;
+  forget(c);
 }
 
 int16_t anhyst_compensator_output_q15(const anhyst_compensator *c)

@@ -37,11 +37,10 @@ static int32_t euler_field(const int16_t *words, const anhyst_memory *from, cons
 }
 
 static int32_t euler_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                          const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                          anhyst_memory *to)
+                          anhyst_candidate *solved, const anhyst_arms *arms, int32_t current)
 {
   (void)plays;
-  return anhyst_closed_flux(words, from, solved, arms, current, to, advance);
+  return anhyst_closed_flux(words, from, solved, arms, current, advance);
 }
 
 static int euler_is_valid(const int16_t *words)

@@ -404,8 +404,7 @@ static int slid(const path *along, search find, answer *at)
 }
 
 static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                         const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                         anhyst_memory *to)
+                         anhyst_candidate *solved, const anhyst_arms *arms, int32_t current)
 {
   (void)plays;
   path along;
@@ -443,8 +442,9 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
       at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
     }
   }
-  remember(&along, from, falling, &at, to);
-  const int32_t of_air = anhyst_shl_q31(anhyst_scale(to->x, words[ANHYST_WORD_FULL_AIR]), 2);
+  remember(&along, from, falling, &at, &solved->memory);
+  const int32_t x = solved->memory.x;
+  const int32_t of_air = anhyst_shl_q31(anhyst_scale(x, words[ANHYST_WORD_FULL_AIR]), 2);
   return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }
 

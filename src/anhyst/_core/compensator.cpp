@@ -104,6 +104,7 @@ public:
       const int32_t *at = words.data();
       state_.memory = {at[0], at[1], at[2], at[3], at[4]};
       std::copy(at + 5, at + n, state_.plays);
+      state_.next.fine = 0;
       state_.solved = 0;
       return;
     }

@@ -25,7 +25,7 @@ SINGLE: dict[Kind, tuple[str, ...]] = {
 }
 """The same for single precision."""
 
-PIDD2 = ("numeric/factor.c", "control/pidd2.c")
+PIDD2 = ("control/pidd2.c",)
 """PIDD2 alone, in fixed point."""
 
 CONTROL = (

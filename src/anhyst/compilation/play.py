@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 KIND: Literal["play"] = "play"
-SOURCES = ("numeric/factor.c", "compensator/map.c", "compensator/play_map.c")
+SOURCES = ("compensator/map.c", "compensator/play_map.c")
 STATE_BYTES = 4 + 9 * 4
 """Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
 

@@ -25,7 +25,7 @@ from anhyst.support.errors import InputError
 
 _FORMATS = ("f32", "f64")
 _CORE = (
-    *("numeric/elementary.c", "numeric/factor.c"),
+    "numeric/elementary.c",
     *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver")),
     *(f"law/{name}.c" for name in ("circuit", "layers")),
     *(f"law/{name}.c" for name in ("lag_exact", "lag_linear", "lag_1986", "law_lag")),

@@ -118,10 +118,7 @@ def measure_sizes(
     for symbol in image.symbols:
         ours = symbol.name.startswith(prefixes) or symbol.source in sources
         if symbol.kind == "STT_FUNC" and ours:
-            if (
-                symbol.name.startswith(("anhyst_pidd2", "anhyst_factor"))
-                or symbol.source in CONTROL
-            ):
+            if symbol.name.startswith("anhyst_pidd2") or symbol.source in CONTROL:
                 control += symbol.size
             else:
                 code += symbol.size

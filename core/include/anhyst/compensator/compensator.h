@@ -40,16 +40,17 @@ typedef struct {
   int32_t level; /* full: y there; cells: field, in its direction, where the last one joined */
 } anhyst_memory;
 
-/* A solved step that has not been committed: where it leads, and what a current near it needs. */
+/* Where a step leads that was solved last, and what a current or a flux near it needs. */
 typedef struct {
   anhyst_memory memory;
   int32_t m;       /* full: magnetisation there, q28; simplified: z at the start, in its direction;
                       cells: field where the next play joins, in the direction */
+  int32_t flux;    /* cells: h*x + m where the segment of the row begins, over 4 */
   int16_t way;     /* 1: the field rises, -1: it falls, 0: it stays, or not known */
-  int16_t y_slope; /* full: of the irreversible part over the field, in 1/1024; cells: entry of the
-                      row where the segment begins */
-  int16_t m_slope; /* full: of the magnetisation; cells: what the row rises on this segment */
-  uint16_t fine;   /* cells: a part of 2^-15 of it is 2^this, q30 */
+  int16_t y_slope; /* full: of the irreversible part over the field, in 1/1024; cells: word of the
+                      block where the segment begins */
+  int16_t m_slope; /* full: of the magnetisation; cells: what the row rises on the segment */
+  uint16_t fine;   /* cells: a part of 2^-15 of it is 2^this, q30; 0: nothing is known */
 } anhyst_candidate;
 
 /* How the current is made up at the gap of this tick. */
@@ -59,20 +60,19 @@ typedef struct {
   int16_t field_arm; /* weight, > 0 */
 } anhyst_arms;
 
-/* A law in fixed point. The first two functions leave *from and the plays alone and fill *to, which
-   may not lie in *from. plays: where the plays of the law of cells rest, q30, ANHYST_CELLS of them;
-   nothing to the other laws. */
+/* A law in fixed point. The first two functions leave *from and the plays alone. plays: where the
+   plays of the law of cells rest, q30, ANHYST_CELLS of them; nothing to the other laws. */
 typedef struct {
   uint16_t kind; /* of the blocks it works with */
-  /* The field that belongs to a flux, q30. |flux| <= 1. */
+  /* The field that belongs to a flux, q30, and where it leads. |flux| <= 1. *to is what led to
+   *from, or its fine is 0. */
   int32_t (*field)(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                    int32_t flux, anhyst_candidate *to);
   /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current.
-     *solved is what field() found from the same memory, or its way is 0: a current near that of the
-     candidate is found in a fraction of the time. */
+     *at is what field() found from the same memory, or its way is 0: a current near that of the
+     candidate is found in a fraction of the time. Afterwards its memory is what was reached. */
   int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                  const anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                  anhyst_memory *to);
+                  anhyst_candidate *at, const anhyst_arms *arms, int32_t current);
   /* Whether a block's words of this kind are valid. */
   int (*valid)(const int16_t *words);
   /* Brings a memory from one valid block to another, under which the iron stands at this flux, q30.
@@ -97,7 +97,7 @@ typedef struct {
   const int16_t *words;        /* the parameter block in use; read only */
   anhyst_memory memory;        /* of what was applied */
   int32_t plays[ANHYST_CELLS]; /* law of cells: where they rest */
-  anhyst_candidate next;       /* where the solved current would lead */
+  anhyst_candidate next;       /* where the solved current would lead, or the last one led */
   anhyst_arms arms;            /* at the gap for which was solved */
   int32_t current;             /* solved, q31 */
   int32_t flux;                /* solved, q30 */

@@ -32,7 +32,14 @@ static inline int anhyst_factor_is_share(anhyst_factor factor)
 }
 
 /* x*factor, floor, error below one unit in the last place; saturates where x*2^shift does. */
-int32_t anhyst_factor_product(int32_t x, anhyst_factor factor);
+static inline int32_t anhyst_factor_product(int32_t x, anhyst_factor factor)
+{
+  if (factor.shift >= 0) {
+    /* Shifted first, so that what the product's floor cuts off is not made larger. */
+    return anhyst_scale(anhyst_shl_q31(x, (uint16_t)factor.shift), factor.mantissa);
+  }
+  return anhyst_scale(x, factor.mantissa) >> -factor.shift;
+}
 
 #ifdef __cplusplus
 }
