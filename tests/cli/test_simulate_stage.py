@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from anhyst.cli import app as cli
 from anhyst.rig.stage.file import calibration_of, read_stage
+from anhyst.rig.stage.loop import Feedforward, track
+from anhyst.study.tracking import calibrate as calibration
 from anhyst.study.tracking.plants import ERRORS
 from tests.refusals import says
-from tests.study.stages import recorded
+from tests.study import bearings
+from tests.study.stages import recorded, setup, training
 
 from .command import quick, refused
 
@@ -104,6 +109,19 @@ def test_a_stage_is_recorded_measured_and_reported(folder: Path) -> None:
     assert wrong.returncode == 0, wrong.stderr
     found = json.loads((folder / "montecarlo.json").read_text())
     assert [row["error"] for row in found["variants"]["full"]["average_m"]] == [*ERRORS]
+
+
+def test_calibrate_ends_with_1_and_writes_nothing_where_nothing_is_learnt(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gently = replace(training(), peaks=(0.5, 0.5), speed=0.01)
+    track(setup("full"), gently, Feedforward(), 1).save(folder / "run.csv")
+    monkeypatch.setattr(calibration, "identify_stage", lambda _: bearings.knowledge())
+    place = folder / "calibration.toml"
+    given = (folder / "rig.toml", folder / "run.csv", "--out", place)
+    assert cli.main(["calibrate", *map(str, given)]) == 1
+    assert says(capsys.readouterr().err, "nothing-learnt")
+    assert not place.exists()
 
 
 @pytest.mark.slow

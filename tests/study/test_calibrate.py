@@ -22,6 +22,7 @@ from anhyst.rig.stage import loop as module
 from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure
+from anhyst.study.tracking.simulate import explore_stage
 from anhyst.support.arrays import FloatArray
 from tests.refusals import refused
 from tests.study import bearings, stages
@@ -244,6 +245,18 @@ def test_a_current_is_not_taken_for_a_force(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text(text.replace("command_A", "command_N", 1))
     with refused("unit-of-another-kind: command_N"):
         calibrate(stages.stage(), tmp_path / "run.csv", magnet=bearings.knowledge())
+
+
+def test_a_demand_of_the_wrong_sign_is_refused() -> None:
+    with refused("wrong-sign demand_N"):
+        taught(with_columns(demand_N=-recorded()["demand_N"]))
+
+
+def test_a_calibration_without_the_law_itself_is_refused_before_any_work(tmp_path: Path) -> None:
+    taught(recorded(), ["flux"]).save(tmp_path / "calibration.toml")
+    rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
+    with refused("method-missing control.calibration"):
+        explore_stage(rig, bearings.knowledge())
 
 
 def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> None:

@@ -9,8 +9,7 @@ from anhyst.rig.bearing.loop import with_gains
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
-from anhyst.study.tuning.points import make_screen
-from anhyst.study.tuning.screen import Screen, closed_loop, refine, spread_over
+from anhyst.study.tuning.screen import Screen, closed_loop, make_screen, refine, spread_over
 from anhyst.study.tuning.space import GainSpace
 from tests.study import bearings
 from tests.study.small_tuning import HERE, setup

@@ -91,7 +91,9 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     TrackingTable: ("force_min_N",),
 }
 """Keys without a use where there is one coordinate."""
-_SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {TrackingTable: ("calibration",)}
+_SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
+    TrackingTable: ("calibration", "calibrate")
+}
 
 
 def _no_spread(kind: FileKind) -> tuple[str, ...]:

@@ -280,6 +280,7 @@ class TrackingTable(Table):
     force_max_N: Positive
     force_min_N: NotNegative = 0.5  # of a magnet without another against it
     calibration: str | None = None  # file of anhyst calibrate
+    calibrate: bool = False  # every motion teaches what the next one is corrected by
 
 
 class ForceTable(Table):

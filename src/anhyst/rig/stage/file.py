@@ -86,6 +86,13 @@ class StageRig:
         named = self.settings.tracking.calibration
         if named is None:
             return None
+        if self.settings.tracking.calibrate:
+            raise InputError(
+                f"{self.path}: control.calibration: calibrate = true begins without one; leave "
+                "one of both out",
+                code="not-both",
+                key="control.calibration",
+            )
         place = self.path.parent / named
         file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
         if file.rig != self.settings.name:
@@ -278,6 +285,7 @@ class CalibratedMethod(Table):
     residual_N: NotNegative  # force of the motion less that of the law, root mean square
     force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
     fits: bool  # whether what is left is of the size that a law of the right kind leaves
+    refused: NotNegative = 0  # motions that taught nothing, since the law did not explain them
     parameter: list[LearntParameter]
 
     @model_validator(mode="after")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from anhyst.compensate.interface import MethodName
@@ -14,8 +15,16 @@ from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst.study.tracking.learner import at_work
 from anhyst.study.tracking.measures import measure
-from anhyst.study.tracking.simulate import OWN, find_gains, make_variants, refuse_unstable
+from anhyst.study.tracking.simulate import (
+    LEARNING,
+    OWN,
+    check_calibration,
+    make_variants,
+    refuse_unstable,
+    settle,
+)
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress
@@ -54,15 +63,15 @@ def stage_plants(
             code="one-coordinate-only",
             key="body.free",
         )
-    _ = rig.calibration  # what is wrong with the file is said before any work
+    check_calibration(rig)
     known = magnet or identify_stage(rig)
     made, _ = make_variants(rig, known, names)
     refuse_unstable(made[OWN])
-    gains = all_of(_find, list(made.values()), progress)
+    gains = all_of(partial(_find, known), list(made.values()), progress)
     cases = tuple(errors_of(rig.settings)), "error"
     return Plants(
         file=rig.settings,
-        work=StageWork(made, dict(zip(made, gains, strict=True))),
+        work=StageWork(known, made, dict(zip(made, gains, strict=True))),
         methods=tuple(made),
         own=OWN,
         figures=(
@@ -76,26 +85,31 @@ def stage_plants(
     )
 
 
-def _find(setup: StageSetup) -> Feedforward:
-    scan = setup.rig.settings.scan
-    return find_gains(setup, motion_of(scan, scan.train_m_per_s2))
+def _find(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:
+    return settle(setup, magnet)[0]
 
 
 @dataclass(frozen=True)
 class StageWork:
     """Variants and their gains."""
 
+    magnet: IdentifiedMagnet
     setups: Mapping[MethodName, StageSetup]
     gains: Mapping[MethodName, Feedforward]
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
-        """Follow the test set-point with each error alone and with all of them."""
+        """Follow the test set-point with each error alone and with all of them.
+
+        A stage that calibrates itself has worked on the training set-point before.
+        """
         setup, gains = self.setups[method], self.gains[method]
         scan = setup.rig.settings.scan
         motion = motion_of(scan, scan.test_m_per_s2)
         found: dict[str, list[float]] = {"average_m": [], "peak_m": [], "settling_50_s": []}
         for names in errors_of(setup.rig.settings).values():
-            run = track(replace(setup, drift=drift.alone(names)), motion, gains, noise)
+            plant = replace(setup, drift=drift.alone(names))
+            learner = at_work(plant, self.magnet, gains, noise + LEARNING)
+            run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)
             if run.loss is not None:
                 return {"lost_s": run.dt * run.loss.tick}
             measures = measure(run, motion, scan.slit_s)

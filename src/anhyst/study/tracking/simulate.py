@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.file import (
+    CalibratedMethod,
     StageRig,
     read_stage,
     scan_direction,
@@ -28,6 +30,7 @@ from anhyst.rig.stage.file import (
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
+from anhyst.study.tracking.learner import Learner, at_work, refuse_uncalibratable
 from anhyst.study.tracking.measures import (
     BANDS_M,
     Measures,
@@ -96,6 +99,8 @@ def _pid_at(rig: StageRig, z: np.ndarray[tuple[int, ...], np.dtype[np.complex128
     return np.asarray(numerator / (1.0 + c["a1"] * back + c["a2"] * back**2))
 
 
+LEARNING = 1000
+"""First noise seed of the motions from which a stage learns that calibrates itself."""
 RUNS = 30
 """Of the search."""
 _UNITS = np.array([0.01, 50e-6, 5e-9])
@@ -163,6 +168,7 @@ class TriedVariant:
     # of each coordinate that the set-point does not move the largest error, one a seed, m or rad;
     # none of a body of one coordinate
     crossed: Mapping[str, tuple[float, ...]]
+    learnt: CalibratedMethod | None  # of a stage that calibrates itself
 
     def of(self, name: str) -> Interval:
         """Return a measure over the seeds; no mean where one of the runs was lost."""
@@ -299,6 +305,7 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
         "standstill_rms_m": one.standstill_m,
         "learning_peaks_m": list(one.trials_m),
         **({"cross_talk": _crossed(one)} if one.crossed else {}),
+        **({"learnt": one.learnt.model_dump()} if one.learnt else {}),
     }
 
 
@@ -312,14 +319,20 @@ def _crossed(one: TriedVariant) -> dict[str, Any]:
     }
 
 
-def try_variant(setup: StageSetup) -> TriedVariant:
-    """Find the gains of one variant on the training set-point and judge it on the test set-point."""
+def try_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> TriedVariant:
+    """Find the gains of one variant on the training set-point and judge it on the test set-point.
+
+    One that calibrates itself works on the training set-point first, and goes on learning.
+    """
     table = setup.rig.settings.scan
-    gains = find_gains(setup, motion_of(table, table.train_m_per_s2))
+    gains, learner = settle(setup, magnet)
     motion = motion_of(table, table.test_m_per_s2)
-    runs = [
-        track(setup, motion, gains, seed) for seed in range(1, setup.rig.settings.noise_seeds + 1)
-    ]
+    seeds = range(1, setup.rig.settings.noise_seeds + 1)
+    if learner is None:
+        runs = [track(setup, motion, gains, seed) for seed in seeds]
+    else:
+        runs = [learner.work(setup.drift, motion, gains, seed) for seed in seeds]
+        setup = learner.stage(setup.drift)
     small = motion_of(table, [SMALL * peak for peak in table.test_m_per_s2])
     here = find_gains(setup, motion)
     trials = learn(setup, gains)
@@ -335,7 +348,16 @@ def try_variant(setup: StageSetup) -> TriedVariant:
         standstill_m=_standing(setup, gains),
         trials_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
         crossed=_cross_talks(setup.rig.settings, runs, motion),
+        learnt=None if learner is None else learner.found,
     )
+
+
+def settle(setup: StageSetup, magnet: IdentifiedMagnet) -> tuple[Feedforward, Learner | None]:
+    """Return the gains of one variant, and of one that calibrates itself what it learnt with them."""
+    training = motion_of(setup.rig.settings.scan, setup.rig.settings.scan.train_m_per_s2)
+    gains = find_gains(setup, training)
+    learner = at_work(setup, magnet, gains, LEARNING)
+    return gains if learner is None else find_gains(learner.stage(), training), learner
 
 
 def _cross_talks(
@@ -405,6 +427,20 @@ def refuse_unstable(setup: StageSetup, out: PathLike | None = None) -> None:
     raise NegativeResult(f"{text}; the recording is kept in {out}", code="loop-lost")
 
 
+def check_calibration(rig: StageRig) -> None:
+    """Say before any work what is wrong with a calibration, or with learning one."""
+    if rig.settings.tracking.calibrate:
+        refuse_uncalibratable(rig)
+    file = rig.calibration
+    if file is not None and OWN not in [one.name for one in file.method]:
+        raise InputError(
+            f"{rig.path}: control.calibration: {rig.settings.tracking.calibration} says nothing "
+            f"of '{OWN}', and others would be calibrated alone; calibrate again, with all methods",
+            code="method-missing",
+            key="control.calibration",
+        )
+
+
 def explore_stage(
     rig: StageRig,
     magnet: IdentifiedMagnet | None = None,
@@ -413,11 +449,11 @@ def explore_stage(
     out: PathLike | None = None,
 ) -> TrackingStudy:
     """Try variants on a stage."""
-    _ = rig.calibration  # what is wrong with the file is said before any work
+    check_calibration(rig)
     known = magnet or identify_stage(rig)
     made, left_out = make_variants(rig, known, names)
     refuse_unstable(made[OWN], out)
-    tried = all_of(try_variant, list(made.values()), progress)
+    tried = all_of(partial(try_variant, known), list(made.values()), progress)
     return TrackingStudy(rig, dict(zip(made, tried, strict=True)), left_out)
 
 

@@ -15,8 +15,7 @@ from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds, sweep
 from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.tuning.aims import TITLES, Aims, Figures, text_of, worst_of
-from anhyst.study.tuning.points import make_screen
-from anhyst.study.tuning.screen import Screen, refine, spread_over
+from anhyst.study.tuning.screen import Screen, make_screen, refine, spread_over
 from anhyst.study.tuning.space import GainSpace
 from anhyst.study.tuning.trial import Condition, check_frequencies, peak_of
 from anhyst.support.jobs import all_of

@@ -15,8 +15,7 @@ from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.loop import Setup, with_gains
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.limits import Check, check
-from anhyst.study.tuning.points import FIRMNESS, make_screen
-from anhyst.study.tuning.screen import Screen, Strategy, refine, spread_over
+from anhyst.study.tuning.screen import FIRMNESS, Screen, Strategy, make_screen, refine, spread_over
 from anhyst.study.tuning.space import GainSpace
 from anhyst.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
 from anhyst.support.arrays import FloatArray

@@ -1,0 +1,30 @@
+"""What a campaign of measurement leaves."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from anhyst.rig.measuring import measure_path
+
+
+class Held:
+    """Magnet and sensors that show what they are given."""
+
+    def step(self, current: float, gap: float) -> float:
+        return current * gap
+
+    def read(self, current: float, force: float) -> tuple[float, float]:
+        return current, force
+
+
+@pytest.mark.parametrize(
+    ("gap", "name"),
+    [(0.35e-3, "0.35mm-up"), (0.5e-3, "0.50mm-up"), (0.351e-3, "0.351mm-up"),
+     (0.352e-3, "0.352mm-up")],
+)  # fmt: skip
+def test_no_two_gaps_share_a_label(gap: float, name: str) -> None:
+    held = cast(Any, Held())
+    assert measure_path(held, held, gap, np.array([0.0, 1.0, 0.0]), "up", ()).label == name
