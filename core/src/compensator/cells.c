@@ -582,6 +582,16 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
   return flux_reached(&solve, &found);
 }
 
+#if ANHYST_MEMORIES > 1
+int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                          const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
+{
+  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms->flux_arm, arms->field_arm, target};
+  advance(words, from, plays, &solve, to);
+  return flux_reached(&solve, to);
+}
+#endif
+
 const anhyst_kernel anhyst_kernel_cells = {
     ANHYST_KIND_CELLS,  cells_field,       cells_flux,        anhyst_cells_is_valid,
     anhyst_cells_carry, anhyst_cells_keep, anhyst_cells_start};
