@@ -189,9 +189,9 @@ def test_iron_that_would_jump_without_a_gap_is_refused() -> None:
         make_plan(jumps, CompileRequest("full", "f32", RATE), 0)
 
 
-def test_fixed_point_refuses_layers() -> None:
-    with refused("layers-need-f32 layers"):
-        make_plan(magnet(LAYERS["two"]), CompileRequest("full", "q15", RATE), 0)
+def test_the_simplified_law_refuses_layers() -> None:
+    with refused("layers-need-full layers"):
+        make_plan(magnet(LAYERS["two"]), CompileRequest("simplified", "q15", RATE), 0)
 
 
 @pytest.mark.slow

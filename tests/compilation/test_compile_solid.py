@@ -1,8 +1,9 @@
-"""Solid iron compiled: its layers in single precision, said where they are left out."""
+"""Solid iron compiled: its layers in every format, said where they are left out."""
 
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -17,12 +18,12 @@ from tests.compensate.test_solid import LAYERS, RATE, TOP, magnet
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 
 
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+@pytest.fixture(scope="module", params=["f32", "q31", "q15"])
+def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Compiled:
     folder = tmp_path_factory.mktemp("solid")
     magnet(LAYERS["three and sheets"]).save(folder / "magnet.toml")
-    request = CompileRequest("full", "f32", RATE)
-    return compile_model(folder / "magnet.toml", folder / "out", request)
+    asked = CompileRequest("full", request.param, RATE)
+    return compile_model(folder / "magnet.toml", folder / "out", asked)
 
 
 def test_the_budget_says_what_the_layers_leave_of_fast_demands(compiled: Compiled) -> None:
@@ -53,13 +54,32 @@ def test_the_example_compiles_without_a_warning(compiled: Compiled, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_fixed_point_is_at_rest_and_says_so(tmp_path: Path) -> None:
+def test_the_simplified_law_is_at_rest_and_says_so(tmp_path: Path) -> None:
     magnet(LAYERS["two"]).save(tmp_path / "magnet.toml")
-    request = CompileRequest("full", "q15", RATE)
+    request = CompileRequest("simplified", "q15", RATE)
     found = compile_model(tmp_path / "magnet.toml", tmp_path / "out", request)
     assert len(found.left_out) == 1
-    assert "f32" in found.left_out[0]
+    assert "--kind full" in found.left_out[0]
     assert found.budget.part("rate") is None
+
+
+def test_a_controller_without_room_for_layers_refuses_their_block(tmp_path: Path) -> None:
+    folder = magnet(LAYERS["two"]).save(tmp_path / "magnet.toml")
+    request = CompileRequest("full", "q31", RATE)
+    compile_model(folder, tmp_path / "out", request)
+    sources = tuple(sorted((tmp_path / "out").rglob("*.c")))
+    ends = {}
+    for memories in (2, 1):
+        room = tmp_path / "out" / ROOM
+        room.write_text(room.read_text().replace("MEMORIES 2", f"MEMORIES {memories}"))
+        build = Build(sources, (tmp_path / "out", tmp_path / "out" / "include"))
+        program = tmp_path / f"with_{memories}"
+        compile_c(["cc"], build, program, "host")
+        with (tmp_path / "out" / "vectors.csv").open() as vectors:
+            done = subprocess.run([program], stdin=vectors, capture_output=True, check=False)
+        ends[memories] = done.returncode
+    assert ends[2] == 0
+    assert ends[1] != 0
 
 
 @pytest.mark.slow

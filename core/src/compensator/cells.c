@@ -408,6 +408,15 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
   return anhyst_shl_q31(flux, 2);
 }
 
+#if ANHYST_MEMORIES > 1
+int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                          const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
+{
+  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, target};
+  return anhyst_shl_q31(travel(words, from, plays, &solve, to), 2);
+}
+#endif
+
 const anhyst_kernel anhyst_kernel_cells = {
     ANHYST_KIND_CELLS,  cells_field,       cells_flux,        anhyst_cells_is_valid,
     anhyst_cells_carry, anhyst_cells_keep, anhyst_cells_start};

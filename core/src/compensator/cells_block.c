@@ -2,6 +2,7 @@
 /* What the law of cells asks of a block, where a path of it begins and what it leaves behind, and
    how a memory goes from one block to another. */
 #include "cells_path.h"
+#include "solid.h"
 
 /* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
 #define HALVINGS 24
@@ -50,6 +51,22 @@ void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const an
     }
   }
 }
+
+#if ANHYST_MEMORIES > 1
+int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
+                           anhyst_candidate *at)
+{
+  cell_path along;
+  anhyst_cells_begin(&along, words, memory, plays);
+  const anhyst_spot spot = spot_on(&along, along.row, along.x);
+  const int32_t flux = ((anhyst_value_at(spot) + along.rest) >> 2) +
+                       anhyst_scale(along.x, words[ANHYST_WORD_CELLS_AIR]);
+  at->memory = *memory;
+  at->m_slope = (int16_t)(spot.at[1] - spot.at[0]);
+  at->fine = fineness(&along, along.x);
+  return anhyst_shl_q31(turned(flux, along.falling), 2);
+}
+#endif
 
 /* Whether all rows of a column lie within less than 1. */
 static int rows_are_near(const cell_path *along, int16_t column)
@@ -104,27 +121,49 @@ static int16_t steepest(const cell_path *along, int narrow)
   return most;
 }
 
-/* Whether more field needs more current on every segment at every gap, by more than what rounding
-   between two entries of the tables over the gap can take away, a unit of either arm. */
-static int current_rises(const int16_t *words)
+/* Whether more field needs more of what these arms make of it and of its flux on every segment, by
+   more than a unit of either arm can take away. */
+static int rises_with(const int16_t *words, int16_t flux_arm, int16_t field_arm)
 {
   cell_path along;
   anhyst_cells_rows(&along, words);
-  const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
-  const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
-  for (int narrow = 0; narrow < 2; narrow++) {
+  for (int narrow = 0; narrow < 2 && flux_arm < 0; narrow++) {
     const int32_t x = (int32_t)((uint32_t)0x8000 << (narrow != 0 ? along.narrow : along.wide));
     const int32_t flux =
         (int32_t)steepest(&along, narrow) * 8192 + anhyst_scale(x, words[ANHYST_WORD_CELLS_AIR]);
-    for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
-      const int32_t least = anhyst_scale(flux, (int16_t)(flux_arm[i] - 1)) +
-                            (anhyst_scale(x, (int16_t)(field_arm[i] - 1)) >> 2);
-      if (flux_arm[i] < 0 && least <= 4) {
-        return 0;
-      }
+    if (anhyst_scale(flux, (int16_t)(flux_arm - 1)) +
+            (anhyst_scale(x, (int16_t)(field_arm - 1)) >> 2) <=
+        4) {
+      return 0;
     }
   }
   return 1;
+}
+
+/* Whether more field needs more current at every gap, rounding between two entries of the tables
+   over it included. */
+static int current_rises(const int16_t *words)
+{
+  const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
+  const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
+  for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
+    if (!rises_with(words, flux_arm[i], field_arm[i])) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+/* Whether there is room for the layers of a block, and each answers more field with more flux where
+   nothing but iron is around it. */
+static int layers_are_valid(const int16_t *words)
+{
+#if ANHYST_MEMORIES > 1
+  if (words[ANHYST_WORD_SOLID_LAYERS] != 0) {
+    return anhyst_solid_is_valid(words) && rises_with(words, words[ANHYST_WORD_SOLID_OWN], 16384);
+  }
+#endif
+  return words[ANHYST_WORD_SOLID_LAYERS] == 0;
 }
 
 int anhyst_cells_is_valid(const int16_t *words)
@@ -137,7 +176,7 @@ int anhyst_cells_is_valid(const int16_t *words)
          anhyst_single_is_valid(words, ANHYST_WORD_UNIT_FIELD) &&
          anhyst_table_rises(words, words[ANHYST_WORD_CELLS_THRESHOLDS],
                             words[ANHYST_WORD_CELLS_COUNT], 1, ANHYST_Q15_MAX) &&
-         rows_are_valid(words) && current_rises(words);
+         rows_are_valid(words) && current_rises(words) && layers_are_valid(words);
 }
 
 /* Where the plays of all cells stand, the field for cell 0 and those that there are not. */

@@ -184,4 +184,14 @@ void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const an
                        int32_t *plays);
 void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 
+#if ANHYST_MEMORIES > 1
+/* Lets the law meet flux_arm*flux + field_arm*field = target, the target over 4; gives the flux. */
+int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                          const anhyst_arms *arms, int32_t target, anhyst_candidate *to);
+
+/* The flux under which a memory stands, and the segment that it stands on, as of a candidate. */
+int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
+                           anhyst_candidate *at);
+#endif
+
 #endif

@@ -83,16 +83,24 @@ public:
     anhyst_compensator_swap(&state_, words_.data());
   }
 
-  // With the plays behind it where the law has them.
+  // With the plays behind it where the law has them, and then all that for each deeper memory, with
+  // what it is owed.
   OutQ memory() const
   {
-    const anhyst_memory &m = state_.memory;
-    const int32_t words[5] = {m.x, m.y, m.p, m.turn, m.level};
-    OutQ out = make_words(has_plays() ? 5 + ANHYST_CELLS : 5);
-    std::copy(words, words + 5, out.data());
-    if (has_plays()) {
-      std::copy(state_.plays, state_.plays + ANHYST_CELLS, out.data() + 5);
+    std::vector<int32_t> words;
+    const auto put = [&](const anhyst_memory &m, const int32_t *plays) {
+      words.insert(words.end(), {m.x, m.y, m.p, m.turn, m.level});
+      if (has_plays()) {
+        words.insert(words.end(), plays, plays + ANHYST_CELLS);
+      }
+    };
+    put(state_.memory, state_.plays);
+    for (size_t i = 0; i < deeper(); i++) {
+      put(state_.deeper[i].memory, state_.deeper[i].plays);
+      words.push_back(state_.deeper[i].owed);
     }
+    OutQ out = make_words(words.size());
+    std::copy(words.begin(), words.end(), out.data());
     return out;
   }
   // Three words: what was before is not known, the play turns here.
@@ -100,10 +108,19 @@ public:
   {
     const size_t n = words.shape(0);
     if (has_plays()) {
-      same_length(5 + ANHYST_CELLS, n, "memory");
+      const size_t each = 5 + ANHYST_CELLS;
+      same_length(each + deeper() * (each + 1), n, "memory");
       const int32_t *at = words.data();
-      state_.memory = {at[0], at[1], at[2], at[3], at[4]};
-      std::copy(at + 5, at + n, state_.plays);
+      const auto take = [&at, each](anhyst_memory &memory, int32_t *plays) {
+        memory = {at[0], at[1], at[2], at[3], at[4]};
+        std::copy(at + 5, at + each, plays);
+        at += each;
+      };
+      take(state_.memory, state_.plays);
+      for (size_t i = 0; i < deeper(); i++) {
+        take(state_.deeper[i].memory, state_.deeper[i].plays);
+        state_.deeper[i].owed = *at++;
+      }
       state_.next.fine = 0;
       state_.solved = 0;
       return;
@@ -145,6 +162,12 @@ public:
 
 private:
   bool has_plays() const { return state_.kernel->keep != nullptr; }
+  // Memories beyond the first.
+  size_t deeper() const
+  {
+    const int layers = has_plays() ? words_[ANHYST_WORD_SOLID_LAYERS] : 0;
+    return layers == 0 ? 0 : layers - (words_[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 0 : 1);
+  }
 
   std::vector<int16_t> words_;
   anhyst_compensator state_{};

@@ -16,6 +16,7 @@ from anhyst.compensate.block import (
     Scales,
     TableSizes,
     as_word,
+    mantissa,
 )
 from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import (
@@ -27,9 +28,11 @@ from anhyst.compensate.scheduled import (
     pack_arms,
     pack_common,
     refuse_uncompilable,
+    solid_numbers,
 )
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Layers
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -190,13 +193,19 @@ def build_cells(
     sizes: TableSizes | None = None,
     conditioning: Conditioning | None = None,
     model_hash: int = 0,
+    *,
+    still: bool = False,
 ) -> Block:
-    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`."""
+    """Make the parameter block of a law of play cells; as :func:`anhyst.compensate.full.build_full`.
+
+    `still` leaves layers out but for their reach.
+    """
     refuse_uncompilable(model)
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     arms = arms_of(model, at)
-    found = cell_rows(cell_weights(model), arms, limits, sizes)
+    solid = model.layers is not None
+    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=solid)
     reach = found.reach
     pack = Packer("cells", model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)
@@ -208,9 +217,24 @@ def build_cells(
     pack.set("CELLS_COUNT", found.thresholds.size)
     pack.set("CELLS_SEGMENTS", found.grid.segments)
     pack.set("CELLS_ZONE", found.grid.zone)
+    if model.layers is not None and not still:
+        numbers = solid_numbers(model, model.layers, conditioning.rate)
+        _pack_solid(pack, model.layers, numbers["hold"] / reach, numbers["own"] / reach)
     block = pack.close(scales, limits)
     try:
         FixedCompensator("cells", block.words)
     except ValueError as error:
         raise nearly_jumps(model, at) from error
     return block
+
+
+def _pack_solid(pack: Packer, layers: Layers, hold: float, own: float) -> None:
+    """Put the words of solid iron; what a unit of flux counts in fields of the reach."""
+    weight, shift = mantissa(max(hold, 1.0 / WEIGHT), "gamma")
+    pack.set("SOLID_LAYERS", layers.count)
+    pack.set("SOLID_HOLD", weight)
+    pack.set("SOLID_HOLD_SHIFT", shift)
+    pack.set("SOLID_OWN", as_word(own / 4.0, WEIGHT, "alpha"))
+    inner = round((1.0 - layers.surface) / (layers.count - 1) * 32768)
+    pack.set("SOLID_SURFACE", 32768 - inner * (layers.count - 1))  # all shares together are 1
+    pack.set("SOLID_LAMINATED", as_word(layers.laminated, 32768.0, "laminated"))

@@ -18,13 +18,18 @@ from anhyst._core import Parameters, ParametersF32
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import cell_rows
 from anhyst.compensate.full import full_tables, normal
-from anhyst.compensate.irons import cell_weights, iron_of
-from anhyst.compensate.scheduled import arms_of, flux_gain, flux_unit, nodes, refuse_uncompilable
+from anhyst.compensate.irons import cell_weights
+from anhyst.compensate.scheduled import (
+    arms_of,
+    flux_gain,
+    flux_unit,
+    nodes,
+    refuse_uncompilable,
+    solid_numbers,
+)
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import Layers
 from anhyst.support.arrays import FloatArray
-from anhyst.support.units import MU_0
 
 RealKind = Literal["full", "simplified", "cells"]
 RealIo = Literal["f32", "f64"]
@@ -115,23 +120,6 @@ def _common(
         "power": model.power,
         "condition_cycles": conditioning.cycles,
         "condition_ticks": conditioning.ramp_ticks,
-    }
-
-
-def solid_numbers(model: Model, layers: Layers, rate: float) -> dict[str, float]:
-    """Return the fields of ``anhyst_solid`` but for the function, A/m and parts of the flux.
-
-    One tick is one implicit step of the diffusion. In a layer ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)``, as in
-    :func:`~anhyst.compensate.scheduled.arms_of`.
-    """
-    iron, unit = iron_of(model), flux_unit(model)
-    alpha = iron["alpha"]
-    return {
-        "hold": iron["gamma"] * rate / (layers.count - 1) * unit * (1.0 - alpha),
-        "own": -alpha * unit / MU_0,
-        "surface": layers.surface,
-        "laminated": layers.laminated,
-        "layers": layers.count,
     }
 
 

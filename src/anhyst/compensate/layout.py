@@ -214,6 +214,40 @@ CELLS = (
     ),
 )
 
+SOLID = (
+    Word(
+        38, "SOLID_LAYERS", "integer", "layers, 2 to 4; 0: thin iron, and 0 all that follows", 0, 4
+    ),
+    Word(
+        39,
+        "SOLID_HOLD",
+        "weight",
+        "field from layer to layer for a flux of 1.0 more than a tick before",
+        0,
+        32767,
+        shift="SOLID_HOLD_SHIFT",
+    ),
+    Word(40, "SOLID_HOLD_SHIFT", "integer", "exponent of it", 0, 15),
+    Word(
+        41,
+        "SOLID_OWN",
+        "weight",
+        "field of a flux of 1.0 in its layer, beside that of the law",
+        -32767,
+        0,
+        factor=4.0,
+    ),
+    Word(42, "SOLID_SURFACE", "q15", "share of the first layer in the section", 0, 32767),
+    Word(
+        43,
+        "SOLID_LAMINATED",
+        "q15",
+        "share of the path in which the field is the same throughout",
+        0,
+        32767,
+    ),
+)
+
 SCALE = (
     Word(48, "SCALE_DEMAND", "single", "demand of 1.0", 0, 65535, unit="output", size=2),
     Word(50, "SCALE_CURRENT", "single", "current of 1.0", 0, 65535, unit="input", size=2),
@@ -231,7 +265,7 @@ BODY: dict[str, tuple[Word, ...]] = {
     "full": DEMAND + START + ROOT + FULL + SCALE + MEMORY,
     "simplified": DEMAND + START + ROOT + SIMPLE + CLOSED + SCALE,
     "euler": DEMAND + START + ROOT + SIMPLE + EULER + SCALE,
-    "cells": DEMAND + START + ROOT + CELLS + SCALE + MEMORY,
+    "cells": DEMAND + START + ROOT + CELLS + SOLID + SCALE + MEMORY,
 }
 """Every word of a kind behind the head, in the order of the block."""
 

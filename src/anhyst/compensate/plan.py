@@ -200,11 +200,11 @@ def make_plan(
     """Decide how a model is compiled."""
     refuse_uncompilable(model)
     late = None if model.layers is None else model
-    if late is not None and (request.kind, request.io) != ("full", "f32"):
+    if late is not None and request.kind != "full":
         raise InputError(
-            "layers: solid iron is compiled with --kind full --io f32; give these, or take the "
-            "model at rest (at_rest)",
-            code="layers-need-f32",
+            "layers: solid iron is compiled with --kind full; give that, or take the model at rest "
+            "(at_rest)",
+            code="layers-need-full",
             key="layers",
         )
     model = model.at_rest

@@ -11,6 +11,7 @@ from anhyst.compensate.irons import iron_of, saturation
 from anhyst.compensate.layout import UNITS
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import least_slope, obstacle
+from anhyst.model.dynamics import Layers
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
@@ -137,6 +138,23 @@ def arms_of(model: Model, at: FloatArray) -> Arms:
         flux_arm=np.asarray(saturated * (rho - alpha / (1.0 - alpha)) / turns),
         field_arm=np.asarray(1.0 / ((1.0 - alpha) * turns)),
     )
+
+
+def solid_numbers(model: Model, layers: Layers, rate: float) -> dict[str, float]:
+    """Return the fields of ``anhyst_solid`` but for the function, A/m and parts of the flux.
+
+    One tick is one implicit step of the diffusion. In a layer ``H = (x - alpha*(1-alpha)*M_s*flux)/(1-alpha)``, as in
+    :func:`arms_of`.
+    """
+    iron, unit = iron_of(model), flux_unit(model)
+    alpha = iron["alpha"]
+    return {
+        "hold": iron["gamma"] * rate / (layers.count - 1) * unit * (1.0 - alpha),
+        "own": -alpha * unit / MU_0,
+        "surface": layers.surface,
+        "laminated": layers.laminated,
+        "layers": layers.count,
+    }
 
 
 def pack_arms(

@@ -100,14 +100,18 @@ class Builder:
 
     def __call__(self, sizes: TableSizes) -> AnyBlock:
         """Return the block with these sizes, of the iron at rest."""
+        return self._made(sizes, still=True)
+
+    def _made(self, sizes: TableSizes, *, still: bool) -> AnyBlock:
         if self.io == "f32":
-            return self._real(sizes)
-        given = (self.model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
+            return self._real(sizes, still=still)
+        model = self.late or self.model
+        given = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         match self.block_kind:
             case "full":
                 return build_full(*given)
             case "cells":
-                return build_cells(*given)
+                return build_cells(*given, still=still)
             case kind:
                 return build_simplified(*given, self.law, kind)
 
@@ -120,7 +124,7 @@ class Builder:
 
     def whole(self, sizes: TableSizes) -> AnyBlock:
         """Return the block with these sizes, layers included where there are some."""
-        return self(sizes) if self.late is None else self._real(sizes, still=False)
+        return self._made(sizes, still=self.late is None)
 
     def _real(self, sizes: TableSizes, *, still: bool = True) -> RealBlock:
         kind: RealKind = full_kind(self.model) if self.kind == "full" else "simplified"

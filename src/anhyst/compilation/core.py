@@ -18,6 +18,9 @@ SOURCES: dict[Kind, tuple[str, ...]] = {
 }
 """Sources of each kind in fixed point."""
 
+LAYERS = ("compensator/solid.c",)
+"""What solid iron needs beyond that, in fixed point."""
+
 SINGLE: dict[Kind, tuple[str, ...]] = {
     "full": ("compensator/full_f32.c", "compensator/compensator_f32.c"),
     "cells": ("compensator/cells_f32.c", "compensator/compensator_f32.c"),

@@ -93,9 +93,13 @@ def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quanti
 
 def memories(block: AnyBlock) -> int:
     """Return of how many memories of its law the iron consists."""
-    if not isinstance(block, RealBlock) or "layers" not in block.numbers:
+    if isinstance(block, RealBlock):
+        layers, laminated = (block.numbers.get(name, 0.0) for name in ("layers", "laminated"))
+    elif block.kind == "cells":
+        layers, laminated = block.word("SOLID_LAYERS"), block.word("SOLID_LAMINATED")
+    else:
         return 1
-    return int(block.numbers["layers"]) + (block.numbers["laminated"] > 0.0)
+    return max(int(layers), 1) + (laminated > 0.0)
 
 
 def literal(value: float) -> str:

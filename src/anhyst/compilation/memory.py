@@ -46,7 +46,8 @@ def state_bytes(block: AnyBlock) -> int:
     """Return the size of everything that changes."""
     if isinstance(block, RealBlock):
         return REAL_STATE_BYTES + DEEPER_BYTES * (memories(block) - 1)
-    return _fixed_state_bytes()
+    sizes = _fixed_sizes()
+    return sizes["anhyst_compensator"] + sizes["anhyst_deeper"] * (memories(block) - 1)
 
 
 def controller_bytes(magnets: int) -> int:
@@ -71,9 +72,9 @@ def _in_q31(text: str) -> str:
 
 
 @cache
-def _fixed_state_bytes() -> int:
+def _fixed_sizes() -> dict[str, int]:
     header = read_core("include/anhyst/compensator/compensator.h")
-    return _structures(header, CELLS=CELLS)["anhyst_compensator"]
+    return _structures(header, CELLS=CELLS)
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:

@@ -14,7 +14,7 @@ from anhyst.compensate.plan import Plan
 from anhyst.compensate.words import Names
 from anhyst.compilation.controller import ControllerPlan
 from anhyst.compilation.controller_source import controller_values
-from anhyst.compilation.core import CONTROL, SINGLE, SOURCES, SRC, core_files, read_core
+from anhyst.compilation.core import CONTROL, LAYERS, SINGLE, SOURCES, SRC, core_files, read_core
 from anhyst.compilation.floating_source import c_parameters_f32, memories
 from anhyst.compilation.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compilation.parameters import parameters_source, scales_source
@@ -35,6 +35,8 @@ def sources(
     """Return the C files and what helps to build them."""
     real = isinstance(plan.block, RealBlock)
     taken = (SINGLE if real else SOURCES)[plan.block.kind] + (CONTROL if controller else ())
+    if not real and memories(plan.block) > 1:
+        taken += LAYERS
     parts = ("parameters",) if controller is None else ("parameters", "controller")
     common = _common(plan, sha256, version) | {
         "control": controller is not None,

@@ -91,7 +91,18 @@ extern const anhyst_kernel anhyst_kernel_simplified;
 extern const anhyst_kernel anhyst_kernel_euler;
 extern const anhyst_kernel anhyst_kernel_cells;
 
-/* One compensator: 140 bytes or fewer on targets with 32-bit pointers. */
+#if ANHYST_MEMORIES > 1
+/* A layer of solid iron below the surface, or what is laminated. */
+typedef struct {
+  anhyst_memory memory;
+  int32_t plays[ANHYST_CELLS];
+  anhyst_candidate next;
+  int32_t owed; /* flux that diffusion has let into it and deeper beyond what is there, q30 */
+  int32_t next_owed;
+} anhyst_deeper;
+#endif
+
+/* One compensator: 140 bytes or fewer on targets with 32-bit pointers, for thin iron. */
 typedef struct {
   const anhyst_kernel *kernel;
   const int16_t *words;        /* the parameter block in use; read only */
@@ -105,6 +116,9 @@ typedef struct {
   int32_t gap;                 /* for which was solved, q31 */
   uint16_t flags;              /* of the last solve, see flags.h */
   uint16_t solved;             /* whether next and arms belong to memory, gap and words */
+#if ANHYST_MEMORIES > 1
+  anhyst_deeper deeper[ANHYST_MEMORIES - 1];
+#endif
 } anhyst_compensator;
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the block is not

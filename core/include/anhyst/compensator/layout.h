@@ -132,6 +132,17 @@ enum {
      fields of both signs), over the moving plays */
   ANHYST_WORD_CELLS_ROWS = 37,
 
+  /* Solid iron: layers of the law with diffusion between them. A tick is a step of it. */
+  ANHYST_WORD_SOLID_LAYERS = 38, /* 0..4: layers, 2 to 4; 0: thin iron, and 0 all that follows */
+  /* weight: field from layer to layer for a flux of 1.0 more than a tick before */
+  ANHYST_WORD_SOLID_HOLD = 39,
+  ANHYST_WORD_SOLID_HOLD_SHIFT = 40, /* 0..15: exponent of it */
+  /* weight: field of a flux of 1.0 in its layer, beside that of the law */
+  ANHYST_WORD_SOLID_OWN = 41,
+  ANHYST_WORD_SOLID_SURFACE = 42, /* q15: share of the first layer in the section */
+  /* q15: share of the path in which the field is the same throughout */
+  ANHYST_WORD_SOLID_LAMINATED = 43,
+
   /* What the signals are counted in, the same in every kind. A board states the same words, and
      takes no block in which one of them is another. */
   ANHYST_WORD_SCALE_DEMAND = 48, /* single: demand of 1.0 */

@@ -1,0 +1,197 @@
+"""Solid iron in fixed point: it follows the layers as well as floating point does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from anhyst._core import FixedCompensator
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Scales, TableSizes
+from anhyst.compensate.cells import build_cells
+from anhyst.compensate.floating import build_real
+from anhyst.compensate.layout import WORDS
+from anhyst.compensate.plan import CompileRequest, find_limits, find_scales, make_plan
+from anhyst.compensate.twin import FixedTwin, RealTwin, twin_of
+from anhyst.model.actuator import Model
+from anhyst.model.dynamics import Dynamics, Layers
+from tests.compensate.test_block import sealed
+from tests.compensate.test_solid import GAPS, LAYERS, RATE, TOP, force_of, magnet, ramps
+from tests.truths import truth
+
+SIZES = TableSizes(gap_segments=4, curve_segments=5, cells=10)
+
+
+def block(model: Model, *, still: bool = False, rate: float = RATE) -> Block:
+    scales = Scales(300.0, 8.0, *GAPS)
+    limits = DemandLimits((0.0, TOP), (0.0, 6.0))
+    return build_cells(model, scales, limits, SIZES, Conditioning(1, 100, rate), still=still)
+
+
+def refuses(block: Block, word: str, value: int) -> bool:
+    words = block.words.copy()
+    words[WORDS["cells"][word]] = value
+    try:
+        FixedCompensator("cells", sealed(words))
+    except ValueError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("io", ["q31", "q15"])
+@pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
+def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: str) -> None:
+    demand, gap = ramps(1)
+    current = FixedTwin(block(magnet(layers)), io).run(demand, gap)
+    off = np.abs(force_of(magnet(layers), current, gap) - demand)
+    assert off.max() < 2e-3 * TOP
+    assert np.sqrt(np.mean(off**2)) < 1.5e-4 * TOP
+
+
+@pytest.mark.parametrize("gamma", [0.5, 50.0])
+def test_iron_that_is_hardly_late_or_very_late_is_followed_too(gamma: float) -> None:
+    model = magnet(LAYERS["two"], gamma)
+    demand, gap = ramps(1)
+    current = FixedTwin(block(model)).run(demand, gap)
+    assert np.abs(force_of(model, current, gap) - demand).max() < 3e-3 * TOP
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        truth("duhem-soft-play-cells"),
+        truth("preisach-usual-play-cells"),
+        replace(magnet(None, 0.0), law="play-cells-langevin", dynamics=None),
+    ],
+    ids=["Duhem", "Preisach", "Langevin"],
+)
+def test_irons_of_other_kinds_are_followed_as_in_double_precision(model: Model) -> None:
+    late = {**model.parameters, "gamma": 3.0}
+    dynamics = Dynamics(fastest=50.0)
+    model = replace(model, parameters=late, layers=Layers(3, 0.1), dynamics=dynamics)
+    scales, limits = find_scales(model, find_limits(model)), find_limits(model)
+    plan = make_plan(model, CompileRequest("full", "q31", RATE), 0)
+    assert isinstance(plan.block, Block)
+    real = build_real(model, "cells", scales, limits, plan.sizes, Conditioning(1, 100, RATE))
+    part, gap = ramps(3, 2000)
+    assert model.valid is not None
+    assert model.valid.schedule is not None
+    low, high = model.valid.schedule
+    demand, top = part / 250.0 * limits.demand[1], limits.demand[1]
+    gap = low + (high - low) * (gap - GAPS[0]) / (GAPS[1] - GAPS[0])
+    off = {
+        name: np.abs(force_of(model, twin.run(demand, gap), gap) - demand)
+        for name, twin in (("fixed", twin_of(plan.block, "q31")), ("f64", RealTwin(real, "f64")))
+    }
+    assert off["fixed"].max() < max(2e-3 * top, 1.2 * off["f64"].max())
+
+
+def test_a_block_at_rest_is_that_of_the_iron_without_layers() -> None:
+    demand, gap = ramps(1, 500)
+    still = block(magnet(LAYERS["two"]), still=True)
+    thin = block(magnet(LAYERS["two"]).at_rest)
+    assert still.word("SOLID_LAYERS") == 0
+    currents = [FixedTwin(one).run(demand, gap) for one in (still, thin)]
+    assert currents[0] == pytest.approx(currents[1], abs=1e-2)
+
+
+@pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
+def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
+    demand, gap = ramps(2)
+    random = np.random.default_rng(3)
+    twin = FixedTwin(block(magnet(layers)))
+    applied, expected = [], []
+    for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
+        current = twin.solve(wanted, at)
+        current = min(max(current + 0.3 * random.standard_normal(), 0.0), 6.0)
+        applied.append(current)
+        expected.append(twin.commit(current, at))
+    made = force_of(magnet(layers), np.array(applied), gap)
+    assert np.array(expected) == pytest.approx(made, abs=3e-3 * TOP)
+
+
+def test_a_solve_does_not_move_time() -> None:
+    model = magnet(LAYERS["two"])
+    once, often = (FixedTwin(block(model)) for _ in range(2))
+    for wanted in np.linspace(0.0, 100.0, 50).tolist():
+        for other in (20.0, 150.0, 80.0):
+            often.solve(other, 3.5e-4)
+        currents = [twin.solve(wanted, 4e-4) for twin in (once, often)]
+        assert currents[0] == currents[1]
+        for twin in (once, often):
+            twin.commit(currents[0], 4e-4)
+
+
+def test_the_current_of_a_held_demand_comes_to_rest() -> None:
+    model = magnet(LAYERS["three and sheets"])
+    demand = np.append(np.linspace(0.0, 100.0, 200), np.full(20_000, 100.0))
+    gap = np.full(demand.size, 4e-4)
+    fixed = FixedTwin(block(model)).run(demand, gap)
+    scales, limits = Scales(300.0, 8.0, *GAPS), DemandLimits((0.0, TOP), (0.0, 6.0))
+    real = build_real(model, "cells", scales, limits, SIZES, Conditioning(1, 100, RATE))
+    assert fixed[-1] == pytest.approx(RealTwin(real, "f64").run(demand, gap)[-1], abs=2e-3)
+    assert np.ptp(fixed[-5000:]) < 1e-5
+
+
+@pytest.mark.slow
+def test_a_million_ticks_of_noise_leave_nothing_behind() -> None:
+    model = magnet(LAYERS["two"])
+    random = np.random.default_rng(4)
+    ramp = np.append(np.linspace(0.0, 120.0, 400), np.linspace(120.0, 80.0, 400))
+    noise = 80.0 + 0.05 * random.standard_normal(1_000_000)
+    back = np.append(np.linspace(80.0, 130.0, 400), np.linspace(130.0, 20.0, 400))
+    gap = np.full(ramp.size, 4e-4)
+    long, short = FixedTwin(block(model)), FixedTwin(block(model))
+    long.run(ramp, gap)
+    short.run(ramp, gap)
+    long.run(noise, np.full(noise.size, 4e-4))
+    short.run(np.full(40_000, 80.0), np.full(40_000, 4e-4))
+    later = [twin.run(back, gap) for twin in (long, short)]
+    assert later[0] == pytest.approx(later[1], abs=2e-2)
+    assert later[0][400:] == pytest.approx(later[1][400:], abs=1e-3)
+
+
+def test_demands_that_jump_are_met_as_far_as_the_current_goes() -> None:
+    random = np.random.default_rng(6)
+    demand = random.uniform(-100.0, 2.0 * TOP, 3000)
+    gap = random.uniform(*GAPS, 3000)
+    for layers in LAYERS.values():
+        current = FixedTwin(block(magnet(layers))).run(demand, gap)
+        assert np.all((current >= 0.0) & (current <= 6.0))
+
+
+def test_what_all_layers_remember_can_be_taken_over() -> None:
+    made = block(magnet(LAYERS["three and sheets"]))
+    demand, gap = ramps(7, 1500)
+    first, second = FixedTwin(made), FixedTwin(made)
+    first.run(demand[:900], gap[:900])
+    second.start_from(first.memory)
+    later = [one.run(demand[900:], gap[900:]) for one in (first, second)]
+    assert np.array_equal(later[0], later[1])
+
+
+def test_a_swap_keeps_what_every_layer_remembers() -> None:
+    made = block(magnet(LAYERS["two"]))
+    demand, gap = ramps(5)
+    first, other = FixedTwin(made), FixedTwin(made)
+    for twin in (first, other):
+        twin.run(demand[:1500], gap[:1500])
+    first._core.swap(made.words)
+    later = [one.run(demand[1500:], gap[1500:]) for one in (first, other)]
+    assert later[0] == pytest.approx(later[1], abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        *(("SOLID_LAYERS", count) for count in (-1, 1, 6)),
+        *(("SOLID_SURFACE", share) for share in (-1, 0, 63, 32767)),
+        *(("SOLID_LAMINATED", share) for share in (-1, -32768)),
+        *(("SOLID_HOLD", field) for field in (-1, 0)),
+        *(("SOLID_HOLD_SHIFT", bits) for bits in (-1, 16)),
+        *(("SOLID_OWN", field) for field in (1, -32768, -30000)),
+    ],
+)
+def test_words_of_layers_that_make_no_sense_are_refused(word: str, value: int) -> None:
+    assert refuses(block(magnet(LAYERS["two"])), word, value)
