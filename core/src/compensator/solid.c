@@ -19,8 +19,9 @@
    of its place than on the other, two may go to and fro for ever, which a third one ends. */
 #define PASSES 3
 
-/* What may be left of the equations: 2^-23 of the largest field, and that of a flux of 2^-29. */
-#define CLOSE 128
+/* What may be left of the equations: 2^-15 of the largest field, and that of a flux of 2^-19. It is
+   owed, and less than what reading the rows leaves; a pass more is worth nothing below it. */
+#define CLOSE 32768
 
 /* A flux that is further than this from what was wanted was not reached: 2^-14. */
 #define REACHED 65536
@@ -301,13 +302,13 @@ static int is_met(const solid_tick *tick)
   for (int16_t j = 1; j < tick->layers; j++) {
     const int32_t left = left_at_layer(tick, j);
     const int32_t slope = anhyst_add_q31(tick->stiffness[j - 1], tick->hold);
-    if (anhyst_abs_q31(left) > CLOSE + (slope >> 13)) {
+    if (anhyst_abs_q31(left) > CLOSE + (slope >> 5)) {
       return 0;
     }
   }
   if (!tick->flux_given) {
     const solid_line line = outside(tick);
-    return anhyst_abs_q31(anhyst_sub_q31(line.field, tick->field[0])) <= CLOSE + (line.falls >> 13);
+    return anhyst_abs_q31(anhyst_sub_q31(line.field, tick->field[0])) <= CLOSE + (line.falls >> 5);
   }
   return 1;
 }
