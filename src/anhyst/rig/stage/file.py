@@ -286,6 +286,7 @@ class CalibratedMethod(Table):
     force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
     fits: bool  # whether what is left is of the size that a law of the right kind leaves
     refused: NotNegative = 0  # motions that taught nothing, since the law did not explain them
+    mass_kg: Positive | None = None  # of the body, with which the law explains the last of these
     parameter: list[LearntParameter]
 
     @model_validator(mode="after")

@@ -169,6 +169,8 @@ class Calibration(Result):
                 left = "too little force was asked for"
             elif not one.fits:
                 left += ": more than a law of the right kind leaves"
+            if one.mass_kg is not None:
+                left += f"; a body of {one.mass_kg:.4g} kg explains it: correct body.mass_kg"
             told[one.name] = left if one.taken else f"{left}; nothing is taken"
         return told
 
@@ -209,7 +211,7 @@ class Calibration(Result):
             *(f"{key} = {toml_value(content[key])}" for key in content if key != "method"),
         ]
         for one in self.file.method:
-            whole = one.model_dump()
+            whole = one.model_dump(exclude_none=True)
             lines += ["", "[[method]]"]
             lines += [f"{key} = {toml_value(whole[key])}" for key in whole if key != "parameter"]
             lines.append("parameter = [")

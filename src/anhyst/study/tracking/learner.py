@@ -86,6 +86,9 @@ FAULT = 0.01
 GROWN, LEFT = 2.5, 0.001
 """A motion of which the estimate leaves so many times what it left so far teaches nothing: its plant,
 or a sensor, is not what it was. Of less than that part of the force any law may be wrong."""
+MASS, LIGHT = 0.3, 0.01
+"""Standard deviation of another mass, where a motion is refused; of less than a hundredth nothing is
+said, since scales of currents explain as much."""
 PARAMETERS: tuple[ParameterName, ...] = get_args(ParameterName)
 
 
@@ -265,6 +268,7 @@ class Learner:
         self.values = dict.fromkeys(PARAMETERS, 0.0)  # the estimate
         self.applied = dict(self.values)  # follows it at a bounded rate
         self.noise_N = 0.0  # of the force of the motions, from the noise of the position
+        self.mass_kg: float | None = None  # explains the last motion that was refused
         self.refused = 0  # motions that the law did not explain: nothing was taken of them
         self._names = [name for name in MOVED[law.method] if self.priors[name] > 0.0]
         self._seen: list[ParameterName] = []
@@ -283,26 +287,40 @@ class Learner:
         if self._seen and self._missed(motion, values) > GROWN * max(
             self._moved_and_missed[1], LEFT * rms(pushed)
         ):
-            self.refused += 1
-            return False
+            return self._refuse(motion, before, self._rows_of(motion, values, exact=True))
         for turn in range(PASSES):
-            slopes, expected = self._look(motion, values, exact=turn == PASSES - 1)
-            now = np.array([values[name] for name in self._names])
-            fresh = np.column_stack([slopes, pushed - expected + slopes @ now])
-            rows = np.asarray(np.linalg.qr(np.vstack([before, fresh / self._trust]), mode="r"))
+            fresh = self._rows_of(motion, values, exact=turn == PASSES - 1)
+            rows = np.asarray(np.linalg.qr(np.vstack([before, fresh]), mode="r"))
             values = self._solved(rows, self._names)
         left = self._left(rows, self._names, 0.0)
         seen = [name for name in self._names if left[name] <= SEEN * self.priors[name]]
         values = self._solved(rows, seen)
         missed = self._missed(motion, values)
         sums = pushed.size * np.array([1.0, rms(pushed) ** 2, missed**2])
-        if missed > math.hypot(FAULT * rms(pushed), self.noise_N):
-            self.refused += 1
+        scales: tuple[ParameterName, ...] = ("scale_1", "scale_2")
+        far = any(abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0 for name in scales)
+        if far or missed > math.hypot(FAULT * rms(pushed), self.noise_N):
             self._sums = self._sums if self._seen else sums
-            return False
+            return self._refuse(motion, before, fresh)
         explained = faded * self._sums if self._seen else 0.0
         self.values, self._seen, self._rows, self._sums = values, seen, rows, sums + explained
         return bool(seen)
+
+    def _refuse(self, motion: Motion, before: FloatArray, fresh: FloatArray) -> bool:
+        """Take nothing of a motion, and look whether another mass explains it."""
+        self.refused += 1
+        pushed = motion.pushed[motion.compared]
+        held = np.array([*(self.priors[name] for name in self._names), MASS])
+        known = np.insert(before, -1, 0.0, axis=1)
+        new = np.insert(fresh, -1, -pushed / self._trust, axis=1)
+        whole = np.vstack([known[:, :-1] * held, new[:, :-1] * held, np.eye(held.size)])
+        right = np.concatenate([known[:, -1], new[:, -1], np.zeros(held.size)])
+        found = held * np.linalg.lstsq(whole, right)[0]
+        missed = self._trust * rms(new[:, -1] - new[:, :-1] @ found)
+        mass = self.law.rig.settings.body.mass_kg * (1.0 + float(found[-1]))
+        explained = missed <= math.hypot(KIND * rms(pushed), self.noise_N)
+        self.mass_kg = mass if explained and abs(found[-1]) > LIGHT else None
+        return False
 
     def _missed(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
         """Return the force of a motion that is not explained by some numbers, rms, N."""
@@ -341,6 +359,7 @@ class Learner:
             force_N=moved,
             fits=moved > 0.0 and missed <= math.hypot(KIND * moved, self.noise_N),
             refused=self.refused,
+            mass_kg=self.mass_kg,
             parameter=[
                 LearntParameter(
                     name=name,
@@ -389,6 +408,15 @@ class Learner:
         root = rows[:, self._columns(names)] * min(1.0, self._trust / max(missed, self._trust))
         normal = root.T @ root + np.diag(held**-2.0)
         return dict(zip(names, np.sqrt(np.diag(np.linalg.inv(normal))).tolist(), strict=True))
+
+    def _rows_of(
+        self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
+    ) -> FloatArray:
+        """Return what a motion says of the numbers, around some values of them."""
+        slopes, expected = self._look(motion, values, exact=exact)
+        now = np.array([values[name] for name in self._names])
+        right = motion.pushed[motion.compared] - expected + slopes @ now
+        return np.column_stack([slopes, right]) / self._trust
 
     def _look(
         self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
