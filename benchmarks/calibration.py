@@ -218,7 +218,9 @@ class Found:
         figures = [f"{half:.3g} / {most:.3g}" for half, most in self.percentiles(name)]
         taken = sum(found.taken for _, found in self.flown)
         fits = sum(found.fits for _, found in self.flown)
-        return f"{' -> '.join(figures)} (taken {taken}, fits {fits} of {len(self.flown)})"
+        masses = [f"{found.mass_kg:.4g}" for _, found in self.flown if found.mass_kg is not None]
+        heavy = f", explained by {', '.join(masses)} kg" if masses else ""
+        return f"{' -> '.join(figures)} (taken {taken}, fits {fits} of {len(self.flown)}{heavy})"
 
     def row(self, what: str, aim: float | None) -> Row:
         """Return the line of the moving average, whose median may have something to reach."""

@@ -333,6 +333,11 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
         f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
         f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
         *(() if found.lost_in else judged),
+        *(
+            f"learnt: {name}: {one.learnt.judgement}"
+            for name, one in found.tried.items()
+            if one.learnt
+        ),
         *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )

@@ -285,7 +285,9 @@ class CalibratedMethod(Table):
     residual_N: NotNegative  # force of the motion less that of the law, root mean square
     force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
     fits: bool  # whether what is left is of the size that a law of the right kind leaves
-    refused: NotNegative = 0  # motions that taught nothing, since the law did not explain them
+    refused: Annotated[int, Field(ge=0)] = (
+        0  # motions that taught nothing, since the law did not explain them
+    )
     mass_kg: Positive | None = None  # of the body, with which the law explains the last of these
     parameter: list[LearntParameter]
 
@@ -298,6 +300,21 @@ class CalibratedMethod(Table):
     def taken(self) -> bool:
         """Whether anything corrects the method."""
         return any(not one.frozen for one in self.parameter)
+
+    @property
+    def judgement(self) -> str:
+        """What is left of the force, and what that means."""
+        if self.force_N == 0.0:
+            left = "too little force was asked for"
+        else:
+            left = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
+            if not self.fits:
+                left += ": more than a law of the right kind leaves"
+        if self.refused and self.taken:
+            left += f"; {self.refused} motions taught nothing, for they were not explained"
+        if self.mass_kg is not None:
+            left += f"; a body of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
+        return left if self.taken else f"{left}; nothing is taken"
 
     def value(self, name: ParameterName) -> float:
         """Return a number of it."""

@@ -162,16 +162,7 @@ class Calibration(Result):
         """Return what every method is corrected by and what is left, and the number trusted."""
         told = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
         for one in self.file.method:
-            left = f"{one.residual_N:.2g} of {one.force_N:.3g} N not explained"
-            if one.refused and one.taken:
-                left += f", {one.refused} not taken"
-            if one.force_N == 0.0:
-                left = "too little force was asked for"
-            elif not one.fits:
-                left += ": more than a law of the right kind leaves"
-            if one.mass_kg is not None:
-                left += f"; a body of {one.mass_kg:.4g} kg explains it: correct body.mass_kg"
-            told[one.name] = left if one.taken else f"{left}; nothing is taken"
+            told[one.name] = one.judgement
         return told
 
     def to_columns(self) -> dict[str, Any]:
