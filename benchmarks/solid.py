@@ -16,7 +16,7 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.plan import CompileRequest, make_plan
-from anhyst.compensate.twin import twin_of
+from anhyst.compensate.twin import Io, twin_of
 from anhyst.data import Loop
 from anhyst.data.speeds import speeds_of
 from anhyst.identification import identify
@@ -91,13 +91,13 @@ def judge(number: int) -> Judged:
     return Judged(number, at_rest, layers, slow, seconds, chosen, force)
 
 
-def open_loop(magnet: SolidMagnet, model: Model, gap: float) -> float:
+def open_loop(magnet: SolidMagnet, model: Model, gap: float, io: Io = "f32") -> float:
     """Ask for triangles of force of 50 Hz; return the worst error of the last one, % of the largest force.
 
-    The armature is held, and the current flows as the compensator in single precision has computed it.
+    The armature is held, and the current flows as the compensator has computed it.
     """
     model = model if has_layers(model) else model.at_rest  # a single lag is not compiled
-    plan = make_plan(model, CompileRequest("full", "f32", TICKS), 0)
+    plan = make_plan(model, CompileRequest("full", io, TICKS), 0)
     reached = float(
         model.at_rest.predict([0.0, magnet.top], gap, history="demagnetised").output[-1]
     )
@@ -105,7 +105,7 @@ def open_loop(magnet: SolidMagnet, model: Model, gap: float) -> float:
     place = np.arange(CYCLES * ticks) / ticks
     part = BAND[0] + (BAND[1] - BAND[0]) * (1.0 - np.abs(2.0 * (place % 1.0) - 1.0))
     demand = reached * part * np.minimum(2.0 * place, 1.0)
-    current = twin_of(plan.block, "f32").run(demand, np.full(demand.size, gap))
+    current = twin_of(plan.block, io).run(demand, np.full(demand.size, gap))
     force = magnet.run(current, np.full(demand.size, gap), np.arange(demand.size) / TICKS)
     off = np.abs(force - demand)[-ticks:]
     return 100.0 * float(off.max()) / plan.largest

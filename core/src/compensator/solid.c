@@ -114,8 +114,11 @@ static void take_up(solid_tick *tick, int16_t at, int32_t flux, const anhyst_can
   const int32_t own = anhyst_shl_q31(anhyst_scale(flux, (int16_t)(tick->own >> 2)), 2);
   tick->flux[at] = flux;
   tick->field[at] = anhyst_add_q31(there->memory.x, own);
-  tick->stiffness[at] =
-      at < tick->layers ? anhyst_quotient(stiff, (int32_t)tick->share[at] * 2) : stiff;
+  tick->stiffness[at] = stiff;
+  if (at < tick->layers) {
+    const int32_t shared_stiff = anhyst_quotient(stiff, (int32_t)tick->share[at] * 2);
+    tick->stiffness[at] = shared_stiff > 0 ? shared_stiff : 1;
+  }
 }
 
 /* The flux in a layer and deeper. */

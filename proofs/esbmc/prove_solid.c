@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Solid iron: what a pass through its layers is made of, for any fluxes, fields, slopes and
+   targets, whatever the law of cells answers within its range. The law shows that it may be called
+   so. */
+#define ANHYST_PORT_HEADER "contracts.h"
+#include "any.h"
+
+#include "compensator/lookup.h"
+
+#define MOST_TARGET (ANHYST_Q30_ONE / 8 * 5) /* as in prove_cells.c */
+
+static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
+{
+  SHOW(numerator > 0 && denominator > 0);
+  return any_within(0, ANHYST_Q31_MAX);
+}
+#define anhyst_quotient proof_quotient
+
+#include "compensator/solid.c"
+
+int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                          const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
+{
+  SHOW(target >= -MOST_TARGET && target <= MOST_TARGET && arms->field_arm >= 0);
+  SHOW(arms->flux_arm > -ANHYST_Q15_MAX - 1);
+  to->memory.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  to->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  to->fine = (uint16_t)any_within(2, 13);
+  return nondet_i32();
+}
+
+/* A block that passed its check. */
+static void any_block(int16_t *words)
+{
+  words[ANHYST_WORD_CELLS_AIR] = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  ASSUME(anhyst_solid_is_valid(words));
+}
+
+/* Any place in the search for a compensator, its own shares and slopes apart. */
+static void any_tick(solid_tick *tick, anhyst_compensator *c)
+{
+  const int16_t *words = c->words;
+  c->arms.flux_arm = (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX);
+  c->arms.field_arm = (int16_t)any_within(1, ANHYST_Q15_MAX);
+  tick->c = c;
+  tick->flux_given = nondet_i16() != 0;
+  tick->layers = anhyst_layers_of(words);
+  tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
+  tick->hold = any_within(1, ANHYST_Q30_ONE);
+  tick->own = (int32_t)words[ANHYST_WORD_SOLID_OWN] * 4;
+  for (int16_t i = 0; i < ANHYST_MEMORIES; i++) {
+    tick->share[i] = (int16_t)any_within(LEAST_SHARE, ANHYST_Q15_MAX);
+    tick->stiffness[i] = any_within(1, ANHYST_Q31_MAX);
+  }
+}
+
+static void prove_layer(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS];
+  anhyst_compensator c;
+  solid_tick tick;
+  solid_line line = {nondet_i32(), any_within(0, ANHYST_Q31_MAX)};
+  any_block(words);
+  c.words = words;
+  any_tick(&tick, &c);
+  line = behind(&tick, 0, line);
+  SHOW(line.falls >= 0);
+  meet_line(&tick, 1, line, nondet_i32());
+  SHOW(tick.stiffness[1] >= 1);
+}
+
+static void prove_surface(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS];
+  anhyst_compensator c;
+  solid_tick tick;
+  any_block(words);
+  c.words = words;
+  any_tick(&tick, &c);
+  meet_flux(&tick, 0, whole_of(nondet_i32(), tick.share[0]));
+  SHOW(outside(&tick).falls >= 0);
+}
+
+static void prove_owed(void)
+{
+  int16_t words[ANHYST_BLOCK_LEAST_WORDS];
+  anhyst_compensator c;
+  solid_tick tick;
+  any_block(words);
+  c.words = words;
+  any_tick(&tick, &c);
+  const int32_t owed = owed_by(&tick, 1);
+  SHOW(owed >= -MOST_OWED && owed <= MOST_OWED);
+  (void)is_met(&tick);
+}
+
+int main(void)
+{
+  PART();
+  return 0;
+}
