@@ -467,20 +467,8 @@ static void prove_travel(void)
   const equation solve = any_equation(&arms);
   const anhyst_memory from = any_memory();
   anhyst_candidate to;
-  (void)travel(block_words, &from, rested, &solve, &to);
+  (void)travel(block_words, &from, rested, solve.arms, solve.target, &to);
   SHOW(is_candidate(&to) && to.way >= -1 && to.way <= 1);
-}
-
-static void prove_slid(void)
-{
-  const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
-  anhyst_candidate at = {any_memory(), nondet_i32(), nondet_i32(),          nondet_i16(),
-                         nondet_i16(), nondet_i16(), (uint16_t)nondet_i16()};
-  ASSUME(is_candidate(&at));
-  int32_t flux = 0;
-  (void)slid(block_words, &solve, any_within(-ONE, ONE - 1), &at, &flux);
-  SHOW(is_memory(&at.memory));
 }
 
 static void prove_keep(void)

@@ -97,7 +97,7 @@ static inline int32_t part_with_target(const equation *solve, const int16_t *seg
   if (missing >= rise) {
     return 0x8000;
   }
-  return missing > 0 ? anhyst_clamp(part_of(missing, rise), 0, 0x7FFF) : 0;
+  return missing > 0 ? anhyst_sat_u15(part_of(missing, rise)) : 0;
 }
 
 /* Which part of its segment x is at. Segments begin at multiples of their width. */
@@ -121,8 +121,8 @@ static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
   if (cell > along->cells) {
     return ONE - 1;
   }
-  const int32_t at = anhyst_add_q31(play_of(along, cell), width(along, cell));
-  return anhyst_clamp(at, low, ONE - 1);
+  const int32_t at = inside(anhyst_add_q31(play_of(along, cell), width(along, cell)));
+  return at > low ? at : low;
 }
 
 /* Whether a cell came to rest on a path of this direction. */
@@ -232,7 +232,8 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here)
 {
   int32_t low = along->x;
   int32_t next = joins_at(along, along->active, low);
-  while (along->active <= along->cells) {
+  int met = 0;
+  while (met == 0 && along->active <= along->cells) {
     const anhyst_spot there = spot_on(along, along->row, next);
     if (next > low && missing_at(along, solve, next, there) <= 0) {
       break;
@@ -250,6 +251,7 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here)
       low = rejoin(along, solve, low);
       here = spot_on(along, along->row, low);
       next = joins_at(along, along->active, low);
+      met = along->active < along->moved; /* before the next of them joins */
     }
   }
   if (along->active > along->cells) {
@@ -287,15 +289,27 @@ static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_c
              anhyst_scale(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
 
+/* What h*x + m rises on the segment of a candidate, over 4. */
+static inline int32_t rise_on(const anhyst_candidate *at, int16_t air)
+{
+  return (int32_t)at->m_slope * 8192 + anhyst_scale((int32_t)((uint32_t)0x8000 << at->fine), air);
+}
+
+/* So much of it as belongs to a part. */
+static inline int32_t share_of(int32_t rise, int32_t part)
+{
+  return 2 * anhyst_scale(rise, (int16_t)part);
+}
+
 /* Solves from a memory on; gives h*x + m there, over 4. Between the two directions, where rows are
    not quite odd, it stays. */
 static int32_t travel(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                      const equation *wanted, anhyst_candidate *to)
+                      const anhyst_arms *arms, int32_t wanted, anhyst_candidate *to)
 {
   cell_path along;
-  equation solve = *wanted;
+  equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   anhyst_cells_begin(&along, words, from, plays);
-  solve.target = turned(wanted->target, along.falling);
+  solve.target = turned(wanted, along.falling);
   anhyst_spot here = spot_on(&along, along.row, along.x);
   int32_t missing = missing_at(&along, &solve, along.x, here);
   along.segment = here.at;
@@ -324,8 +338,8 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
   to->memory.turn = along.frozen;
   to->memory.level = along.low;
   describe(words, begin_of(along.x, to->fine), along.rest, to);
-  const anhyst_spot there = {along.segment, part_at(along.x, to->fine)};
-  return turned(flux_at(&solve, along.x, anhyst_value_at(there) + along.rest), along.falling);
+  const int32_t rise = rise_on(to, solve.air);
+  return turned(to->flux + share_of(rise, part_at(along.x, to->fine)), along.falling);
 }
 
 /* Takes a candidate on to where the next segment begins, if no cell joins before; whether it does.
@@ -349,21 +363,22 @@ static int stepped(const int16_t *words, int32_t end, anhyst_candidate *at)
   return 1;
 }
 
-/* Goes to the target from where a candidate stands, on its segment or one of the next, not below
-   low, in its direction, and no further than to where a cell joins; whether it is met there, and
-   the flux. As much behind low as rounding takes away it stays there. */
-static inline int slid(const int16_t *words, const equation *solve, int32_t low,
-                       anhyst_candidate *at, int32_t *flux)
+/* Goes to a target from where a candidate stands, on its segment or one of the next, not below low,
+   in its direction, and no further than to where a cell joins; whether it is met there, and h*x + m
+   there. As much behind low as rounding takes away it stays there. */
+static int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
+                anhyst_candidate *at, int32_t *flux)
 {
+  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
-  const int32_t target = turned(solve->target, falling);
+  const int32_t target = turned(wanted, falling);
   for (int16_t more = NEAR - 1;; more--) {
     const uint16_t fine = at->fine;
     const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
     const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
-    const int32_t rise = flux_at(solve, width, at->m_slope * 32768);
-    const int32_t whole = left_side(solve, rise, width);
-    const int32_t missing = target - left_side(solve, at->flux, begin);
+    const int32_t rise = rise_on(at, solve.air);
+    const int32_t whole = left_side(&solve, rise, width);
+    const int32_t missing = target - left_side(&solve, at->flux, begin);
     if (missing < 0) {
       return 0;
     }
@@ -372,7 +387,7 @@ static inline int slid(const int16_t *words, const equation *solve, int32_t low,
       const int32_t met = place_in(begin, fine, part);
       const int32_t x = met < low && low - met <= (int32_t)4 << fine ? low : met;
       at->memory.x = turned(x, falling);
-      *flux = turned(at->flux + 2 * anhyst_scale(rise, (int16_t)part), falling);
+      *flux = turned(at->flux + share_of(rise, part), falling);
       return x >= low && x <= at->m;
     }
     if (more == 0 || missing / NEAR >= whole || !stepped(words, begin + width, at)) {
@@ -384,15 +399,14 @@ static inline int slid(const int16_t *words, const equation *solve, int32_t low,
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                            int32_t flux, anhyst_candidate *to)
 {
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], 0, flux >> 2};
   const int32_t falling = from->p < 0 ? -1 : 0;
   const int32_t low = turned(from->x, falling);
   int32_t reached;
-  if (to->fine != 0U && slid(words, &solve, low, to, &reached)) {
+  if (to->fine != 0U && slid(words, 0, flux >> 2, low, to, &reached)) {
     to->memory.level = low;
     to->way = falling == 0 ? 1 : -1;
   } else {
-    (void)travel(words, from, plays, &solve, to);
+    (void)travel(words, from, plays, 0, flux >> 2, to);
   }
   return to->memory.x;
 }
@@ -400,10 +414,10 @@ static int32_t cells_field(const int16_t *words, const anhyst_memory *from, cons
 static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           anhyst_candidate *at, const anhyst_arms *arms, int32_t current)
 {
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, (current >> 2) - (arms->bias >> 2)};
+  const int32_t target = (current >> 2) - (arms->bias >> 2);
   int32_t flux;
-  if (at->way == 0 || !slid(words, &solve, at->memory.level, at, &flux)) {
-    flux = travel(words, from, plays, &solve, at);
+  if (at->way == 0 || !slid(words, arms, target, at->memory.level, at, &flux)) {
+    flux = travel(words, from, plays, arms, target, at);
   }
   return anhyst_shl_q31(flux, 2);
 }

@@ -166,7 +166,6 @@ static inline void anhyst_cells_begin(cell_path *along, const int16_t *words,
   along->left.at = along->rows;
   along->left.part = 0;
   along->frozen = from->turn;
-  along->low = inside(from->level);
   along->rest = along->active > along->cells ? 0 : inside(turned(from->y, along->falling));
   if (along->active == 0) {
     along->active = 1;
