@@ -426,8 +426,7 @@ static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
-  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, target};
-  return anhyst_shl_q31(travel(words, from, plays, &solve, to), 2);
+  return anhyst_shl_q31(travel(words, from, plays, arms, target, to), 2);
 }
 #endif
 
