@@ -331,6 +331,19 @@ static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_c
 }
 #endif
 
+#ifdef DESCRIBE_BY_CONTRACT
+static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_candidate *at)
+{
+  cell_path along;
+  anhyst_cells_rows(&along, words);
+  SHOW(is_inside(begin) && is_inside(rest));
+  SHOW(at->y_slope >= words[ANHYST_WORD_CELLS_ROWS]);
+  SHOW(at->y_slope <= words[ANHYST_WORD_CELLS_ROWS] + (along.cells + 1) * along.stride - 2);
+  at->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->flux = any_within(-ONE, ONE);
+}
+#endif
+
 /* ---- proofs ---- */
 
 /* Where a field falls on a row of any size, and back. */
@@ -469,6 +482,28 @@ static void prove_travel(void)
   anhyst_candidate to;
   (void)travel(block_words, &from, rested, solve.arms, solve.target, &to);
   SHOW(is_candidate(&to) && to.way >= -1 && to.way <= 1);
+}
+
+/* From the segment of a path on: one turn, that of a candidate which knows where it stands. */
+static void prove_slid(void)
+{
+  const cell_path along = any_path();
+  const anhyst_arms arms = any_arms();
+  const equation solve = any_equation(&arms);
+  const anhyst_memory memory = {turned(along.x, along.falling), turned(along.rest, along.falling),
+                                along.falling == 0 ? along.active : -along.active, along.frozen,
+                                along.low};
+  anhyst_candidate at;
+  at.memory = memory;
+  at.m = any_within(along.x, ONE - 1);
+  at.flux = any_within(-ONE, ONE);
+  at.way = 1;
+  at.y_slope = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
+  at.m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at.fine = fineness(&along, along.x);
+  int32_t flux = 0;
+  (void)slid(block_words, solve.arms, solve.target, any_within(-ONE, ONE - 1), &at, &flux);
+  SHOW(is_candidate(&at));
 }
 
 static void prove_keep(void)

@@ -36,7 +36,7 @@ static int32_t on_grid_q31(const anhyst_position_limits_q31 *of, int32_t current
   return any_within(limits.current_low, limits.current_high);
 }
 
-int32_t anhyst_factor_product(int32_t x, anhyst_factor factor)
+static inline int32_t anhyst_factor_product(int32_t x, anhyst_factor factor)
 {
   (void)x;
   SHOW(anhyst_factor_is_valid(factor));
