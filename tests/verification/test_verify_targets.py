@@ -46,7 +46,7 @@ def plausible(result: TargetResult) -> None:
     ("kind", "io", "rounded", "worst"),
     [
         pytest.param("full", "q31", 2450, 3700, marks=pytest.mark.slow),
-        ("cells", "q31", 3100, 4500),
+        ("cells", "q31", 3450, 4500),
         pytest.param("simplified", "q15", 1150, 1600, marks=pytest.mark.slow),
     ],
 )
