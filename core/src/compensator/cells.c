@@ -372,7 +372,7 @@ static int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, i
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
   const int32_t target = turned(wanted, falling);
-  for (int16_t more = NEAR - 1;; more--) {
+  for (int16_t more = NEAR; more > 0; more--) {
     const uint16_t fine = at->fine;
     const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
     const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
@@ -390,10 +390,11 @@ static int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, i
       *flux = turned(at->flux + share_of(rise, part), falling);
       return x >= low && x <= at->m;
     }
-    if (more == 0 || missing / NEAR >= whole || !stepped(words, begin + width, at)) {
+    if (more == 1 || missing / NEAR >= whole || !stepped(words, begin + width, at)) {
       return 0;
     }
   }
+  return 0;
 }
 
 static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
