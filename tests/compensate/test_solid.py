@@ -15,7 +15,7 @@ from anhyst.compensate.hysteresis_inverse import full_inverse
 from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compensate.twin import RealTwin
+from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange
@@ -78,6 +78,31 @@ def force_of(model: Model, current: FloatArray, gap: FloatArray) -> FloatArray:
     return model.predict(drive, gap, time, "demagnetised").output[1:]
 
 
+def check_what_was_applied(twin: FixedTwin | RealTwin, layers: Layers) -> None:
+    """Apply currents beside those that were solved; the force is that of the model all the same."""
+    demand, gap = ramps(2)
+    random = np.random.default_rng(3)
+    applied, expected = [], []
+    for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
+        current = twin.solve(wanted, at)
+        current = min(max(current + 0.3 * random.standard_normal(), 0.0), 6.0)
+        applied.append(current)
+        expected.append(twin.commit(current, at))
+    made = force_of(magnet(layers), np.array(applied), gap)
+    assert np.array(expected) == pytest.approx(made, abs=3e-3 * TOP)
+
+
+def check_time_stands_still(once: FixedTwin | RealTwin, often: FixedTwin | RealTwin) -> None:
+    """Solve for other demands in between; no current depends on it."""
+    for wanted in np.linspace(0.0, 100.0, 50).tolist():
+        for other in (20.0, 150.0, 80.0):
+            often.solve(other, 3.5e-4)
+        currents = [twin.solve(wanted, 4e-4) for twin in (once, often)]
+        assert currents[0] == currents[1]
+        for twin in (once, often):
+            twin.commit(currents[0], 4e-4)
+
+
 @pytest.mark.parametrize("io", ["f64", "f32"])
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
 def test_the_force_is_the_demand_however_fast_it_moves(layers: Layers, io: RealIo) -> None:
@@ -101,29 +126,12 @@ def test_at_rest_it_would_be_off_by_far_more() -> None:
 
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
 def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
-    demand, gap = ramps(2)
-    random = np.random.default_rng(3)
-    twin = RealTwin(block(magnet(layers)), "f64")
-    applied, expected = [], []
-    for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
-        current = twin.solve(wanted, at)
-        current = min(max(current + 0.3 * random.standard_normal(), 0.0), 6.0)
-        applied.append(current)
-        expected.append(twin.commit(current, at))
-    made = force_of(magnet(layers), np.array(applied), gap)
-    assert np.array(expected) == pytest.approx(made, abs=3e-3 * TOP)
+    check_what_was_applied(RealTwin(block(magnet(layers)), "f64"), layers)
 
 
 def test_a_solve_does_not_move_time() -> None:
     model = magnet(LAYERS["two"])
-    once, often = (RealTwin(block(model), "f64") for _ in range(2))
-    for wanted in np.linspace(0.0, 100.0, 50).tolist():
-        for other in (20.0, 150.0, 80.0):
-            often.solve(other, 3.5e-4)
-        currents = [twin.solve(wanted, 4e-4) for twin in (once, often)]
-        assert currents[0] == currents[1]
-        for twin in (once, often):
-            twin.commit(currents[0], 4e-4)
+    check_time_stands_still(*(RealTwin(block(model), "f64") for _ in range(2)))
 
 
 def test_the_current_of_a_held_demand_comes_to_rest_again() -> None:

@@ -17,7 +17,17 @@ from anhyst.compensate.twin import FixedTwin, RealTwin, twin_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from tests.compensate.test_block import sealed
-from tests.compensate.test_solid import GAPS, LAYERS, RATE, TOP, force_of, magnet, ramps
+from tests.compensate.test_solid import (
+    GAPS,
+    LAYERS,
+    RATE,
+    TOP,
+    check_time_stands_still,
+    check_what_was_applied,
+    force_of,
+    magnet,
+    ramps,
+)
 from tests.truths import truth
 
 SIZES = TableSizes(gap_segments=4, curve_segments=5, cells=10)
@@ -98,29 +108,12 @@ def test_a_block_at_rest_is_that_of_the_iron_without_layers() -> None:
 
 @pytest.mark.parametrize("layers", LAYERS.values(), ids=list(LAYERS))
 def test_what_was_applied_is_what_it_goes_on_from(layers: Layers) -> None:
-    demand, gap = ramps(2)
-    random = np.random.default_rng(3)
-    twin = FixedTwin(block(magnet(layers)))
-    applied, expected = [], []
-    for wanted, at in zip(demand.tolist(), gap.tolist(), strict=True):
-        current = twin.solve(wanted, at)
-        current = min(max(current + 0.3 * random.standard_normal(), 0.0), 6.0)
-        applied.append(current)
-        expected.append(twin.commit(current, at))
-    made = force_of(magnet(layers), np.array(applied), gap)
-    assert np.array(expected) == pytest.approx(made, abs=3e-3 * TOP)
+    check_what_was_applied(FixedTwin(block(magnet(layers))), layers)
 
 
 def test_a_solve_does_not_move_time() -> None:
     model = magnet(LAYERS["two"])
-    once, often = (FixedTwin(block(model)) for _ in range(2))
-    for wanted in np.linspace(0.0, 100.0, 50).tolist():
-        for other in (20.0, 150.0, 80.0):
-            often.solve(other, 3.5e-4)
-        currents = [twin.solve(wanted, 4e-4) for twin in (once, often)]
-        assert currents[0] == currents[1]
-        for twin in (once, often):
-            twin.commit(currents[0], 4e-4)
+    check_time_stands_still(*(FixedTwin(block(model)) for _ in range(2)))
 
 
 def test_the_current_of_a_held_demand_comes_to_rest() -> None:
