@@ -155,7 +155,7 @@ static int current_rises(const int16_t *words)
 }
 
 /* Whether there is room for the layers of a block, and each answers more field with more flux where
-   nothing but iron is around it. */
+   nothing but iron is around it. A block without layers says nothing of them. */
 static int layers_are_valid(const int16_t *words)
 {
 #if ANHYST_MEMORIES > 1
@@ -163,7 +163,11 @@ static int layers_are_valid(const int16_t *words)
     return anhyst_solid_is_valid(words) && rises_with(words, words[ANHYST_WORD_SOLID_OWN], 16384);
   }
 #endif
-  return words[ANHYST_WORD_SOLID_LAYERS] == 0;
+  int16_t said = 0;
+  for (int16_t i = ANHYST_WORD_SOLID_LAYERS; i <= ANHYST_WORD_SOLID_LAMINATED; i++) {
+    said = (int16_t)(said | words[i]);
+  }
+  return said == 0;
 }
 
 int anhyst_cells_is_valid(const int16_t *words)

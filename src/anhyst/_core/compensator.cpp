@@ -108,10 +108,10 @@ public:
   {
     const size_t n = words.shape(0);
     if (has_plays()) {
-      const size_t each = 5 + ANHYST_CELLS;
+      constexpr size_t each = 5 + ANHYST_CELLS;
       same_length(each + deeper() * (each + 1), n, "memory");
       const int32_t *at = words.data();
-      const auto take = [&at, each](anhyst_memory &memory, int32_t *plays) {
+      const auto take = [&at](anhyst_memory &memory, int32_t *plays) {
         memory = {at[0], at[1], at[2], at[3], at[4]};
         std::copy(at + 5, at + each, plays);
         at += each;
