@@ -26,7 +26,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import CalibratedMethod, StageRig, read_stage
-from anhyst.rig.stage.loop import Feedforward, StageSetup, instants, ticks_of, track
+from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, Motion, MotionLaw, fit
 from anhyst.study.tracking.measures import Measures, measure
@@ -62,10 +62,17 @@ ALONE = {
 class World:
     """What nobody told the controller, beside what a plant is drawn with."""
 
-    mass: float = 0.0  # part by which the body is heavier
+    payload: float = 0.0  # part by which the body is heavier
     cable: float = 0.0  # pulls back to where the motion begins, N/m
     late_ticks: float = 0.0  # by which currents come later than the rig file says
     changes: Mapping[str, Any] = field(default_factory=dict)  # of the rig, known to everybody
+
+    def law(self, bench: Bench) -> MotionLaw:
+        """Return the law of a method, which keeps what it was compiled to in this process."""
+        key = bench.iron, bench.method, *self.changes
+        if key not in _laws:
+            _laws[key] = MotionLaw(changed(bench.rig, self.changes), bench.magnet, bench.method)
+        return _laws[key]
 
     def fly(
         self, setup: StageSetup, drift: Drift, motion: SetPoint, gains: Feedforward, noise: int
@@ -76,18 +83,21 @@ class World:
         plant = replace(
             setup,
             rig=changed(rig, {"timing.delay_ticks": ticks}) if self.late_ticks else rig,
-            drift=replace(drift, mass=self.mass),
+            drift=replace(drift, payload=self.payload, cable=self.cable),
         )
         early = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
-        place = motion.at(instants(rig, ticks_of(rig, motion)))[0]
-        return track(plant, motion, early, noise, load=-self.cable * place)
+        return track(plant, motion, early, noise)
 
 
+ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
+"""What a rig file says where a payload and a cable are to be reckoned with."""
 WORLDS = {
     "": World(),
-    "payload +5 %": World(mass=0.05),
-    "mass +0.5 %": World(mass=0.005),
-    "cable 50 N/m": World(cable=50.0),
+    "payload and cable allowed for": World(changes=ALLOWED),
+    "payload +5 %": World(payload=0.05, changes=ALLOWED),
+    "payload +5 %, not allowed for": World(payload=0.05),
+    "mass +0.5 %": World(payload=0.005),
+    "cable 50 N/m": World(cable=50.0, changes=ALLOWED),
     "half a tick late": World(late_ticks=0.5),
     "half a tick early": World(late_ticks=-0.5),
     "position noise 5 nm": World(changes={"position_sensor.noise_m": 5e-9}),
@@ -105,16 +115,8 @@ class Bench:
     gains: Feedforward  # as fitted
     calibrated_gains: Feedforward  # with the calibration active, which finds little there
 
-    @property
-    def law(self) -> MotionLaw:
-        """The law, which keeps what it was compiled to in this process."""
-        key = self.iron, self.method
-        if key not in _laws:
-            _laws[key] = MotionLaw(self.rig, self.magnet, self.method)
-        return _laws[key]
 
-
-_laws: dict[tuple[str, str], MotionLaw] = {}
+_laws: dict[tuple[str, ...], MotionLaw] = {}
 
 
 def bench_of(given: tuple[str, StageRig, IdentifiedMagnet, MethodName]) -> Bench:
@@ -143,7 +145,8 @@ class Trial:
 
         The stage learns from every motion; what it is corrected by follows at a bounded rate.
         """
-        bench, drift, learner = self.bench, drawn(self.plant), Learner(self.bench.law, FORGET_S)
+        bench, drift = self.bench, drawn(self.plant)
+        learner = Learner(WORLDS[""].law(bench), FORGET_S)
         scan, gains = bench.rig.settings.scan, bench.calibrated_gains
         for number in range(WORK):
             learner.work(drift, training(bench.rig), gains, 1000 * (self.plant + 1) + number + 1)
@@ -160,8 +163,8 @@ class Trial:
         bench, noise = self.bench, 1000 * (self.plant + 1)
         drift = drawn(self.plant).alone(ERRORS[self.errors])
         world = WORLDS[self.world]
-        rig = changed(bench.rig, world.changes)
-        law, gains = bench.law, bench.gains
+        law, gains = world.law(bench), bench.gains
+        rig = law.rig
         setup = StageSetup(rig, law.compensator(0.0))
 
         def judged() -> Measures:
@@ -173,7 +176,7 @@ class Trial:
         for scan in range(1, max(self.scans) + 1):
             run = world.fly(setup, drift, training(rig), gains, noise + scan)
             learner.learn(Motion(rig, run.columns))
-            setup = replace(law.stage(learner.found), rig=rig)
+            setup = law.stage(learner.found)
             gains = bench.calibrated_gains
             if scan in self.scans:
                 figures.append(judged())

@@ -10,14 +10,19 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.interface import MethodName
-from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.bearing.drift import Drift, changed
 from anhyst.rig.recording import Recording
+from anhyst.rig.stage.file import LearntParameter, read_stage
 from anhyst.rig.stage.loop import Feedforward, track
+from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.learner import FORGET_S, RATE, Learner, Motion, MotionLaw
+from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import explore_stage
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.stages import WRONG, recorded, training
+
+ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
 
 
 @cache
@@ -25,8 +30,8 @@ def law(method: MethodName) -> MotionLaw:
     return MotionLaw(stages.stage(), bearings.knowledge(), method)
 
 
-def motion_of_run(run: Recording, **changed: np.ndarray) -> Motion:
-    return Motion(stages.stage(), {**run.columns, **changed})
+def motion_of_run(run: Recording, **columns: np.ndarray) -> Motion:
+    return Motion(stages.stage(), {**run.columns, **columns})
 
 
 def taught(method: MethodName = "full", forget_s: float = FORGET_S) -> Learner:
@@ -127,7 +132,7 @@ def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
 
 
 def heavier(learner: Learner, part: float) -> bool:
-    setup = replace(stages.setup("full"), drift=replace(WRONG, mass=part))
+    setup = replace(stages.setup("full"), drift=replace(WRONG, payload=part))
     return learner.learn(motion_of_run(track(setup, training(), Feedforward(), 1)))
 
 
@@ -138,6 +143,40 @@ def test_a_payload_is_refused_and_its_mass_is_found_closer_where_the_stage_was_k
         assert learner.found.mass_kg == pytest.approx(10.5, abs=off)
     assert not new.found.taken
     assert known.values == taught().values
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["full", "flux"])
+def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
+    method: MethodName,
+) -> None:
+    rig = changed(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
+    learner = Learner(MotionLaw(rig, bearings.knowledge(), method))
+    drift = replace(WRONG, payload=0.05, cable=60.0)
+    own, gains, scan = learner.stage(drift), Feedforward(), rig.settings.scan
+    run = track(own, motion_of(scan, scan.train_m_per_s2), gains, 1)
+    assert learner.learn(Motion(rig, run.columns))
+    found = learner.found
+    learnt: dict[str, LearntParameter] = {one.name: one for one in found.parameter}
+    assert found.fits
+    for name, true in (("payload", 0.05), ("cable_N_per_m", 60.0)):
+        off = abs(learnt[name].value - true)
+        assert off < 3.0 * learnt[name].sigma < 0.5 * learnt[name].prior, name
+    motion = stages.unseen(rig)
+    before, after = (
+        measure(track(stage, motion, gains, 3), motion, scan.slit_s).average_m
+        for stage in (own, learner.law.stage(found, drift))
+    )
+    assert after < 0.2 * before
+
+
+def test_without_a_payload_hardly_one_is_found_and_short_ways_say_nothing_of_a_cable() -> None:
+    rig = changed(stages.stage(), ALLOWED)
+    learner = Learner(MotionLaw(rig, bearings.knowledge(), "full"))
+    assert learner.learn(Motion(rig, recorded().columns))
+    assert abs(learner.values["payload"]) < 0.015
+    frozen = {one.name for one in learner.found.parameter if one.frozen}
+    assert frozen == {"cable_N_per_m", "gap_zero_m"}
 
 
 def test_what_is_applied_follows_at_a_bounded_rate() -> None:

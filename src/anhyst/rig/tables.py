@@ -224,6 +224,8 @@ class SpreadTable(Table):
     gap_zero_m: NotNegative = 1e-6
     eddy_s: NotNegative = 25e-6
     conductivity_percent: Spread = 10.0
+    payload_percent: Spread = 0.0
+    cable_N_per_m: NotNegative = 0.0
     stroke_percent: Spread = 5.0
     creep_percent: Spread = 10.0
     resonance_percent: Spread = 3.0
@@ -252,6 +254,8 @@ SPREADS: Mapping[FileKind, Mapping[str, str]] = {
         "flux_gain": "hall_percent",
         "eddy": "eddy_s",
         "conductivity": "conductivity_percent",
+        "payload": "payload_percent",
+        "cable": "cable_N_per_m",
     },
     FileKind.FORCE: {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},
     FileKind.PIEZO: {

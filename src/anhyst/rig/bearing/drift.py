@@ -27,7 +27,7 @@ from anhyst.support.kinds import FileKind
 
 CUT = 3.0
 """Standard deviations at which the distribution of a change ends."""
-_UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0)}
+_UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
 """Of what is not relative: unit and factor in files."""
 
 
@@ -49,6 +49,8 @@ class Drift:
     second_scale: float = 0.0
     eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
     conductivity: float = 0.0  # of solid iron
+    payload: float = 0.0  # by which a body is heavier than its controller knows
+    cable: float = 0.0  # pulls a body back to where its motion begins, N/m
     stroke: float = 0.0  # of a piezo stack
     creep: float = 0.0
     resonance: float = 0.0
@@ -113,7 +115,7 @@ def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
         turned = drift.position_gain * file.gap_m
         changes = {
             "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
-            "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
+            "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass) * (1.0 + drift.payload),
             "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
             "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
             "current_sensor.gain_error": shunt.gain_error + drift.current_gain,

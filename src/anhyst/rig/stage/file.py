@@ -236,10 +236,13 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
 # What motion taught of the magnets: the file that a rig names, and how a controller uses it.
 
-ParameterName = Literal["scale_1", "scale_2", "gap_zero_m", "width", "lag_s", "bias_N"]
+ParameterName = Literal[
+    "scale_1", "scale_2", "gap_zero_m", "width", "lag_s", "bias_N", "payload", "cable_N_per_m"
+]
 """Of a magnet: the part by which its current (with ``flux`` its probe) does more than it says; of
 both: what the gap reads too much, the part by which the loop is wider, the lag of the flux behind
-the current, and a force that no magnet makes."""
+the current; of the body: a force that no magnet makes, the part by which it is heavier, and the
+stiffness that pulls it back to where a motion begins."""
 
 
 LIMITS: Mapping[ParameterName, float] = {
@@ -249,6 +252,8 @@ LIMITS: Mapping[ParameterName, float] = {
     "width": 0.8,
     "lag_s": 1e-3,
     "bias_N": math.inf,
+    "payload": 0.5,
+    "cable_N_per_m": math.inf,
 }
 """Beyond which no number of a stage is: what is farther off is no calibration."""
 

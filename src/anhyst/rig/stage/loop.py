@@ -84,6 +84,8 @@ class StageSetup:
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
     correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
+    payload: float = 0.0  # part by which what is fed forward is for a heavier body
+    cable: float = 0.0  # N/m, and against such a cable
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -127,16 +129,15 @@ def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
 
 
-def feed(rig: StageRig, motion: SetPoint, gains: Feedforward) -> FloatArray:
+def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
-    timing = rig.settings.timing
+    rig, timing = setup.rig, setup.rig.settings.timing
     ahead = (timing.delay_ticks + 0.5) * rig.dt
     time = instants(rig, ticks_of(rig, motion)) + ahead
-    _, acceleration, jerk, snap = motion.at(time)
-    return np.asarray(
-        rig.settings.body.mass_kg
-        * (gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap)
-    )
+    place, acceleration, jerk, snap = motion.at(time)
+    moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
+    mass = rig.settings.body.mass_kg * (1.0 + setup.payload)
+    return np.asarray(mass * moved + setup.cable * place)
 
 
 def instants(rig: StageRig, count: int) -> FloatArray:
@@ -167,7 +168,7 @@ def track(
     time = instants(rig, n + 1)
     reference = motion.at(time)[0]
     frame = reference - rig.gap + stray(rig, motion, time)
-    forward = feed(rig, motion, gains)
+    forward = feed(setup, motion, gains)
     if learnt is not None:
         forward = forward + learnt
     if settings.several:
@@ -175,13 +176,15 @@ def track(
     noise = np.random.default_rng([settings.seed, seed]).normal(
         0.0, settings.position_sensor.noise_m, n
     )
+    # The body is off its reference by too little for the cable to feel it.
+    pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     bearing.place([rig.gap], [0.0])
     loop = PlantLoop(bearing, _controller(setup), current_loops(rig.bearing))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
     rows = loop.run(
         np.ascontiguousarray(reference[:n]),
-        np.zeros(n) if load is None else np.ascontiguousarray(load),
+        pulled,
         noise,
         np.ascontiguousarray(-forward),
         np.full(n, _COMMAND_NONE, dtype=np.uint32),
@@ -411,8 +414,21 @@ def make_stage(
     found = calibrated or calibration_of(rig, method)
     if found is None:
         return StageSetup(rig, fit_method(rig, magnet, method))
-    compensator = fit_method(rig, magnet, method, found.value("width"))
-    return StageSetup(rig, compensator, correction=found.correction(compensator, rig))
+    return corrected(rig, fit_method(rig, magnet, method, found.value("width")), found)
+
+
+def corrected(
+    rig: StageRig, compensator: ForceController, found: CalibratedMethod, drift: Drift = NO_DRIFT
+) -> StageSetup:
+    """Return a stage whose controller is corrected by what was found of its method."""
+    return StageSetup(
+        rig,
+        compensator,
+        drift=drift,
+        correction=found.correction(compensator, rig),
+        payload=found.value("payload"),
+        cable=found.value("cable_N_per_m"),
+    )
 
 
 def fit_method(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import get_args
 
@@ -32,7 +32,7 @@ from anhyst.rig.stage.file import (
     StageRig,
     per_root,
 )
-from anhyst.rig.stage.loop import PROBES, Feedforward, StageSetup, fit_method, track
+from anhyst.rig.stage.loop import PROBES, Feedforward, StageSetup, corrected, fit_method, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -56,13 +56,14 @@ RATE = 2.0
 SEEN = 0.7
 """Of its prior standard deviation: a parameter with more left is called not seen."""
 
-_OF_IRON: tuple[ParameterName, ...] = ("scale_1", "scale_2", "width", "lag_s", "bias_N")
+_OF_BODY: tuple[ParameterName, ...] = ("bias_N", "payload", "cable_N_per_m")
+_OF_IRON: tuple[ParameterName, ...] = ("scale_1", "scale_2", "width", "lag_s", *_OF_BODY)
 MOVED: Mapping[MethodName, tuple[ParameterName, ...]] = {
-    "single-valued": ("scale_1", "scale_2", "lag_s", "bias_N"),
+    "single-valued": ("scale_1", "scale_2", "lag_s", *_OF_BODY),
     "play": _OF_IRON,
     "at-rest": _OF_IRON,
     "full": _OF_IRON,
-    "flux": ("scale_1", "scale_2", "bias_N"),
+    "flux": ("scale_1", "scale_2", *_OF_BODY),
 }
 """What can be learnt of each method. The gap zero is frozen: on one axis it is hardly to be told from
 the difference of both scales."""
@@ -73,9 +74,8 @@ STEPS: Mapping[ParameterName, float] = {
     "scale_2": 0.005,
     "width": 0.1,
     "lag_s": 25e-6,
-    "bias_N": 1.0,
 }
-"""By which a parameter is moved for its derivative along the path."""
+"""By which a parameter of a magnet is moved for its derivative along the path."""
 WIDTHS = 0.005
 """A law is fitted anew for widths on this grid."""
 COMMANDS = of_magnets(CURRENTS[:1], 1, MAGNETS)
@@ -86,6 +86,9 @@ FAULT = 0.01
 GROWN, LEFT = 2.5, 0.001
 """A motion of which the estimate leaves so many times what it left so far teaches nothing: its plant,
 or a sensor, is not what it was. Of less than that part of the force any law may be wrong."""
+FIRM = 20.0
+"""Where a payload is learnt, the sum of both scales is held at 0 so many times harder than each: the
+scale of force is as good as the currents then, for what a law has slightly wrong would move it."""
 MASS, LIGHT = 0.3, 0.01
 """Standard deviation of another mass, where a motion is refused; of less than a hundredth nothing is
 said, since scales of currents explain as much."""
@@ -121,6 +124,8 @@ def prior(rig: StageRig, method: MethodName, name: ParameterName) -> float:
         "width": 0.01 * spread.pinning_percent,
         "lag_s": spread.eddy_s,
         "bias_N": 0.01 * rig.settings.tracking.force_max_N,
+        "payload": 0.01 * spread.payload_percent,
+        "cable_N_per_m": spread.cable_N_per_m,
     }[name]
 
 
@@ -151,6 +156,13 @@ class Motion:
         acceleration = np.zeros(place.size)
         acceleration[1:-1] = np.diff(place, 2) / self.rig.dt**2
         return self.filtered(self.rig.settings.body.mass_kg * acceleration)
+
+    @cached_property
+    def by_body(self) -> Mapping[ParameterName, FloatArray]:
+        """What the numbers of the body push with, for each unit of them, filtered, N."""
+        place = self.read["position_read_m"]
+        moved = self.filtered(place - place[0])
+        return dict(zip(_OF_BODY, (np.ones(place.size), -self.pushed, -moved), strict=True))
 
     @property
     def noise(self) -> float:
@@ -193,10 +205,9 @@ class MotionLaw:
         self.rig, self.magnet, self.method = rig, magnet, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
 
-    def stage(self, found: CalibratedMethod) -> StageSetup:
-        """Return the stage whose controller is corrected by what was found."""
-        compensator = self.compensator(found.value("width"))
-        return StageSetup(self.rig, compensator, correction=found.correction(compensator, self.rig))
+    def stage(self, found: CalibratedMethod, drift: Drift = NO_DRIFT) -> StageSetup:
+        """Return the stage whose controller is corrected by what was found; its plant may drift."""
+        return corrected(self.rig, self.compensator(found.value("width")), found, drift)
 
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force along a path by the law with some numbers, filtered, N."""
@@ -206,7 +217,8 @@ class MotionLaw:
         else:
             forces, late = self._by_currents(motion, scales, values), motion.late
         # the first magnet pulls towards smaller positions
-        return motion.filtered(forces[1] - forces[0], late) + values["bias_N"]
+        body = (values[name] * force for name, force in motion.by_body.items())
+        return sum(body, motion.filtered(forces[1] - forces[0], late))
 
     def _by_currents(
         self, motion: Motion, scales: FloatArray, values: Mapping[ParameterName, float]
@@ -317,9 +329,10 @@ class Learner:
         right = np.concatenate([known[:, -1], new[:, -1], np.zeros(held.size)])
         found = held * np.linalg.lstsq(whole, right)[0]
         missed = self._trust * rms(new[:, -1] - new[:, :-1] @ found)
-        mass = self.law.rig.settings.body.mass_kg * (1.0 + float(found[-1]))
+        heavier = float(found[[name == "payload" for name in self._names] + [True]].sum())
         explained = missed <= math.hypot(KIND * rms(pushed), self.noise_N)
-        self.mass_kg = mass if explained and abs(found[-1]) > LIGHT else None
+        mass = self.law.rig.settings.body.mass_kg * (1.0 + heavier)
+        self.mass_kg = mass if explained and abs(heavier) > LIGHT else None
         return False
 
     def _missed(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
@@ -335,7 +348,7 @@ class Learner:
 
     def stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage that is corrected by what is applied; its plant may have drifted."""
-        return replace(self.law.stage(self._method(self.applied)), drift=drift)
+        return self.law.stage(self._method(self.applied), drift)
 
     def work(self, drift: Drift, motion: SetPoint, gains: Feedforward, seed: int) -> Recording:
         """Follow a set-point with what is applied, and learn from it."""
@@ -353,6 +366,12 @@ class Learner:
     def _method(self, values: Mapping[ParameterName, float]) -> CalibratedMethod:
         moved, missed = self._moved_and_missed
         left = self._left(self._rows, self._seen, missed)
+        if "payload" in left:  # the sum of both scales was held, and nothing tells it
+            of_sum = math.sqrt(2.0) * self.priors["scale_1"]
+            shares = {"payload": 1.0, "scale_1": 0.5, "scale_2": 0.5}
+            left = {
+                name: math.hypot(one, shares.get(name, 0.0) * of_sum) for name, one in left.items()
+            }
         return CalibratedMethod(
             name=self.law.method,
             residual_N=missed,
@@ -369,7 +388,7 @@ class Learner:
                     frozen=name not in self._seen,
                 )
                 for name in PARAMETERS
-                if name in MOVED[self.law.method] or name == "gap_zero_m"
+                if name in self._names or name == "gap_zero_m"
             ],
         )
 
@@ -383,6 +402,14 @@ class Learner:
     def _trust(self) -> float:
         return TRUST * self.law.rig.settings.tracking.force_max_N
 
+    def _prior(self, names: Sequence[ParameterName]) -> FloatArray:
+        """Return rows that hold numbers, in standard deviations of them."""
+        rows = np.eye(len(names))
+        if "payload" in names:
+            scales = [FIRM * (name in ("scale_1", "scale_2")) for name in names]
+            rows = np.vstack([rows, scales])
+        return rows
+
     def _columns(self, names: Sequence[ParameterName]) -> list[int]:
         return [self._names.index(name) for name in names]
 
@@ -394,8 +421,9 @@ class Learner:
             return dict.fromkeys(PARAMETERS, 0.0)
         held = np.array([self.priors[name] for name in names])
         far = np.minimum(MOST * held, [LIMITS[name] for name in names])
-        whole = np.vstack([held * rows[:, self._columns(names)], np.eye(held.size)])
-        right = np.concatenate([rows[:, -1], np.zeros(held.size)])
+        known = self._prior(names)
+        whole = np.vstack([held * rows[:, self._columns(names)], known])
+        right = np.concatenate([rows[:, -1], np.zeros(len(known))])
         found = np.clip(held * np.linalg.lstsq(whole, right)[0], -far, far).tolist()
         solved = zip(names, found, strict=True)
         return dict.fromkeys(PARAMETERS, 0.0) | {name: _on_grid(name, one) for name, one in solved}
@@ -405,9 +433,10 @@ class Learner:
     ) -> dict[ParameterName, float]:
         """Return the standard deviations that are left, where so much is missed, N."""
         held = np.array([self.priors[name] for name in names])
-        root = rows[:, self._columns(names)] * min(1.0, self._trust / max(missed, self._trust))
-        normal = root.T @ root + np.diag(held**-2.0)
-        return dict(zip(names, np.sqrt(np.diag(np.linalg.inv(normal))).tolist(), strict=True))
+        root = held * rows[:, self._columns(names)]
+        whole = np.vstack([self._trust / max(missed, self._trust) * root, self._prior(names)])
+        left = held * np.sqrt(np.diag(np.linalg.inv(whole.T @ whole)))
+        return dict(zip(names, left.tolist(), strict=True))
 
     def _rows_of(
         self, motion: Motion, values: Mapping[ParameterName, float], *, exact: bool
@@ -433,6 +462,9 @@ class Learner:
         flat = force({"width": 0.0})
         slopes = np.zeros((flat.size, len(self._names)))
         for place, name in enumerate(self._names):
+            if name in _OF_BODY:
+                slopes[:, place] = motion.by_body[name][motion.compared]
+                continue
             step = STEPS[name]
             moved = {name: step if name == "width" else values[name] + step}
             slopes[:, place] = (force({"width": 0.0, **moved}) - flat) / step
