@@ -397,30 +397,47 @@ static int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, i
   return 0;
 }
 
-static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                           int32_t flux, anhyst_candidate *to)
+static int32_t cells_field(anhyst_compensator *c)
 {
-  const int32_t falling = from->p < 0 ? -1 : 0;
-  const int32_t low = turned(from->x, falling);
+  const int32_t target = c->flux >> 2;
+  const int32_t falling = c->memory.p < 0 ? -1 : 0;
+  const int32_t low = turned(c->memory.x, falling);
+  anhyst_candidate *to = &c->next;
   int32_t reached;
-  if (to->fine != 0U && slid(words, 0, flux >> 2, low, to, &reached)) {
+  if (to->fine != 0U && slid(c->words, 0, target, low, to, &reached)) {
     to->memory.level = low;
     to->way = falling == 0 ? 1 : -1;
   } else {
-    (void)travel(words, from, plays, 0, flux >> 2, to);
+    (void)travel(c->words, &c->memory, c->plays, 0, target, to);
   }
   return to->memory.x;
 }
 
-static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                          anhyst_candidate *at, const anhyst_arms *arms, int32_t current)
+static int32_t cells_flux(anhyst_compensator *c, int32_t current)
 {
+  const anhyst_arms *arms = &c->arms;
+  anhyst_candidate *at = &c->next;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
   int32_t flux;
-  if (at->way == 0 || !slid(words, arms, target, at->memory.level, at, &flux)) {
-    flux = travel(words, from, plays, arms, target, at);
+  if (at->way == 0 || !slid(c->words, arms, target, at->memory.level, at, &flux)) {
+    flux = travel(c->words, &c->memory, c->plays, arms, target, at);
   }
   return anhyst_shl_q31(flux, 2);
+}
+
+static void cells_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
+{
+  anhyst_cells_carry(c->words, words, flux, &c->memory, c->plays);
+}
+
+static void cells_keep(anhyst_compensator *c)
+{
+  anhyst_cells_keep(c->words, &c->memory, &c->next.memory, c->plays);
+}
+
+static void cells_start(anhyst_compensator *c)
+{
+  anhyst_cells_start(c->words, c->plays, &c->memory);
 }
 
 #if ANHYST_MEMORIES > 1
@@ -429,8 +446,17 @@ int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const
 {
   return anhyst_shl_q31(travel(words, from, plays, arms, target, to), 2);
 }
+
+const anhyst_kernel *anhyst_cells_for_block(const int16_t *words)
+{
+  return words[ANHYST_WORD_SOLID_LAYERS] > 0 ? &anhyst_kernel_solid : &anhyst_kernel_cells;
+}
+
+#define FOR_BLOCK anhyst_cells_for_block
+#else
+#define FOR_BLOCK 0
 #endif
 
-const anhyst_kernel anhyst_kernel_cells = {
-    ANHYST_KIND_CELLS,  cells_field,       cells_flux,        anhyst_cells_is_valid,
-    anhyst_cells_carry, anhyst_cells_keep, anhyst_cells_start};
+const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,     cells_field, cells_flux,
+                                           anhyst_cells_is_valid, cells_carry, cells_keep,
+                                           cells_start,           FOR_BLOCK};

@@ -2,7 +2,6 @@
 /* What the law of cells asks of a block, where a path of it begins and what it leaves behind, and
    how a memory goes from one block to another. */
 #include "cells_path.h"
-#include "solid.h"
 
 /* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
 #define HALVINGS 24

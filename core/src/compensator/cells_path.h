@@ -175,8 +175,9 @@ static inline void anhyst_cells_begin(cell_path *along, const int16_t *words,
   along->row = row_of(along, along->active);
 }
 
-/* As anhyst_kernel says of them. */
 int anhyst_cells_is_valid(const int16_t *words);
+
+/* As anhyst_kernel says of them, for one memory. */
 void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flux,
                         anhyst_memory *memory, int32_t *plays);
 void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
@@ -184,6 +185,13 @@ void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const an
 void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 
 #if ANHYST_MEMORIES > 1
+/* Solid iron: layers of the law. */
+extern const anhyst_kernel anhyst_kernel_solid;
+const anhyst_kernel *anhyst_cells_for_block(const int16_t *words);
+
+/* Whether the words about layers are valid; those of the law must be. */
+int anhyst_solid_is_valid(const int16_t *words);
+
 /* Lets the law meet flux_arm*flux + field_arm*field = target, the target over 4; gives the flux. */
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to);
