@@ -36,18 +36,15 @@ void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memor
   memory->level = memory->x;
 }
 
-void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
-                       int32_t *plays)
+void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, int32_t *plays)
 {
-  if ((from->p < 0) != (to->p < 0)) {
-    cell_path along;
-    anhyst_cells_rows(&along, words);
-    const int32_t falling = from->p < 0 ? -1 : 0;
-    const int32_t x = inside(turned(from->x, falling));
-    const int16_t moved = moving_cells(&along, from);
-    for (int16_t cell = 1; cell < moved; cell++) {
-      plays[cell - 1] = turned(x - width(&along, cell), falling);
-    }
+  cell_path along;
+  anhyst_cells_rows(&along, words);
+  const int32_t falling = from->p < 0 ? -1 : 0;
+  const int32_t x = inside(turned(from->x, falling));
+  const int16_t moved = moving_cells(&along, from);
+  for (int16_t cell = 1; cell < moved; cell++) {
+    plays[cell - 1] = turned(x - width(&along, cell), falling);
   }
 }
 

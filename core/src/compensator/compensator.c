@@ -65,11 +65,16 @@ static int32_t square(int32_t a, int16_t knee)
   return anhyst_shl_q31(anhyst_scale(a, anhyst_sat_q15(a >> 15)), 2);
 }
 
+/* The output at this gap without flux. */
+static int32_t offset_at(const int16_t *words, place at)
+{
+  return (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+}
+
 /* What an output at this gap needs as a flux, q30, beyond the offset and at least 0 if it goes with
    a square; saturates. */
-static int32_t flux_for(const int16_t *words, int32_t output, place at)
+static int32_t flux_for(const int16_t *words, int32_t output, int32_t offset, place at)
 {
-  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
   const int32_t beyond = anhyst_sub_q31(output, offset);
   const int32_t part = words[ANHYST_WORD_POWER] == 2
                            ? root(beyond > 0 ? beyond : 0, words[ANHYST_WORD_ROOT_KNEE])
@@ -84,11 +89,11 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
   const int16_t *words = c->words;
   const int32_t wanted = anhyst_clamp(demand, (int32_t)words[ANHYST_WORD_DEMAND_LOW] * 65536,
                                       (int32_t)words[ANHYST_WORD_DEMAND_HIGH] * 65536);
-  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+  const int32_t offset = offset_at(words, at);
   if (wanted != demand || (words[ANHYST_WORD_POWER] == 2 && wanted < offset)) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const int32_t flux = flux_for(words, wanted, at);
+  const int32_t flux = flux_for(words, wanted, offset, at);
   const int32_t limit = (int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536;
   const int32_t reached = anhyst_clamp(flux, -limit, limit);
   if (reached != flux) {
@@ -209,7 +214,7 @@ int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
 {
   const int16_t *words = c->words;
   const place at = gap_place(words, c->gap);
-  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+  const int32_t offset = offset_at(words, at);
   /* Shifted first: the quotient alone may be beyond 32 bits. */
   const int32_t magnitude =
       anhyst_abs_q31(c->flux_applied) >> (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
@@ -228,7 +233,8 @@ int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
 void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
 {
   const int32_t output = anhyst_compensator_output_q31(c);
-  int32_t flux = flux_for(words, output, gap_place(words, c->gap));
+  const place at = gap_place(words, c->gap);
+  int32_t flux = flux_for(words, output, offset_at(words, at), at);
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }

@@ -385,14 +385,16 @@ static void solid_start(anhyst_compensator *c)
 
 static void solid_keep(anhyst_compensator *c)
 {
-  const int16_t more = (int16_t)(memories_of(c->words) - 1);
-  for (int16_t i = 0; i < more; i++) {
-    anhyst_deeper *deeper = &c->deeper[i];
-    anhyst_cells_keep(c->words, &deeper->memory, &deeper->next.memory, deeper->plays);
-    deeper->memory = deeper->next.memory;
-    deeper->owed = deeper->next_owed;
+  for (int16_t at = (int16_t)(memories_of(c->words) - 1); at >= 0; at--) {
+    int32_t *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
+    if (have_turned(memory_of(c, at), &next_of(c, at)->memory)) {
+      anhyst_cells_keep(c->words, memory_of(c, at), plays);
+    }
+    if (at > 0) {
+      c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
+      c->deeper[at - 1].owed = c->deeper[at - 1].next_owed;
+    }
   }
-  anhyst_cells_keep(c->words, &c->memory, &c->next.memory, c->plays);
 }
 
 /* Each layer is brought to the flux that it had, and what that of the section changes. One that the
