@@ -30,15 +30,9 @@ static const anhyst_kernel *const kernel = &anhyst_kernel_simplified;
 #include "compensator/euler.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_euler;
 #else
-#if defined(CELLS)
-#include "compensator/cells.c"
-#include "compensator/cells_block.c"
-static const anhyst_kernel *const kernel = &anhyst_kernel_cells;
-#else
 #include "compensator/full.c"
 #include "compensator/full_block.c"
 static const anhyst_kernel *const kernel = &anhyst_kernel_full;
-#endif
 
 /* Any answer: its products are too much for a solver. */
 static int current_rises(const int16_t *words)

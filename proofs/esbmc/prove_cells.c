@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The kernel of the law of cells, function by function from the leaves to the whole step. PART
-   names the function that is proved; those below it are replaced by what their own proof has shown
+/* The kernel of the law of cells, function by function. PART names the one
+   that is proved; those below it are replaced by what their own proof has shown
    (contracts in proofs.toml), each of them first showing that it may be called so.
 
    A loop that turns as often as its data say is proved for one turn: proofs.toml puts BEGIN_TURN
@@ -9,9 +9,7 @@
 
    A path is any that the invariant `is_path` allows, on rows of any size that anhyst_block_check
    lets through; where a row is read, what the check says of its entries is assumed. */
-#ifndef RAW_PRODUCTS
 #define ANHYST_PORT_HEADER "contracts.h"
-#endif
 #include "any.h"
 
 #define is_inside(a) ((a) >= -ONE && (a) < ONE)
@@ -32,52 +30,8 @@
   begin = nondet_i32();                                                                            \
   missing = any_within(-MOST_MISSING, ANHYST_Q31_MAX);                                             \
   end = nondet_i16()
-#define REJOINING                                                                                  \
-  (is_path(along) && least >= begun && least <= most && most <= along->moved && place >= low &&    \
-   place < ONE)
-#define FORGET_REJOINING                                                                           \
-  least = nondet_i16();                                                                            \
-  most = nondet_i16();                                                                             \
-  place = nondet_i32();                                                                            \
-  move_on(along)
-#define PURSUING                                                                                   \
-  (is_path(along) && is_inside(next) && low >= begun_at && low <= next &&                          \
-   is_on(along, here, along->active - 1))
-#define FORGET_PURSUING                                                                            \
-  along->left = any_spot(along, along->rows);                                                      \
-  along->x = nondet_i32();                                                                         \
-  along->moved = nondet_i16();                                                                     \
-  low = nondet_i32();                                                                              \
-  next = nondet_i32();                                                                             \
-  move_on(along);                                                                                  \
-  here = any_spot(along, along->row)
-/* Within a turn the row is brought up when all that join in one place have done so. */
-#define JOINING                                                                                    \
-  (along->active >= 1 && along->active <= along->cells && along->moved >= 0 &&                     \
-   along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&            \
-   is_on(along, here, along->active - 1) && is_on(along, along->left, 0) && low >= begun_at)
-#define JOINED (JOINING_BUT_LAST && is_inside(next) && low <= next)
-#define JOINING_BUT_LAST                                                                           \
-  (along->active >= 2 && along->active <= along->cells + 1 && along->moved >= 0 &&                 \
-   along->moved <= along->cells + 1 && is_inside(along->x) && is_inside(along->rest) &&            \
-   is_on(along, here, along->active - 1) && is_on(along, along->left, 0) && low >= begun_at)
-#define FORGET_JOINING                                                                             \
-  along->left = any_spot(along, along->rows);                                                      \
-  along->x = nondet_i32();                                                                         \
-  along->moved = nondet_i16();                                                                     \
-  along->rest = nondet_i32();                                                                      \
-  along->active = (int16_t)any_within(1, along->cells + 1);                                        \
-  here = any_spot(along, along->rows + (along->active - 1) * along->stride);                       \
-  next = nondet_i32()
 
 #include "compensator/cells_path.h"
-
-static int16_t begun;    /* cells that moved before */
-static int32_t begun_at; /* and where */
-static int is_path(const cell_path *along);
-static int is_on(const cell_path *along, anhyst_spot spot, int32_t row);
-static anhyst_spot any_spot(const cell_path *along, const int16_t *row);
-static void move_on(cell_path *along);
 
 #define HALF (ONE / 2)
 /* What may be missing of a target. */
@@ -162,15 +116,6 @@ static cell_path any_path(void)
   return along;
 }
 
-/* Forgets all that a function may change of a path. */
-static void move_on(cell_path *along)
-{
-  along->active = (int16_t)any_within(1, along->cells + 1);
-  along->row = along->rows + (along->active - 1) * along->stride;
-  along->rest = any_within(-ONE, ONE - 1);
-  along->low = any_within(-ONE, ONE - 1);
-}
-
 /* Targets that a current or a flux can ask for, over 4. */
 #define MOST_TARGET (HALF + HALF / 4)
 
@@ -247,87 +192,11 @@ static inline int32_t part_of(int32_t n, int32_t d)
 }
 #endif
 
-#ifdef STEPS_BY_CONTRACT
-static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
-{
-  SHOW(cell >= 1 && is_inside(along->x) && is_inside(low));
-  return any_within(low, ONE - 1);
-}
-
-static void let_move(cell_path *along, int16_t cells)
-{
-  SHOW(is_path(along) && cells >= 1 && cells <= along->cells + 1);
-  along->rest = any_within(-ONE, ONE - 1);
-  along->active = cells;
-  along->row = along->rows + (cells - 1) * along->stride;
-}
-
-static int32_t rests_with(cell_path *along, anhyst_spot here)
-{
-  SHOW(along->active >= 1 && along->active <= along->cells && is_inside(along->x));
-  SHOW(is_on(along, here, along->active - 1) && is_on(along, along->left, 0));
-  along->left = any_spot(along, along->rows);
-  along->x = any_within(-ONE, ONE - 1);
-  along->moved = (int16_t)any_within(0, along->cells + 1);
-  return any_within(-ONE + 1, ONE - 1);
-}
-
-static void turn(cell_path *along, anhyst_spot here)
-{
-  SHOW(is_path(along) && is_on(along, here, along->active - 1));
-  along->left = any_spot(along, along->rows);
-  along->moved = along->active;
-  along->frozen = nondet_i32();
-  along->x = ~along->x;
-  along->falling = ~along->falling;
-  move_on(along);
-  ASSUME(along->active == 1);
-}
-#endif
-
-#ifdef GO_BY_CONTRACT
-static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_t low, int32_t high)
-{
-  SHOW(is_path(along) && is_target(solve) && is_on(along, here, along->active - 1));
-  SHOW(is_inside(low) && is_inside(high) && low <= high);
-  along->x = any_within(low, high);
-  along->segment = along->row + any_within(0, along->stride - 2);
-}
-
-static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
-{
-  SHOW(is_path(along) && is_target(solve) && is_inside(low) && along->active < along->moved);
-  const int32_t least = along->active;
-  move_on(along);
-  ASSUME(along->active >= least);
-  return any_within(low, ONE - 1);
-}
-#endif
-
 #ifdef NODE_BY_CONTRACT
 static int32_t node(const cell_path *along, int16_t segment)
 {
   SHOW(segment >= 0 && segment <= along->stride - 2);
   return any_within(-ONE, ONE - 1);
-}
-#endif
-
-#ifdef PURSUE_BY_CONTRACT
-static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here)
-{
-  SHOW(is_path(along) && is_target(solve) && is_on(along, here, along->active - 1));
-  const int32_t x = along->x;
-  move_on(along);
-  along->x = any_within(x, ONE - 1);
-  along->segment = along->row + any_within(0, along->stride - 2);
-  return any_within(along->x, ONE - 1);
-}
-
-static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_candidate *at)
-{
-  SHOW(is_inside(begin) && is_inside(rest));
-  at->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at->flux = any_within(-ONE, ONE);
 }
 #endif
 
@@ -393,7 +262,7 @@ static void prove_joins(void)
   ASSUME(cell <= along.cells);
   along.active = cell;
   along.row = row_of(&along, cell);
-  const int32_t with = rests_with(&along, any_spot(&along, along.row));
+  const int32_t with = rests_with(&along, any_spot(&along, along.row), along.cells);
   SHOW(with > -ONE && with < ONE);
 }
 
@@ -402,7 +271,7 @@ static void prove_find_left(void)
   cell_path along = any_path();
   ASSUME(along.active <= along.cells);
   const int16_t active = along.active;
-  find_left(&along);
+  find_left(&along, (int16_t)any_within(0, along.cells));
   SHOW(is_path(&along) && along.moved > active && along.active == active);
 }
 
@@ -421,18 +290,6 @@ static void prove_turn(void)
   SHOW(is_path(&along) && along.active == 1);
 }
 
-static void prove_rejoin(void)
-{
-  cell_path along = any_path();
-  const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
-  const int32_t low = any_within(-ONE, ONE - 1);
-  begun = along.active;
-  ASSUME(begun < along.moved);
-  const int32_t place = rejoin(&along, &solve, low);
-  SHOW(is_path(&along) && along.active >= begun && place >= low && place < ONE);
-}
-
 static void prove_go(void)
 {
   cell_path along = any_path();
@@ -442,16 +299,6 @@ static void prove_go(void)
   const int32_t high = any_within(low, ONE - 1);
   go(&along, &solve, any_spot(&along, along.row), low, high);
   SHOW(is_path(&along) && along.x >= low && along.x <= high);
-}
-
-static void prove_pursue(void)
-{
-  cell_path along = any_path();
-  const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
-  begun_at = along.x;
-  const int32_t next = pursue(&along, &solve, any_spot(&along, along.row));
-  SHOW(is_path(&along) && along.x >= begun_at && next >= along.x && next < ONE);
 }
 
 static int is_memory(const anhyst_memory *to)
@@ -471,17 +318,6 @@ static int is_candidate(const anhyst_candidate *at)
 {
   return is_memory(&at->memory) && is_inside(at->m) && at->flux >= -ONE && at->flux <= ONE &&
          at->m_slope >= 0 && at->fine >= 2U && at->fine <= 13U;
-}
-
-static void prove_travel(void)
-{
-  (void)any_path();
-  const anhyst_arms arms = any_arms();
-  const equation solve = any_equation(&arms);
-  const anhyst_memory from = any_memory();
-  anhyst_candidate to;
-  (void)travel(block_words, &from, rested, solve.arms, solve.target, &to);
-  SHOW(is_candidate(&to) && to.way >= -1 && to.way <= 1);
 }
 
 /* From the segment of a path on: one turn, that of a candidate which knows where it stands. */
@@ -510,8 +346,7 @@ static void prove_keep(void)
 {
   (void)any_path();
   const anhyst_memory from = any_memory();
-  const anhyst_memory to = any_memory();
-  anhyst_cells_keep(block_words, &from, &to, rested);
+  anhyst_cells_keep(block_words, &from, rested);
 }
 
 int main(void)

@@ -75,26 +75,31 @@ static void prove_lag_slope(void)
 static void prove_field(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  const anhyst_memory from = any_memory();
-  anhyst_candidate to;
+  anhyst_compensator c;
   assume_valid(words);
-  (void)anhyst_closed_field(
-      words, &from, any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3), &to, any_advance);
-  SHOW(is_memory(&to.memory));
+  c.words = words;
+  c.memory = any_memory();
+  c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
+  (void)anhyst_closed_field(&c, any_advance);
+  SHOW(is_memory(&c.next.memory));
 }
 
 static void prove_flux(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  const anhyst_memory from = any_memory();
+  anhyst_compensator c;
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(0, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  anhyst_candidate solved = {any_memory(), 0, 0, nondet_i16(), 0, 0, 0};
+  const anhyst_candidate solved = {any_memory(), 0, 0, nondet_i16(), 0, 0, 0};
   assume_valid(words);
+  c.words = words;
+  c.memory = any_memory();
+  c.arms = arms;
+  c.next = solved;
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
-  (void)anhyst_closed_flux(words, &from, &solved, &arms, nondet_i32(), any_advance);
-  SHOW(is_memory(&solved.memory));
+  (void)anhyst_closed_flux(&c, nondet_i32(), any_advance);
+  SHOW(is_memory(&c.next.memory));
 }
 
 #ifdef EULER

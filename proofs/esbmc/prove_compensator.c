@@ -31,28 +31,27 @@ static void any_head(int16_t *words)
   words[ANHYST_WORD_GAP_FIELD_ARM] = FIELD_ARM;
 }
 
-static int32_t any_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                         int32_t flux, anhyst_candidate *to)
+static int32_t any_field(anhyst_compensator *c)
 {
-  SHOW(flux >= -ANHYST_Q30_ONE && flux <= ANHYST_Q30_ONE);
+  SHOW(c->flux >= -ANHYST_Q30_ONE && c->flux <= ANHYST_Q30_ONE);
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
-static int32_t any_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                        anhyst_candidate *solved, const anhyst_arms *arms, int32_t current)
+static int32_t any_flux(anhyst_compensator *c, int32_t current)
 {
+  const anhyst_arms *arms = &c->arms;
   SHOW(arms->flux_arm >= least_flux_arm && arms->field_arm > 0);
   SHOW(arms->bias >= -ANHYST_Q30_ONE / 2 && arms->bias <= ANHYST_Q30_ONE / 2);
   return nondet_i32();
 }
 
-static void any_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                      anhyst_memory *memory, int32_t *plays)
+static void any_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
 {
   SHOW(flux >= -ANHYST_Q30_ONE && flux <= ANHYST_Q30_ONE);
 }
 
-static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0, any_carry, 0, 0};
+static const anhyst_kernel any_kernel = {ANHYST_KIND_FULL, any_field, any_flux, 0,
+                                         any_carry,        0,         0,        0};
 
 /* ---- contracts ---- */
 

@@ -418,11 +418,14 @@ static void prove_carry(void)
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
   assume_valid(before);
   assume_valid(words);
-  anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  anhyst_full_carry(before, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), &memory, 0);
-  SHOW(memory.x > -ANHYST_Q30_ONE && memory.x < ANHYST_Q30_ONE);
-  SHOW(memory.y > -ANHYST_Q30_ONE && memory.y < ANHYST_Q30_ONE);
-  SHOW(memory.p > -ANHYST_Q30_ONE && memory.p < ANHYST_Q30_ONE);
+  anhyst_compensator c;
+  const anhyst_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  c.words = before;
+  c.memory = any;
+  anhyst_full_carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
+  SHOW(c.memory.x > -ANHYST_Q30_ONE && c.memory.x < ANHYST_Q30_ONE);
+  SHOW(c.memory.y > -ANHYST_Q30_ONE && c.memory.y < ANHYST_Q30_ONE);
+  SHOW(c.memory.p > -ANHYST_Q30_ONE && c.memory.p < ANHYST_Q30_ONE);
 }
 
 static void prove_kernel(void)
@@ -430,26 +433,30 @@ static void prove_kernel(void)
   int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
   assume_valid(words);
   const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  anhyst_compensator c;
+  c.words = words;
+  c.memory = from;
 #ifdef FIELD
-  anhyst_candidate solved;
-  const int32_t flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
-  (void)full_field(words, &from, 0, flux, &solved);
-  const anhyst_memory to = solved.memory;
-  SHOW(is_slope(solved.y_slope) && is_slope(solved.m_slope));
+  c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
+  (void)full_field(&c);
+  SHOW(is_slope(c.next.y_slope) && is_slope(c.next.m_slope));
 #else
-  anhyst_candidate solved = {{nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()},
-                             nondet_i32(),
-                             0,
-                             nondet_i16(),
-                             (int16_t)any_within(0, ANHYST_SLOPE_MAX),
-                             (int16_t)any_within(0, ANHYST_SLOPE_MAX),
-                             0};
+  const anhyst_candidate solved = {
+      {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()},
+      nondet_i32(),
+      0,
+      nondet_i16(),
+      (int16_t)any_within(0, ANHYST_SLOPE_MAX),
+      (int16_t)any_within(0, ANHYST_SLOPE_MAX),
+      0};
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(-ANHYST_Q15_MAX, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  (void)full_flux(words, &from, 0, &solved, &arms, nondet_i32());
-  const anhyst_memory to = solved.memory;
+  c.next = solved;
+  c.arms = arms;
+  (void)full_flux(&c, nondet_i32());
 #endif
+  const anhyst_memory to = c.next.memory;
   SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
   SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
   SHOW(to.p >= -ANHYST_Q30_ONE && to.p < ANHYST_Q30_ONE);

@@ -19,7 +19,6 @@ static const double AIR = 0.1; /* h: flux of a field of 1 without iron */
 static const double OFF = 2.5e-4;
 
 static int16_t words[1024];
-static int32_t rested[ANHYST_CELLS];
 static double plays[CELLS + 1];
 
 static double curve(int cell, double play) { return WEIGHTS[cell] * tanh(play / WIDTH); }
@@ -78,30 +77,38 @@ static int32_t next_flux(int32_t flux, uint64_t *seed)
   return (int32_t)(fmin(fmax(as_number(flux) + step, -0.85), 0.85) * (double)ANHYST_Q30_ONE);
 }
 
-static anhyst_memory demagnetised(void)
+/* A memory of zeros, which does not say what rests. */
+static anhyst_compensator demagnetised(void)
 {
-  const anhyst_memory none = {0, 0, 0, 0, 0};
-  for (int cell = 0; cell < ANHYST_CELLS; cell++) {
-    rested[cell] = 0;
-  }
+  const anhyst_compensator none = {.kernel = &anhyst_kernel_cells, .words = words};
   for (int cell = 0; cell <= CELLS; cell++) {
     plays[cell] = 0.0;
   }
   return none;
 }
 
+static int32_t field_for(anhyst_compensator *c, int32_t flux)
+{
+  c->flux = flux;
+  return cells_field(c);
+}
+
+static void go_on(anhyst_compensator *c)
+{
+  cells_keep(c);
+  c->memory = c->next.memory;
+}
+
 static void a_field_gives_the_flux_that_was_asked_for(void)
 {
-  anhyst_memory memory = demagnetised();
+  anhyst_compensator c = demagnetised();
   uint64_t seed = 11;
   int32_t flux = 0;
   double worst = 0.0;
-  anhyst_candidate found = {0};
   for (int i = 0; i < STEPS; i++) {
     flux = next_flux(flux, &seed);
-    const int32_t x = cells_field(words, &memory, rested, flux, &found);
-    anhyst_cells_keep(words, &memory, &found.memory, rested);
-    memory = found.memory;
+    const int32_t x = field_for(&c, flux);
+    go_on(&c);
     keep_worst(&worst, fabs(follow(as_number(x)) - as_number(flux)));
   }
   CHECK_BELOW("flux", worst, OFF);
@@ -113,24 +120,23 @@ static void a_current_leads_where_it_must(void)
   const anhyst_arms arms = {0, 12000, 16000};
   const double arm = 12000.0 / 65536.0;
   const double field_arm = 16000.0 / 65536.0;
-  anhyst_memory memory = demagnetised();
+  anhyst_compensator c = demagnetised();
   uint64_t seed = 5;
   int32_t flux = 0;
   double worst = 0.0;
-  anhyst_candidate found = {0};
+  c.arms = arms;
   for (int i = 0; i < STEPS; i++) {
     flux = next_flux(flux, &seed);
-    const int32_t x = cells_field(words, &memory, rested, flux, &found);
+    const int32_t x = field_for(&c, flux);
     const double solved = arm * as_number(flux) + field_arm * as_number(x);
     const double beside = (double)(random_bits(&seed) % 2000U) * 1e-6 - 1e-3;
     const double applied = i % 5 == 0 ? -0.8 * solved : solved + beside;
     const int32_t current = (int32_t)(applied * (double)ANHYST_Q30_ONE);
-    const int32_t came = cells_flux(words, &memory, rested, &found, &arms, current);
-    anhyst_cells_keep(words, &memory, &found.memory, rested);
-    memory = found.memory;
-    const double m_and_air = follow(as_number(memory.x));
+    const int32_t came = cells_flux(&c, current);
+    go_on(&c);
+    const double m_and_air = follow(as_number(c.memory.x));
     keep_worst(&worst, fabs(m_and_air - as_number(came)));
-    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(memory.x) - applied));
+    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.x) - applied));
     flux = came;
   }
   CHECK_BELOW("flux and current", worst, OFF);
@@ -144,12 +150,11 @@ static void a_demagnetised_iron_forgets_where_its_plays_were(void)
   c.words = words;
   for (int i = 0; i < 2; i++) {
     anhyst_compensator_demagnetise(&c);
-    fields[i] = cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / 8, &c.next);
+    fields[i] = field_for(&c, ANHYST_Q30_ONE / 8);
     for (int way = 0; way < 2; way++) {
       c.next.fine = 0;
-      (void)cells_field(words, &c.memory, c.plays, ANHYST_Q30_ONE / (way == 0 ? 2 : -4), &c.next);
-      anhyst_cells_keep(words, &c.memory, &c.next.memory, c.plays);
-      c.memory = c.next.memory;
+      (void)field_for(&c, ANHYST_Q30_ONE / (way == 0 ? 2 : -4));
+      go_on(&c);
     }
   }
   CHECK(c.plays[0] != 0);

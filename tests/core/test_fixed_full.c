@@ -190,14 +190,17 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
     const double x1 = uniform(&seed, -3.5, 3.5);
     const double m1 = magnetised(kappa, c, start, x1);
     const int32_t target = (int32_t)lrint((air * x1 / REACH + iron * m1) / 65536.0 * FULL_Q28);
+    anhyst_compensator compensator = {0};
     const anhyst_memory from = {
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(start[1] * ANHYST_Q30_ONE),
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
         (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
     const anhyst_arms arms = {0, iron, air};
-    anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0, 0};
-    const int32_t flux = full_flux(words, &from, 0, &none, &arms, target * 4);
-    const anhyst_memory to = none.memory;
+    compensator.words = words;
+    compensator.memory = from;
+    compensator.arms = arms;
+    const int32_t flux = full_flux(&compensator, target * 4);
+    const anhyst_memory to = compensator.next.memory;
     const double m =
         (flux - anhyst_scale(to.x, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
     keep_worst(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));

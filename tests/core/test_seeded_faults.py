@@ -189,8 +189,8 @@ FAULTS = [
     Fault(
         "cells that join taken off twice",
         "src/compensator/cells.c",
-        "inside(along->rest - rests_with(along, here));",
-        "inside(along->rest + rests_with(along, here));",
+        "inside(along->rest - rests_with(along, here, last));",
+        "inside(along->rest + rests_with(along, here, last));",
         "test_fixed_cells",
     ),
     Fault(
@@ -224,8 +224,8 @@ FAULTS = [
     Fault(
         "a step on a segment that goes the wrong way",
         "src/compensator/cells.c",
-        "missing = target - left_side(&solve, at->flux, begin);",
-        "missing = target + left_side(&solve, at->flux, begin);",
+        "missing = turned(wanted, falling) - left_side(&solve, at->flux, begin);",
+        "missing = turned(wanted, falling) + left_side(&solve, at->flux, begin);",
         "test_fixed_cells",
     ),
     Fault(

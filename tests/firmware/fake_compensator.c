@@ -5,7 +5,8 @@
 
 fake_calls fake;
 
-const anhyst_kernel fake_kernel = {ANHYST_KIND_SIMPLIFIED, NULL, NULL, NULL, NULL, NULL, NULL};
+const anhyst_kernel fake_kernel = {
+    ANHYST_KIND_SIMPLIFIED, NULL, NULL, NULL, NULL, NULL, NULL, NULL};
 
 void fake_block(int16_t *words, uint16_t length, uint16_t generation)
 {

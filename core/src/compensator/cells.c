@@ -25,6 +25,9 @@
 /* So many segments a path goes on one by one. */
 #define NEAR 4
 
+/* What is missing of a target, over 4, of a path that goes far. */
+#define FAR (ONE / 64)
+
 /* What is solved for, over 4. */
 typedef struct {
   int16_t air;
@@ -131,28 +134,28 @@ static int follows(const cell_path *along, int16_t cell)
   return (((uint32_t)turned(along->frozen, along->falling) >> ((uint16_t)cell & 31U)) & 1U) != 0U;
 }
 
-/* From here on, the cells from the next one on that came to rest where that did, on a path the
-   other way, are those which that has left. */
-static void find_left(cell_path *along)
+/* From here on, the cells from the next one to the last that came to rest where that did, on a path
+   the other way, are those which that has left. The next one alone where the last comes before. */
+static void find_left(cell_path *along, int16_t last)
 {
   int16_t cell = along->active;
   const int32_t x = left_at(along, cell);
   do {
     cell++;
-  } while (cell <= along->cells && !follows(along, cell) && left_at(along, cell) == x);
+  } while (cell <= last && !follows(along, cell) && left_at(along, cell) == x);
   along->left = spot_on(along, along->rows, ~x);
   along->x = x;
   along->moved = cell;
 }
 
-/* What the next cell rests with, which joins here. */
-static int32_t rests_with(cell_path *along, anhyst_spot here)
+/* What the next cell rests with, which joins here; with it, up to the last, those left together. */
+static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
 {
   if (follows(along, along->active)) {
     return beyond(along, here);
   }
   if (along->active >= along->moved) {
-    find_left(along);
+    find_left(along, last);
   }
   const anhyst_spot there = {along->left.at + rows_on(along, (int16_t)(along->active - 1)),
                              along->left.part};
@@ -227,8 +230,9 @@ static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
 }
 
 /* Goes on from where a path begins, below the target: lets the cells join that do so on the way.
-   Gives where the next one does. */
-static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here)
+   Gives where the next one does. Those left together are looked for up to the last, once one has
+   joined among all: a short path ends before the second one joins. */
+static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here, int16_t last)
 {
   int32_t low = along->x;
   int32_t next = joins_at(along, along->active, low);
@@ -241,12 +245,13 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here)
     low = next;
     here = there;
     do { /* all that join in one place */
-      along->rest = inside(along->rest - rests_with(along, here));
+      along->rest = inside(along->rest - rests_with(along, here, last));
       along->active++;
       here.at += along->stride;
       next = joins_at(along, along->active, low);
     } while (next == low && along->active <= along->cells);
     along->row = row_of(along, along->active);
+    last = along->cells;
     if (along->active < along->moved) {
       low = rejoin(along, solve, low);
       here = spot_on(along, along->row, low);
@@ -325,7 +330,7 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
   along.low = along.x;
   to->way = 0;
   if (missing > STILL) {
-    to->m = pursue(&along, &solve, here);
+    to->m = pursue(&along, &solve, here, (int16_t)(missing > FAR ? along.cells : 0));
     to->way = along.falling == 0 ? 1 : -1;
   } else {
     to->m = joins_at(&along, along.active, along.x);
@@ -344,12 +349,13 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
 
 /* Takes a candidate on to where the next segment begins, if no cell joins before; whether it does.
  */
-static int stepped(const int16_t *words, int32_t end, anhyst_candidate *at)
+static int stepped(const int16_t *words, anhyst_candidate *at)
 {
+  const int32_t falling = at->memory.p < 0 ? -1 : 0;
+  const int32_t end = place_in(begin_of(turned(at->memory.x, falling), at->fine), at->fine, 0x8000);
   if (end > at->m) {
     return 0;
   }
-  const int32_t falling = at->memory.p < 0 ? -1 : 0;
   const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
   const int32_t inner = ONE >> halvings;
   if (end == -inner) {
@@ -363,64 +369,100 @@ static int stepped(const int16_t *words, int32_t end, anhyst_candidate *at)
   return 1;
 }
 
-/* Goes to a target from where a candidate stands, on its segment or one of the next, not below low,
-   in its direction, and no further than to where a cell joins; whether it is met there, and h*x + m
-   there. As much behind low as rounding takes away it stays there. */
-static int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
-                anhyst_candidate *at, int32_t *flux)
+/* What comes of going to a target on a segment. */
+enum { NOT_MET, MET, BEYOND };
+
+/* Goes to a target from where a candidate stands, on its segment, not below low, in its direction,
+   and no further than to where a cell joins; whether it is met there, and h*x + m there. As much
+   behind low as rounding takes away it stays there. BEYOND: it is on one of the next segments. */
+static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, int32_t wanted,
+                                 int32_t low, anhyst_candidate *at, int32_t *flux)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
-  const int32_t target = turned(wanted, falling);
-  for (int16_t more = NEAR; more > 0; more--) {
-    const uint16_t fine = at->fine;
-    const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
-    const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
-    const int32_t rise = rise_on(at, solve.air);
-    const int32_t whole = left_side(&solve, rise, width);
-    const int32_t missing = target - left_side(&solve, at->flux, begin);
-    if (missing < 0) {
-      return 0;
-    }
-    if (missing < whole) {
-      const int32_t part = anhyst_sat_u15(part_of(missing, whole));
-      const int32_t met = place_in(begin, fine, part);
-      const int32_t x = met < low && low - met <= (int32_t)4 << fine ? low : met;
-      at->memory.x = turned(x, falling);
-      *flux = turned(at->flux + share_of(rise, part), falling);
-      return x >= low && x <= at->m;
-    }
-    if (more == 1 || missing / NEAR >= whole || !stepped(words, begin + width, at)) {
-      return 0;
+  const uint16_t fine = at->fine;
+  const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
+  const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
+  const int32_t rise = rise_on(at, solve.air);
+  const int32_t whole = left_side(&solve, rise, width);
+  const int32_t missing = turned(wanted, falling) - left_side(&solve, at->flux, begin);
+  if (missing < 0) {
+    return NOT_MET;
+  }
+  if (missing >= whole) {
+    return missing / NEAR >= whole ? NOT_MET : BEYOND;
+  }
+  const int32_t part = anhyst_sat_u15(part_of(missing, whole));
+  const int32_t met = place_in(begin, fine, part);
+  const int32_t x = met < low && low - met <= (int32_t)4 << fine ? low : met;
+  at->memory.x = turned(x, falling);
+  *flux = turned(at->flux + share_of(rise, part), falling);
+  return x >= low && x <= at->m ? MET : NOT_MET;
+}
+
+/* The same on the next segments; whether it is met. */
+static int met_beyond(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
+                      anhyst_candidate *at, int32_t *flux)
+{
+  for (int16_t more = NEAR - 1; more > 0 && stepped(words, at); more--) {
+    const int met = met_on_segment(words, arms, wanted, low, at, flux);
+    if (met != BEYOND) {
+      return met == MET;
     }
   }
   return 0;
 }
 
-static int32_t cells_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                           int32_t flux, anhyst_candidate *to)
+static inline int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
+                       anhyst_candidate *at, int32_t *flux)
 {
-  const int32_t falling = from->p < 0 ? -1 : 0;
-  const int32_t low = turned(from->x, falling);
+  const int met = met_on_segment(words, arms, wanted, low, at, flux);
+  return met == BEYOND ? met_beyond(words, arms, wanted, low, at, flux) : met;
+}
+
+static int32_t cells_field(anhyst_compensator *c)
+{
+  const int32_t target = c->flux >> 2;
+  anhyst_candidate *to = &c->next;
+  const int32_t falling = to->memory.p < 0 ? -1 : 0;
+  const int32_t low = turned(c->memory.x, falling);
   int32_t reached;
-  if (to->fine != 0U && slid(words, 0, flux >> 2, low, to, &reached)) {
+  if (to->fine != 0U && slid(c->words, 0, target, low, to, &reached)) {
     to->memory.level = low;
     to->way = falling == 0 ? 1 : -1;
   } else {
-    (void)travel(words, from, plays, 0, flux >> 2, to);
+    (void)travel(c->words, &c->memory, c->plays, 0, target, to);
   }
   return to->memory.x;
 }
 
-static int32_t cells_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                          anhyst_candidate *at, const anhyst_arms *arms, int32_t current)
+static int32_t cells_flux(anhyst_compensator *c, int32_t current)
 {
+  const anhyst_arms *arms = &c->arms;
+  anhyst_candidate *at = &c->next;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
   int32_t flux;
-  if (at->way == 0 || !slid(words, arms, target, at->memory.level, at, &flux)) {
-    flux = travel(words, from, plays, arms, target, at);
+  if (at->way == 0 || !slid(c->words, arms, target, at->memory.level, at, &flux)) {
+    flux = travel(c->words, &c->memory, c->plays, arms, target, at);
   }
   return anhyst_shl_q31(flux, 2);
+}
+
+static void cells_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
+{
+  anhyst_cells_carry(c->words, words, flux, &c->memory, c->plays);
+}
+
+static void cells_keep(anhyst_compensator *c)
+{
+  if (have_turned(&c->memory, &c->next.memory)) {
+    anhyst_cells_keep(c->words, &c->memory, c->plays);
+  }
+}
+
+static void cells_start(anhyst_compensator *c)
+{
+  anhyst_cells_start(c->words, c->plays, &c->memory);
 }
 
 #if ANHYST_MEMORIES > 1
@@ -429,8 +471,17 @@ int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const
 {
   return anhyst_shl_q31(travel(words, from, plays, arms, target, to), 2);
 }
+
+const anhyst_kernel *anhyst_cells_for_block(const int16_t *words)
+{
+  return words[ANHYST_WORD_SOLID_LAYERS] > 0 ? &anhyst_kernel_solid : &anhyst_kernel_cells;
+}
+
+#define FOR_BLOCK anhyst_cells_for_block
+#else
+#define FOR_BLOCK 0
 #endif
 
-const anhyst_kernel anhyst_kernel_cells = {
-    ANHYST_KIND_CELLS,  cells_field,       cells_flux,        anhyst_cells_is_valid,
-    anhyst_cells_carry, anhyst_cells_keep, anhyst_cells_start};
+const anhyst_kernel anhyst_kernel_cells = {ANHYST_KIND_CELLS,     cells_field, cells_flux,
+                                           anhyst_cells_is_valid, cells_carry, cells_keep,
+                                           cells_start,           FOR_BLOCK};

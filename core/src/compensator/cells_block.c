@@ -2,7 +2,6 @@
 /* What the law of cells asks of a block, where a path of it begins and what it leaves behind, and
    how a memory goes from one block to another. */
 #include "cells_path.h"
-#include "solid.h"
 
 /* Of the interval in which a memory of another block is brought to its flux: leaves 2.4e-7. */
 #define HALVINGS 24
@@ -37,18 +36,15 @@ void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memor
   memory->level = memory->x;
 }
 
-void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
-                       int32_t *plays)
+void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, int32_t *plays)
 {
-  if ((from->p < 0) != (to->p < 0)) {
-    cell_path along;
-    anhyst_cells_rows(&along, words);
-    const int32_t falling = from->p < 0 ? -1 : 0;
-    const int32_t x = inside(turned(from->x, falling));
-    const int16_t moved = moving_cells(&along, from);
-    for (int16_t cell = 1; cell < moved; cell++) {
-      plays[cell - 1] = turned(x - width(&along, cell), falling);
-    }
+  cell_path along;
+  anhyst_cells_rows(&along, words);
+  const int32_t falling = from->p < 0 ? -1 : 0;
+  const int32_t x = inside(turned(from->x, falling));
+  const int16_t moved = moving_cells(&along, from);
+  for (int16_t cell = 1; cell < moved; cell++) {
+    plays[cell - 1] = turned(x - width(&along, cell), falling);
   }
 }
 

@@ -141,6 +141,12 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   along->stride = (int16_t)((2 << bits) + 2 * along->outer + 1);
 }
 
+/* Whether two memories have gone opposite ways. */
+static inline int have_turned(const anhyst_memory *from, const anhyst_memory *to)
+{
+  return (from->p < 0) != (to->p < 0);
+}
+
 /* How many cells a memory says that move in its direction, all if more than there are; 0: it does
    not say. */
 static inline int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
@@ -175,15 +181,24 @@ static inline void anhyst_cells_begin(cell_path *along, const int16_t *words,
   along->row = row_of(along, along->active);
 }
 
-/* As anhyst_kernel says of them. */
 int anhyst_cells_is_valid(const int16_t *words);
+
+/* Takes over into the plays what a step leaves in them that turns where this memory stands. */
+void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, int32_t *plays);
+
+/* As anhyst_kernel says of them, for one memory. */
 void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flux,
                         anhyst_memory *memory, int32_t *plays);
-void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
-                       int32_t *plays);
 void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 
 #if ANHYST_MEMORIES > 1
+/* Solid iron: layers of the law. */
+extern const anhyst_kernel anhyst_kernel_solid;
+const anhyst_kernel *anhyst_cells_for_block(const int16_t *words);
+
+/* Whether the words about layers are valid; those of the law must be. */
+int anhyst_solid_is_valid(const int16_t *words);
+
 /* Lets the law meet flux_arm*flux + field_arm*field = target, the target over 4; gives the flux. */
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to);

@@ -20,14 +20,11 @@ int anhyst_closed_is_valid(const int16_t *words)
          anhyst_over_gap_is_valid(words, ANHYST_WORD_GAP_FLUX_ARM, 0);
 }
 
-void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                         anhyst_memory *memory, int32_t *plays)
+void anhyst_closed_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
 {
-  (void)plays;
-  (void)before;
   (void)words;
-  memory->x = flux;
-  memory->p = 0;
+  c->memory.x = flux;
+  c->memory.p = 0;
 }
 
 static anhyst_memory mirrored(const anhyst_memory *memory)
@@ -42,16 +39,16 @@ static anhyst_memory in_direction(const anhyst_memory *memory, int falling)
   return falling ? mirrored(memory) : *memory;
 }
 
-int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                            anhyst_candidate *to, anhyst_advance *advance)
+int32_t anhyst_closed_field(anhyst_compensator *c, anhyst_advance *advance)
 {
-  const int32_t way = anhyst_sub_q31(flux, from->x);
+  const int32_t way = anhyst_sub_q31(c->flux, c->memory.x);
   const int falling = way < 0;
-  anhyst_memory start = in_direction(from, falling);
+  anhyst_memory start = in_direction(&c->memory, falling);
   anhyst_memory end;
-  advance(words, &start, anhyst_abs_q31(way), &end);
+  anhyst_candidate *to = &c->next;
+  advance(c->words, &start, anhyst_abs_q31(way), &end);
   to->memory = in_direction(&end, falling);
-  to->memory.x = flux;
+  to->memory.x = c->flux;
   to->m = start.p;
   to->way = falling ? -1 : 1;
   return to->memory.y;
@@ -90,10 +87,11 @@ static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms 
   }
 }
 
-int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
-                           anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                           anhyst_advance *advance)
+int32_t anhyst_closed_flux(anhyst_compensator *c, int32_t current, anhyst_advance *advance)
 {
+  const anhyst_memory *from = &c->memory;
+  const anhyst_arms *arms = &c->arms;
+  anhyst_candidate *solved = &c->next;
   const int32_t target =
       anhyst_clamp(anhyst_sub_q31(current, arms->bias), -ANHYST_Q30_ONE + 1, ANHYST_Q30_ONE - 1);
   const int32_t missing = anhyst_sub_q31(target, current_at(from, arms));
@@ -112,7 +110,7 @@ int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
       end = in_direction(&solved->memory, falling);
     }
   }
-  reach(words, &start, arms, falling ? -target : target, &end, advance);
+  reach(c->words, &start, arms, falling ? -target : target, &end, advance);
   solved->memory = in_direction(&end, falling);
   return solved->memory.x;
 }

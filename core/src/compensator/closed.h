@@ -40,8 +40,7 @@ int anhyst_closed_is_valid(const int16_t *words);
 
 /* Brings a memory to another block of its kind: what the iron has of its width stays; how far it
    came since is found again. */
-void anhyst_closed_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                         anhyst_memory *memory, int32_t *plays);
+void anhyst_closed_carry(anhyst_compensator *c, const int16_t *words, int32_t flux);
 
 /* Where a way in flux leads from the start of a rising path; way >= 0. What of the start is not
    known is filled in, so that it is found once for all ways from there. */
@@ -49,10 +48,7 @@ typedef void anhyst_advance(const int16_t *words, anhyst_memory *start, int32_t 
                             anhyst_memory *to);
 
 /* The two functions of a kernel, given how it advances. */
-int32_t anhyst_closed_field(const int16_t *words, const anhyst_memory *from, int32_t flux,
-                            anhyst_candidate *to, anhyst_advance *advance);
-int32_t anhyst_closed_flux(const int16_t *words, const anhyst_memory *from,
-                           anhyst_candidate *solved, const anhyst_arms *arms, int32_t current,
-                           anhyst_advance *advance);
+int32_t anhyst_closed_field(anhyst_compensator *c, anhyst_advance *advance);
+int32_t anhyst_closed_flux(anhyst_compensator *c, int32_t current, anhyst_advance *advance);
 
 #endif

@@ -2,7 +2,6 @@
 #include "anhyst/compensator/compensator.h"
 
 #include "lookup.h"
-#include "solid.h"
 
 /* A weight as a q30. */
 static int32_t weight_q30(int16_t weight) { return (int32_t)weight * 16384; }
@@ -66,11 +65,16 @@ static int32_t square(int32_t a, int16_t knee)
   return anhyst_shl_q31(anhyst_scale(a, anhyst_sat_q15(a >> 15)), 2);
 }
 
+/* The output at this gap without flux. */
+static int32_t offset_at(const int16_t *words, place at)
+{
+  return (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+}
+
 /* What an output at this gap needs as a flux, q30, beyond the offset and at least 0 if it goes with
    a square; saturates. */
-static int32_t flux_for(const int16_t *words, int32_t output, place at)
+static int32_t flux_for(const int16_t *words, int32_t output, int32_t offset, place at)
 {
-  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
   const int32_t beyond = anhyst_sub_q31(output, offset);
   const int32_t part = words[ANHYST_WORD_POWER] == 2
                            ? root(beyond > 0 ? beyond : 0, words[ANHYST_WORD_ROOT_KNEE])
@@ -85,11 +89,11 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
   const int16_t *words = c->words;
   const int32_t wanted = anhyst_clamp(demand, (int32_t)words[ANHYST_WORD_DEMAND_LOW] * 65536,
                                       (int32_t)words[ANHYST_WORD_DEMAND_HIGH] * 65536);
-  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+  const int32_t offset = offset_at(words, at);
   if (wanted != demand || (words[ANHYST_WORD_POWER] == 2 && wanted < offset)) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const int32_t flux = flux_for(words, wanted, at);
+  const int32_t flux = flux_for(words, wanted, offset, at);
   const int32_t limit = (int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536;
   const int32_t reached = anhyst_clamp(flux, -limit, limit);
   if (reached != flux) {
@@ -98,13 +102,10 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
   return reached;
 }
 
-#if ANHYST_MEMORIES > 1
-/* Whether a block is one of solid iron. */
-static int is_solid(const anhyst_compensator *c, const int16_t *words)
+static const anhyst_kernel *kernel_for(const anhyst_kernel *kernel, const int16_t *words)
 {
-  return c->kernel->kind == ANHYST_KIND_CELLS && anhyst_layers_of(words) > 0;
+  return kernel->for_block != 0 ? kernel->for_block(words) : kernel;
 }
-#endif
 
 anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel *kernel,
                                       const int16_t *words, uint16_t capacity)
@@ -113,7 +114,7 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
   if (status != ANHYST_OK) {
     return status;
   }
-  c->kernel = kernel;
+  c->kernel = kernel_for(kernel, words);
   c->words = words;
   c->current = 0;
   c->flux = 0;
@@ -139,27 +140,10 @@ void anhyst_compensator_demagnetise(anhyst_compensator *c)
   for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
     c->plays[i] = 0;
   }
-  if (c->kernel->start != 0) {
-    c->kernel->start(c->words, c->plays, &c->memory);
-  }
   forget(c);
-#if ANHYST_MEMORIES > 1
-  anhyst_solid_start(c);
-#endif
-}
-
-/* What stands for the field in the current: that of the law, unless the iron is solid. */
-static int32_t field_for(anhyst_compensator *c)
-{
-#if ANHYST_MEMORIES > 1
-  if (is_solid(c, c->words)) {
-    return anhyst_solid_field(c);
+  if (c->kernel->start != 0) {
+    c->kernel->start(c);
   }
-#endif
-  if (c->solved != 0U) {
-    c->next.fine = 0; /* leads to where nobody went */
-  }
-  return c->kernel->field(c->words, &c->memory, c->plays, c->flux, &c->next);
 }
 
 int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int32_t gap)
@@ -170,7 +154,10 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const place at = gap_place(words, gap);
   c->arms = arms_at(words, at);
   c->flux = flux_of(c, demand, at);
-  const int32_t field = field_for(c);
+  if (c->solved != 0U) {
+    c->next.fine = 0; /* leads to where nobody went */
+  }
+  const int32_t field = c->kernel->field(c);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
   const int32_t wanted = anhyst_shl_q31(inner, (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1));
@@ -189,20 +176,6 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
       anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536));
 }
 
-/* The flux to which a current leads; the candidate goes with it. */
-static int32_t flux_under(anhyst_compensator *c, int32_t inner)
-{
-#if ANHYST_MEMORIES > 1
-  if (is_solid(c, c->words)) {
-    return anhyst_solid_flux(c, inner);
-  }
-#endif
-  if (c->solved == 0U) {
-    c->next.way = 0;
-  }
-  return c->kernel->flux(c->words, &c->memory, c->plays, &c->next, &c->arms, inner);
-}
-
 static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_solved)
 {
   const int16_t *words = c->words;
@@ -214,15 +187,13 @@ static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_s
       c->arms = arms_at(words, gap_place(words, gap));
       c->gap = gap;
     }
-    c->flux_applied = flux_under(c, inner);
+    if (c->solved == 0U) {
+      c->next.way = 0;
+    }
+    c->flux_applied = c->kernel->flux(c, inner);
   }
-#if ANHYST_MEMORIES > 1
-  if (is_solid(c, words)) {
-    anhyst_solid_keep(c);
-  }
-#endif
   if (c->kernel->keep != 0) {
-    c->kernel->keep(words, &c->memory, &c->next.memory, c->plays);
+    c->kernel->keep(c);
   }
   c->memory = c->next.memory;
   c->solved = 0;
@@ -243,7 +214,7 @@ int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
 {
   const int16_t *words = c->words;
   const place at = gap_place(words, c->gap);
-  const int32_t offset = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
+  const int32_t offset = offset_at(words, at);
   /* Shifted first: the quotient alone may be beyond 32 bits. */
   const int32_t magnitude =
       anhyst_abs_q31(c->flux_applied) >> (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
@@ -259,27 +230,17 @@ int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
   return anhyst_add_q31(part, offset);
 }
 
-/* Brings what the iron remembers to another block, under which it stands at this flux. */
-static void carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
-{
-#if ANHYST_MEMORIES > 1
-  if (is_solid(c, words)) {
-    anhyst_solid_carry(c, words, flux);
-    return;
-  }
-#endif
-  c->kernel->carry(c->words, words, flux, &c->memory, c->plays);
-}
-
 void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
 {
   const int32_t output = anhyst_compensator_output_q31(c);
-  int32_t flux = flux_for(words, output, gap_place(words, c->gap));
+  const place at = gap_place(words, c->gap);
+  int32_t flux = flux_for(words, output, offset_at(words, at), at);
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }
   flux = anhyst_clamp(flux, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  carry(c, words, flux);
+  c->kernel = kernel_for(c->kernel, words);
+  c->kernel->carry(c, words, flux);
   c->flux_applied = flux;
   c->words = words;
   forget(c);

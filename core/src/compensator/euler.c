@@ -29,18 +29,11 @@ static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anh
   to->p = 0;
 }
 
-static int32_t euler_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                           int32_t flux, anhyst_candidate *to)
-{
-  (void)plays;
-  return anhyst_closed_field(words, from, flux, to, advance);
-}
+static int32_t euler_field(anhyst_compensator *c) { return anhyst_closed_field(c, advance); }
 
-static int32_t euler_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                          anhyst_candidate *solved, const anhyst_arms *arms, int32_t current)
+static int32_t euler_flux(anhyst_compensator *c, int32_t current)
 {
-  (void)plays;
-  return anhyst_closed_flux(words, from, solved, arms, current, advance);
+  return anhyst_closed_flux(c, current, advance);
 }
 
 static int euler_is_valid(const int16_t *words)
@@ -49,4 +42,4 @@ static int euler_is_valid(const int16_t *words)
 }
 
 const anhyst_kernel anhyst_kernel_euler = {
-    ANHYST_KIND_EULER, euler_field, euler_flux, euler_is_valid, anhyst_closed_carry, 0, 0};
+    ANHYST_KIND_EULER, euler_field, euler_flux, euler_is_valid, anhyst_closed_carry, 0, 0, 0};

@@ -334,10 +334,11 @@ static void rise_from_start(const path *along, int32_t anhysteretic, int32_t x_r
   at->m_slope = slope_of_m(along, at->y_slope, slope_of(along, x_rise));
 }
 
-static int32_t full_field(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                          int32_t flux, anhyst_candidate *to)
+static int32_t full_field(anhyst_compensator *c)
 {
-  (void)plays;
+  const int16_t *words = c->words;
+  const anhyst_memory *from = &c->memory;
+  anhyst_candidate *to = &c->next;
   path along;
   search find = {0, 0, 0, 0, 0, 0};
   int32_t x_rise;
@@ -346,7 +347,7 @@ static int32_t full_field(const int16_t *words, const anhyst_memory *from, const
   const int32_t m = magnetisation(&along, along.y, anhysteretic);
   find.air = words[ANHYST_WORD_FULL_AIR];
   find.iron = 16384;
-  const int32_t target = flux >> 4;
+  const int32_t target = c->flux >> 4;
   const int32_t residual = anhyst_scale(along.x, find.air) + anhyst_scale(m, find.iron) - target;
   const int32_t falling = residual > 0 ? -1 : 0;
   set_out(&along, falling);
@@ -403,10 +404,12 @@ static int slid(const path *along, search find, answer *at)
   return 1;
 }
 
-static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                         anhyst_candidate *solved, const anhyst_arms *arms, int32_t current)
+static int32_t full_flux(anhyst_compensator *c, int32_t current)
 {
-  (void)plays;
+  const int16_t *words = c->words;
+  const anhyst_memory *from = &c->memory;
+  const anhyst_arms *arms = &c->arms;
+  anhyst_candidate *solved = &c->next;
   path along;
   search find = {0, 0, 0, 0, 0, 0};
   int32_t x_rise;
@@ -449,4 +452,4 @@ static int32_t full_flux(const int16_t *words, const anhyst_memory *from, const 
 }
 
 const anhyst_kernel anhyst_kernel_full = {
-    ANHYST_KIND_FULL, full_field, full_flux, anhyst_full_is_valid, anhyst_full_carry, 0, 0};
+    ANHYST_KIND_FULL, full_field, full_flux, anhyst_full_is_valid, anhyst_full_carry, 0, 0, 0};

@@ -100,10 +100,10 @@ static int32_t in_reach(int32_t x, const int16_t *before, const int16_t *words)
    move along the field to where they give the flux under this block, so that no demand that stays
    the same has to be reached over a branch. The play turns here: a path that began under
    another law does not lead here under this one. */
-void anhyst_full_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                       anhyst_memory *memory, int32_t *plays)
+void anhyst_full_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
 {
-  (void)plays;
+  const int16_t *before = c->words;
+  anhyst_memory *memory = &c->memory;
   path along;
   carried from;
   int32_t step;

@@ -104,7 +104,6 @@ static inline void prepare(path *along, const int16_t *words, const anhyst_memor
 
 /* As anhyst_kernel says of them. */
 int anhyst_full_is_valid(const int16_t *words);
-void anhyst_full_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                       anhyst_memory *memory, int32_t *plays);
+void anhyst_full_carry(anhyst_compensator *c, const int16_t *words, int32_t flux);
 
 #endif

@@ -8,8 +8,6 @@
    Fields, fluxes and sections are q30, slopes of a field over a flux have 16 bits behind the point,
    from 0 to 32768. Slopes only say where a layer meets its line, and what they miss is looked at
    again; fields and fluxes have all 32 bits. Everything saturates. */
-#include "solid.h"
-
 #include "block.h"
 #include "cells_path.h"
 #include "lookup.h"
@@ -71,10 +69,13 @@ static const int32_t *plays_of(const anhyst_compensator *c, int16_t at)
   return at > 0 ? c->deeper[at - 1].plays : c->plays;
 }
 
+/* Layers of a block; 0: thin iron. */
+static int16_t layers_of(const int16_t *words) { return words[ANHYST_WORD_SOLID_LAYERS]; }
+
 /* How many memories a block needs. */
 static int16_t memories_of(const int16_t *words)
 {
-  return (int16_t)(anhyst_layers_of(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0));
+  return (int16_t)(layers_of(words) + (words[ANHYST_WORD_SOLID_LAMINATED] > 0 ? 1 : 0));
 }
 
 /* a times a slope that is not negative. */
@@ -139,11 +140,11 @@ static void begin_tick(solid_tick *tick, anhyst_compensator *c, int from_solved)
 {
   const int16_t *words = c->words;
   const int16_t surface = words[ANHYST_WORD_SOLID_SURFACE];
-  const int16_t inner = (int16_t)((32768 - surface) / (anhyst_layers_of(words) - 1));
+  const int16_t inner = (int16_t)((32768 - surface) / (layers_of(words) - 1));
   int32_t before = 0;
   int32_t now = 0;
   tick->c = c;
-  tick->layers = anhyst_layers_of(words);
+  tick->layers = layers_of(words);
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
   tick->hold = (int32_t)words[ANHYST_WORD_SOLID_HOLD] << words[ANHYST_WORD_SOLID_HOLD_SHIFT];
   tick->own = (int32_t)words[ANHYST_WORD_SOLID_OWN] * 4;
@@ -339,7 +340,9 @@ static void solve_tick(solid_tick *tick)
   }
 }
 
-int32_t anhyst_solid_field(anhyst_compensator *c)
+/* What stands for the field of thin iron in the current. The flux that is solved for comes down
+   where the surface saturates before it is reached. */
+static int32_t solid_field(anhyst_compensator *c)
 {
   solid_tick tick = {0};
   begin_tick(&tick, c, 0);
@@ -353,7 +356,8 @@ int32_t anhyst_solid_field(anhyst_compensator *c)
   return anhyst_sat_q30(field_in_current(&tick));
 }
 
-int32_t anhyst_solid_flux(anhyst_compensator *c, int32_t current)
+/* The flux of the section to which a current leads. */
+static int32_t solid_flux(anhyst_compensator *c, int32_t current)
 {
   solid_tick tick = {0};
   begin_tick(&tick, c, c->solved != 0U);
@@ -363,8 +367,10 @@ int32_t anhyst_solid_flux(anhyst_compensator *c, int32_t current)
   return tick.section[0];
 }
 
-void anhyst_solid_start(anhyst_compensator *c)
+/* All layers begin as the surface does. */
+static void solid_start(anhyst_compensator *c)
 {
+  anhyst_cells_start(c->words, c->plays, &c->memory);
   for (uint16_t i = 0; i < ANHYST_MEMORIES - 1; i++) {
     anhyst_deeper *deeper = &c->deeper[i];
     deeper->memory = c->memory;
@@ -377,20 +383,23 @@ void anhyst_solid_start(anhyst_compensator *c)
   }
 }
 
-void anhyst_solid_keep(anhyst_compensator *c)
+static void solid_keep(anhyst_compensator *c)
 {
-  const int16_t more = (int16_t)(memories_of(c->words) - 1);
-  for (int16_t i = 0; i < more; i++) {
-    anhyst_deeper *deeper = &c->deeper[i];
-    c->kernel->keep(c->words, &deeper->memory, &deeper->next.memory, deeper->plays);
-    deeper->memory = deeper->next.memory;
-    deeper->owed = deeper->next_owed;
+  for (int16_t at = (int16_t)(memories_of(c->words) - 1); at >= 0; at--) {
+    int32_t *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
+    if (have_turned(memory_of(c, at), &next_of(c, at)->memory)) {
+      anhyst_cells_keep(c->words, memory_of(c, at), plays);
+    }
+    if (at > 0) {
+      c->deeper[at - 1].memory = c->deeper[at - 1].next.memory;
+      c->deeper[at - 1].owed = c->deeper[at - 1].next_owed;
+    }
   }
 }
 
 /* Each layer is brought to the flux that it had, and what that of the section changes. One that the
    block before did not have begins as the surface does. */
-void anhyst_solid_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
+static void solid_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
 {
   const int16_t known = memories_of(c->words);
   const int32_t change = anhyst_sub_q31(flux, c->flux_applied);
@@ -406,14 +415,17 @@ void anhyst_solid_carry(anhyst_compensator *c, const int16_t *words, int32_t flu
       plays[cell] = plays_of(c, from)[cell];
     }
     *memory = there.memory;
-    c->kernel->carry(c->words, words, anhyst_clamp(now, -ANHYST_Q30_ONE, ANHYST_Q30_ONE), memory,
-                     plays);
+    anhyst_cells_carry(c->words, words, anhyst_clamp(now, -ANHYST_Q30_ONE, ANHYST_Q30_ONE), memory,
+                       plays);
+    if (at > from) {
+      c->deeper[at - 1].owed = 0;
+    }
   }
 }
 
 int anhyst_solid_is_valid(const int16_t *words)
 {
-  return anhyst_within(anhyst_layers_of(words), 2, ANHYST_MEMORIES) &&
+  return anhyst_within(layers_of(words), 2, ANHYST_MEMORIES) &&
          memories_of(words) <= ANHYST_MEMORIES &&
          anhyst_within(words[ANHYST_WORD_SOLID_HOLD], 1, ANHYST_Q15_MAX) &&
          anhyst_within(words[ANHYST_WORD_SOLID_HOLD_SHIFT], 0, 15) &&
@@ -421,4 +433,8 @@ int anhyst_solid_is_valid(const int16_t *words)
          anhyst_within(words[ANHYST_WORD_SOLID_SURFACE], LEAST_SHARE, 32768 - 3 * LEAST_SHARE) &&
          anhyst_within(words[ANHYST_WORD_SOLID_LAMINATED], 0, ANHYST_Q15_MAX);
 }
+
+const anhyst_kernel anhyst_kernel_solid = {ANHYST_KIND_CELLS,     solid_field,           solid_flux,
+                                           anhyst_cells_is_valid, solid_carry,           solid_keep,
+                                           solid_start,           anhyst_cells_for_block};
 #endif

@@ -60,30 +60,29 @@ typedef struct {
   int16_t field_arm; /* weight, > 0 */
 } anhyst_arms;
 
-/* A law in fixed point. The first two functions leave *from and the plays alone. plays: where the
-   plays of the law of cells rest, q30, ANHYST_CELLS of them; nothing to the other laws. */
-typedef struct {
+struct anhyst_compensator;
+
+/* A law in fixed point: all that a compensator asks of one. */
+typedef struct anhyst_kernel {
   uint16_t kind; /* of the blocks it works with */
-  /* The field that belongs to a flux, q30, and where it leads. |flux| <= 1. *to is what led to
-   *from, or its fine is 0. */
-  int32_t (*field)(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                   int32_t flux, anhyst_candidate *to);
-  /* The flux to which a current leads, q30: bias + flux_arm*flux + field_arm*field = current.
-     *at is what field() found from the same memory, or its way is 0: a current near that of the
-     candidate is found in a fraction of the time. Afterwards its memory is what was reached. */
-  int32_t (*flux)(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
-                  anhyst_candidate *at, const anhyst_arms *arms, int32_t current);
+  /* The field that belongs to the flux of the compensator, q30, and in next where it leads; memory
+     and plays stay. |flux| <= 1. next is what led to the memory, or its fine is 0. */
+  int32_t (*field)(struct anhyst_compensator *c);
+  /* The flux to which a current leads at its arms, q30: bias + flux_arm*flux + field_arm*field =
+     current. next is what field() found from the same memory, or its way is 0: a current near that
+     one is found in a fraction of the time. Afterwards its memory is what was reached. */
+  int32_t (*flux)(struct anhyst_compensator *c, int32_t current);
   /* Whether a block's words of this kind are valid. */
   int (*valid)(const int16_t *words);
-  /* Brings a memory from one valid block to another, under which the iron stands at this flux, q30.
-     |flux| <= 1. */
-  void (*carry)(const int16_t *before, const int16_t *words, int32_t flux, anhyst_memory *memory,
-                int32_t *plays);
-  /* Takes over into the plays what a step between two memories leaves in them; 0: nothing. */
-  void (*keep)(const int16_t *words, const anhyst_memory *from, const anhyst_memory *to,
-               int32_t *plays);
+  /* Brings what is remembered from its block to another valid one, under which the iron stands at
+     this flux, q30. |flux| <= 1. */
+  void (*carry)(struct anhyst_compensator *c, const int16_t *words, int32_t flux);
+  /* Takes over what the step to next leaves elsewhere than in the memory; 0: nothing. */
+  void (*keep)(struct anhyst_compensator *c);
   /* Completes a memory of zeros by what a block says of a demagnetised iron; 0: it is complete. */
-  void (*start)(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
+  void (*start)(struct anhyst_compensator *c);
+  /* The kernel for a valid block of this kind; 0: this one. */
+  const struct anhyst_kernel *(*for_block)(const int16_t *words);
 } anhyst_kernel;
 
 extern const anhyst_kernel anhyst_kernel_full;
@@ -103,11 +102,11 @@ typedef struct {
 #endif
 
 /* One compensator: 140 bytes or fewer on targets with 32-bit pointers, for thin iron. */
-typedef struct {
+typedef struct anhyst_compensator {
   const anhyst_kernel *kernel;
   const int16_t *words;        /* the parameter block in use; read only */
   anhyst_memory memory;        /* of what was applied */
-  int32_t plays[ANHYST_CELLS]; /* law of cells: where they rest */
+  int32_t plays[ANHYST_CELLS]; /* law of cells: where they rest, q30 */
   anhyst_candidate next;       /* where the solved current would lead, or the last one led */
   anhyst_arms arms;            /* at the gap for which was solved */
   int32_t current;             /* solved, q31 */
