@@ -291,14 +291,14 @@ def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Out
         return replace(static(loops), why_rate=late.why)
     at_rest = without_rate(late.model, outcome.model, speeds.slow)
     if at_rest is not None:
-        again = static(at_rest, outcome.model.law, outcome.model.gap_map)
+        gap_map = outcome.model.gap_map
+        again = static(at_rest, outcome.model.law, AUTO if gap_map == GAP_MAPS[0] else gap_map)
         layers = late.model.layers
         better = fit_rate(again.model, loops, speeds, at_least=layers.count if layers else 1)
         if better.missed < late.missed:
             late = better
             outcome = replace(outcome, uncertainty=again.uncertainty)
-    known = outcome.uncertainty.statements
-    sure = replace(outcome.uncertainty, statements=(*known, late.statement))
+    sure = late.among(outcome.uncertainty)
     return replace(outcome, model=late.model, uncertainty=sure, why_rate=late.why)
 
 
