@@ -74,7 +74,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "rig.toml"
 
 
-def known(loops: Loops, *_: object) -> Model:
+def known(loops: Loops, *_: object, **__: object) -> Model:
     """The model that these loops give."""
     return truth("solenoid-three-gaps" if len(loops.by_schedule()) > 1 else "solenoid-held")
 
