@@ -175,3 +175,21 @@ def test_the_truth_itself_is_matched_from_its_static_part(rate: float) -> None:
     assert speeds is not None
     end = fit_rate(truth().at_rest, loops, speeds)
     assert missed(end.model, rate, 3.9e-4) < 0.02
+
+
+def test_a_coupling_becomes_the_reluctance_that_is_the_same_at_rest() -> None:
+    loops, still = measured(), truth(gamma=0.0)
+    by = 1.001
+    iron = {name: IRON[name] / by for name in ("M_0", "M_1")}
+    rho = tuple((1.0 + one) / by - 1.0 for one in (2.7e-3, 4.4e-3))
+    coupled: dict[str, Parameter] = {**iron, "alpha": 1.0 - by, "rho": rho, "c_H": 1250.0 / by}
+    still = replace(still, parameters={**still.parameters, **coupled})
+    speeds = speeds_of(loops)
+    assert speeds is not None
+    end = fit_rate(still, loops, speeds)
+    assert end.pays
+    assert end.model.parameters["alpha"] == 0.0
+    assert end.model.parameters["rho"] == pytest.approx((2.7e-3, 4.4e-3))
+    drive = triangle(100)
+    expected, made = (one.predict(drive, GAPS[0]).output for one in (still, end.model.at_rest))
+    assert made == pytest.approx(expected, abs=1e-9 * expected.max())

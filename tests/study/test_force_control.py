@@ -74,7 +74,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "rig.toml"
 
 
-def known(loops: Loops, *_: object) -> Model:
+def known(loops: Loops, *_: object, **__: object) -> Model:
     """The model that these loops give."""
     return truth("solenoid-three-gaps" if len(loops.by_schedule()) > 1 else "solenoid-held")
 
@@ -220,7 +220,7 @@ def program_of(run: ForceControl, firmware: Path) -> Program:
     sha = json.loads((folder / "controller" / "manifest.json").read_text())["model"]["sha256"]
     block = make_plan(model, CompileRequest("full", "q31", 500.0), int(sha[:8], 16)).block
     assert isinstance(block, Block)
-    return Program("full", model, block, 1, firmware)
+    return Program("full", "full", model, block, 1, firmware)
 
 
 def short_session(small: Path, program: Program, board: str) -> Session:

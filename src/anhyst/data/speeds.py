@@ -77,6 +77,12 @@ def speeds_of(loops: Loops) -> Speeds | None:
     return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
 
 
+def slow_loops(loops: Loops) -> Loops:
+    """Return the loops in which nothing is induced: all, where they run at one speed."""
+    speeds = speeds_of(loops)
+    return loops if speeds is None else speeds.slow
+
+
 def _pace(loop: Loop) -> tuple[float, float]:
     """Return how fast a loop runs: its rate, Hz, and the change of its input a second."""
     assert loop.time is not None
@@ -111,6 +117,21 @@ def rate_told(loops: Loops) -> str:
     speeds = speeds_of(loops)
     if speeds is None:
         return ""
+    found = rate_matters(loops, speeds)
+    if found is None:
+        return (
+            f"rate does not matter up to {speeds.fastest:.3g} Hz: fast loops are as high as slow "
+            "ones, to 1 % of the largest output"
+        )
+    rate, part = found
+    return (
+        f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by {100.0 * part:.2g} % of "
+        f"the largest output; in proportion, by 1 % from {rate * MATTERS / part:.2g} Hz on"
+    )
+
+
+def rate_matters(loops: Loops, speeds: Speeds) -> tuple[float, float] | None:
+    """Return the least speed that shows, Hz, and by how much, over the largest output."""
     even, largest = is_even(loops), largest_output(loops)
     still: dict[float | None, float] = {}
     for loop in speeds.slow.loops:
@@ -125,13 +146,5 @@ def rate_told(loops: Loops) -> str:
         extra, uncertain = max(higher)
         part = extra / largest
         if part >= MATTERS and extra > _CERTAIN * uncertain:
-            begins = rate * MATTERS / part
-            return (
-                f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by "
-                f"{100.0 * part:.2g} % of the largest output; in proportion, by 1 % from "
-                f"{begins:.2g} Hz on"
-            )
-    return (
-        f"rate does not matter up to {speeds.fastest:.3g} Hz: fast loops are as high as slow ones, to "
-        "1 % of the largest output"
-    )
+            return rate, part
+    return None

@@ -24,14 +24,29 @@ EXAMPLE = "as in the example solenoid"
 RATE = 1000.0
 """Ticks a second: what a serial line carries."""
 
+TICKS = 400.0
+"""In a cycle of the fastest loops, where the iron is solid: a demand then moves little in a tick."""
+
+MOST_RATE = 50e3
+"""Ticks a second at most: a small controller does no more."""
+
+SLOWER = 40.0
+"""By which the triangle at rest is slower than the fastest loops, where the iron is solid."""
+
+DEPTH = 0.01
+"""From the surface of solid iron to its middle, m: with the conductivity it makes one number."""
+
 REACHED = 0.95
 """Share of the least force at the largest current, over the gaps, that is demanded at most."""
 
 FULL_SWING_S = 0.015
 """In which the supply drives the current over its whole range."""
 
-POSITIONS = 7
-"""Where the armature is held, from the smallest measured gap to the largest."""
+LAYERED = Entry("law", "play-cells", "whose layers can be compiled")
+"""Of ``[loops]``, where the iron is solid."""
+
+POSITIONS, FEW_POSITIONS = 7, 3
+"""Where the armature is held, from the smallest measured gap to the largest; of solid iron."""
 
 
 def draft_force_control(
@@ -43,6 +58,9 @@ def draft_force_control(
             "a gap of 0 m is none in which an armature is held; leave its loops out",
             code="gap-zero",
         )
+    cycle, sweep = reach.fastest or (0.0, 0.0)
+    rate = max(RATE, min(nearest(TICKS * cycle), MOST_RATE))
+    ticks = EXAMPLE if rate == RATE else f"{TICKS:g} in a cycle of the fastest loops"
     return Draft(
         f"Force control of the magnet of {name}, open loop. Drafted by anhyst init: what is\n"
         "marked 'guess' is one, the rest follows from the loops. Write your own numbers over it.\n"
@@ -57,24 +75,31 @@ def draft_force_control(
             FileSection(
                 "timing",
                 "when what happens",
-                [Entry("rate_Hz", RATE, "ticks a second of the controller", EXAMPLE)],
+                [Entry("rate_Hz", rate, "ticks a second of the controller", ticks)],
             ),
-            loops_section(loops, reading),
-            magnet_section(),
-            *_instruments(reach),
+            loops_section(loops, reading, *([LAYERED] if cycle else [])),
+            magnet_section(*([_solid()] if cycle else [])),
+            *_instruments(reach, rate, sweep),
             FileSection("control", "what is controlled", _control(reach)),
-            *_cases(reach),
+            *_cases(reach, cycle),
         ],
     )
 
 
-def _instruments(reach: MeasuredMagnet) -> list[FileSection]:
+def _solid() -> Entry:
+    fitted = "solid iron; conductivity and path are fitted to the fast loops"
+    return Entry("solid", {"depth_m": DEPTH}, fitted, "only conductivity times its square counts")
+
+
+def _instruments(reach: MeasuredMagnet, rate: float, sweep: float) -> list[FileSection]:
     current, force, gap = reach.current_high, float(reach.forces.max()), float(reach.gaps[-1])
+    swing = current / FULL_SWING_S
+    slew = "range in 15 ms" if swing >= 4.0 * sweep else "four times that of the fastest loops"
     amplifier = [
         Entry("current_high_A", current, "measured at every gap"),
         Entry("dac_bits", 12, "converter, from 0 to the maximum", EXAMPLE),
-        Entry("bandwidth_Hz", RATE / 5.0, "of the current control, of -3 dB", EXAMPLE),
-        Entry("slew_A_per_s", nearest(current / FULL_SWING_S), "of the current", "range in 15 ms"),
+        Entry("bandwidth_Hz", rate / 5.0, "of the current control, of -3 dB", EXAMPLE),
+        Entry("slew_A_per_s", nearest(max(swing, 4.0 * sweep)), "of the current", slew),
     ]
     shunt = [
         *range_entries("A", current, 0.1),
@@ -93,7 +118,7 @@ def _instruments(reach: MeasuredMagnet) -> list[FileSection]:
         *range_entries("N", force, 0.3),
         Entry("adc_bits", 14, "converter", EXAMPLE),
         noise_entry("noise_N", reach.noise[1], 1e-3 * force),
-        Entry("bandwidth_Hz", RATE / 2.0, "of -3 dB", EXAMPLE),
+        Entry("bandwidth_Hz", rate / 2.0, "of -3 dB", EXAMPLE),
     ]
     return [
         FileSection("amplifier", "of current, one way only", amplifier, "amplifier"),
@@ -113,9 +138,11 @@ def _control(reach: MeasuredMagnet) -> list[Entry]:
     ]
 
 
-def _cases(reach: MeasuredMagnet) -> list[FileSection]:
+def _cases(reach: MeasuredMagnet, cycle: float) -> list[FileSection]:
+    """Return slow triangles; of solid iron fast ones too, at fewer places: ticks are many."""
     low, high = float(reach.gaps[0]), float(reach.gaps[-1])
-    gaps = [nearest(gap, 3) for gap in np.linspace(low, high, POSITIONS if high > low else 1)]
+    places = FEW_POSITIONS if cycle else POSITIONS
+    gaps = [nearest(gap, 3) for gap in np.linspace(low, high, places if high > low else 1)]
     gaps[0], gaps[-1] = low, high
     held = Entry("gaps_m", gaps, "where the armature is held", "over the measured gaps")
     moving = [
@@ -123,20 +150,28 @@ def _cases(reach: MeasuredMagnet) -> list[FileSection]:
         Entry("high_m", high, "to here", "the largest gap"),
         Entry("period_s", 1.3, "and back", EXAMPLE),
     ]
+    triangles = [_triangle("wide", 0.05, 0.95), _triangle("inner", 0.3, 0.7)]
+    if cycle:
+        slow, fast = nearest(SLOWER / cycle), nearest(1.0 / cycle)
+        triangles = [
+            _triangle("slow", 0.05, 0.95, slow, 1, f"{SLOWER:g} times that of the fastest loops"),
+            _triangle("fast", 0.1, 0.5, fast, 4, "as fast as the fastest loops"),
+        ]
     return [
-        _triangle("wide", 0.05, 0.95),
-        _triangle("inner", 0.3, 0.7),
+        *triangles,
         case_section("held", "gaps at which all of them are run", [held]),
         case_section("moving", "the armature goes to and fro", moving),
     ]
 
 
-def _triangle(name: str, low: float, high: float) -> FileSection:
+def _triangle(
+    name: str, low: float, high: float, period: float = 2.0, cycles: int = 2, why: str = EXAMPLE
+) -> FileSection:
     entries = [
         Entry("name", name, "of its recording"),
         Entry("low", low, "turning point, as a share of force_max_N", EXAMPLE),
         Entry("high", high, "the other one", EXAMPLE),
-        Entry("period_s", 2.0, "of the triangle", EXAMPLE),
-        Entry("cycles", 2, "of it", EXAMPLE),
+        Entry("period_s", period, "of the triangle", why),
+        Entry("cycles", cycles, "of it", EXAMPLE),
     ]
     return case_section("force", "a triangle of force", entries)

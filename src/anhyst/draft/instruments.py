@@ -8,13 +8,15 @@ from anhyst.draft.rounding import nearest, up
 from anhyst.draft.text import Entry, FileSection
 
 
-def loops_section(files: str | list[str], reading: Mapping[str, object]) -> FileSection:
+def loops_section(
+    files: str | list[str], reading: Mapping[str, object], *more: Entry
+) -> FileSection:
     """Return the table of the loops, and how they are read, where there is something to say."""
     entries = [Entry(key, value, "as given") for key, value in reading.items()]
     return FileSection(
         "loops",
         "all that the controller knows of the magnet",
-        [Entry("files", files, "copies of what was given"), *entries],
+        [Entry("files", files, "copies of what was given"), *entries, *more],
     )
 
 

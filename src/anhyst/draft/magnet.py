@@ -13,6 +13,7 @@ from anhyst.compensate.surface import Tangent, fit_plane, fit_surface
 from anhyst.data import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
+from anhyst.data.speeds import rate_matters, slow_loops, speeds_of
 from anhyst.draft.rounding import nearest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -37,10 +38,12 @@ LEAST_BRANCH = 12
 class MeasuredMagnet:
     """A magnet as its loops show it."""
 
-    loops: Loops  # force over current, at one gap or several
+    loops: Loops  # force over current, at one gap or several; slow ones
     gaps: FloatArray  # measured ones, m, rising; shape (g,)
     current_high: float  # largest current that was measured at every gap, A
     forces: FloatArray  # force at that current, N; shape (g,)
+    # cycles a second and A/s of the fastest loops; None where rate does not matter
+    fastest: tuple[float, float] | None = None
 
     def force_at(self, gap: float) -> float:
         """Return the force that the largest current makes at a gap within the measured ones, N.
@@ -110,6 +113,7 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
     """Look at the loops of a magnet."""
     if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
+    fastest, loops = _fastest(loops), slow_loops(loops)
     groups = loops.by_schedule()
     current_high = min(max(float(one.input.max()) for one in group) for group in groups.values())
     current_high = nearest(current_high, 3)  # what is read is restless
@@ -124,7 +128,18 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
             "the largest current does not pull at every gap; turn the sign of the force",
             code="force-negative",
         )
-    return MeasuredMagnet(loops, np.array(list(groups), dtype=np.float64), current_high, forces)
+    gaps = np.array(list(groups), dtype=np.float64)
+    return MeasuredMagnet(loops, gaps, current_high, forces, fastest)
+
+
+def _fastest(loops: Loops) -> tuple[float, float] | None:
+    speeds = speeds_of(loops)
+    if speeds is None or rate_matters(loops, speeds) is None:
+        return None
+    steps = [
+        np.diff(one.input) / np.diff(one.time) for one in speeds.fast[-1] if one.time is not None
+    ]
+    return speeds.fastest, float(np.median(np.abs(np.concatenate(steps))))
 
 
 def _force_at_top(group: Sequence[Loop], current_high: float) -> float:

@@ -22,6 +22,7 @@ from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
+from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
@@ -124,8 +125,8 @@ def identify(
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
 
-    def static(some: Loops, law: str = law, gap_map: str = gap_map) -> _Outcome:
-        """Find the model of loops at one speed."""
+    def static(some: Loops, before: _Outcome | None = None) -> _Outcome:
+        """Find the model of loops at one speed; from an outcome on it is the same choice."""
         own, cells = _compared(some, law, search)
         if _creeps(some, law, search):
             return _creeping(some)
@@ -143,7 +144,7 @@ def identify(
             progress=progress,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
-        outcome = _search(run, some, gap_map, search)
+        outcome = _go_on(run, some, before) if before else _search(run, some, gap_map, search)
         freed = resolved(outcome.model, some)
         usable = not is_guessed(some) or first_rise(freed, some) <= FARTHEST
         return replace(outcome, model=freed) if usable else outcome
@@ -271,12 +272,13 @@ class _Outcome:
     per_gap: Model | None = None
     resumed: int = 0
     why_rate: str = ""
+    found: FoundModel | None = None  # of a search that others can go on from
 
 
 class _Static(Protocol):
     """The way from loops at one speed to their model."""
 
-    def __call__(self, some: Loops, law: str = ..., gap_map: str = ...) -> _Outcome: ...
+    def __call__(self, some: Loops, before: _Outcome | None = ...) -> _Outcome: ...
 
 
 def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Outcome:
@@ -291,14 +293,13 @@ def _at_all_speeds(loops: Loops, static: _Static, speeds: Speeds | None) -> _Out
         return replace(static(loops), why_rate=late.why)
     at_rest = without_rate(late.model, outcome.model, speeds.slow)
     if at_rest is not None:
-        again = static(at_rest, outcome.model.law, outcome.model.gap_map)
+        again = static(at_rest, outcome)
         layers = late.model.layers
         better = fit_rate(again.model, loops, speeds, at_least=layers.count if layers else 1)
         if better.missed < late.missed:
             late = better
             outcome = replace(outcome, uncertainty=again.uncertainty)
-    known = outcome.uncertainty.statements
-    sure = replace(outcome.uncertainty, statements=(*known, late.statement))
+    sure = late.among(outcome.uncertainty)
     return replace(outcome, model=late.model, uncertainty=sure, why_rate=late.why)
 
 
@@ -386,6 +387,17 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome
         choice.candidates,
         choice.why_law,
         choice.left_open,
+        found=found,
+    )
+
+
+def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
+    """Follow the fit of a search to its end on other records of the same loops."""
+    start = before.found
+    assert start is not None
+    found = follow(start.on(run.records).space, start.theta, tie=start.tie)
+    return replace(
+        before, model=model_of(found, loops), uncertainty=assess(found, loops), found=found
     )
 
 

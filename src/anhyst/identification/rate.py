@@ -17,7 +17,9 @@ from anhyst.data import Loop, Loops
 from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
-from anhyst.model.dynamics import Dynamics, Layers
+from anhyst.model.dynamics import GAMMA, Dynamics, Layers
+from anhyst.model.fit_record import Uncertainty
+from anhyst.model.parameters import Parameter
 from anhyst.model.predict import as_history, initial_state
 from anhyst.support.arrays import FloatArray
 
@@ -69,6 +71,20 @@ class RateFit:
         return (
             f"gamma, how late the middle of the iron is, is known to {100.0 * self.std:.2g} %; it was "
             f"measured up to {fastest:.3g} Hz, beyond nothing is known"
+        )
+
+    def among(self, known: Uncertainty) -> Uncertainty:
+        """Add it to what is known of a static model, which was held."""
+        gamma = self.model.parameters["gamma"]
+        assert isinstance(gamma, float)
+        whole = np.eye(len(known.correlation) + 1)
+        whole[:-1, :-1] = known.correlation or np.empty((0, 0))
+        return Uncertainty(
+            names=(*known.names, GAMMA),
+            values=(*known.values, gamma),
+            std=(*known.std, gamma * self.std),
+            correlation=tuple(map(tuple, whole.tolist())) if known.correlation else (),
+            statements=(*known.statements, self.statement),
         )
 
 
@@ -229,6 +245,7 @@ def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
 
 def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[0]) -> RateFit:
     """Fit layers, at least so many, to fast loops around a static model, which is held."""
+    static, model = model, _in_series(model)
     problem = _Problem(model, speeds, largest_output(loops))
     folds = problem.left_out()
     best = still = float(np.exp(np.mean([np.log(mean_missed(out, None)) for _, out in folds])))
@@ -247,7 +264,7 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
     told = f"{100.0 * still:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            model, f"fast loops gain nothing from layers: the static model misses {told}"
+            static, f"fast loops gain nothing from layers: the static model misses {told}"
         )
     rate, std = chosen
     late = replace(model.dynamics or Dynamics(), fastest=speeds.fastest)
@@ -262,6 +279,30 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
         f"of what was left out of the fit {what} miss {100.0 * best:.2g} %, the static model {told}"
     )
     return RateFit(made, why, std, mean_missed([*problem.groups, problem.slow], rate))
+
+
+def _in_series(model: Model) -> Model:
+    """Return a model of cells with what holds its flux back around the iron, not within it.
+
+    At rest a coupling is the same as a reluctance, but that holds back the flux of all layers
+    together and a coupling that of each. It stays where a reluctance would have to be negative.
+    """
+    law, alpha = model.operator_law, model.parameters["alpha"]
+    if law.cells is None or isinstance(alpha, tuple) or not alpha or model.fixed_gap_only:
+        return model
+    held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
+    kept = max(0.0, 1.0 - float(held.min()))
+    by = (1.0 - alpha) / (1.0 - kept)
+    parts = (*law.with_role("saturation"), *law.with_role("reversible"))
+    scaled = (*(one.name for one in parts), "c_H")
+    parameters = {name: _as_written(by * np.array(model.parameters[name])) for name in scaled}
+    rho = np.maximum(held / (1.0 - kept) - 1.0, 0.0)
+    around = {"alpha": kept, "rho": _as_written(rho)}
+    return replace(model, parameters={**model.parameters, **parameters, **around})
+
+
+def _as_written(value: FloatArray) -> Parameter:
+    return tuple(value.tolist()) if value.ndim else float(value)
 
 
 def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:

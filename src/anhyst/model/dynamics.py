@@ -30,6 +30,9 @@ from anhyst.data.speeds import rate_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
+GAMMA = "gamma (A s/(m T))"
+"""What it is called among the fitted quantities."""
+
 FASTER = 1.5
 """A run that much faster than what a model was seen to hold for is flagged."""
 

@@ -17,6 +17,12 @@ from anhyst.support.arrays import FloatArray
 SLACK = 1.1
 """A plant counts as farther from its loops than a model from this ratio of the means on."""
 
+_ROUNDS = 2
+"""Of a settled loop that takes its time: what the last but one has left in solid iron is small."""
+
+_LEAST_STEP = 1e-3
+"""Of the usual time between samples: clocks of few digits give several one time."""
+
 Follow = Callable[[FloatArray, FloatArray], FloatArray]
 """From currents, A, and gaps, m, shape (n,), to forces, N, going on from where it is."""
 
@@ -37,6 +43,25 @@ def along(follow: Follow, loop: Loop, zero: float = 0.0) -> FloatArray:
     if loop.history.kind == "settled":
         follow(current, loop.schedule)  # what pinned cells remember of it does not change any more
     return follow(current, loop.schedule)
+
+
+def along_in_time(magnet: Magnet, loop: Loop, zero: float = 0.0) -> FloatArray:
+    """Return the same with what is induced in solid iron: the past at rest, the loop in its time."""
+    assert loop.schedule is not None
+    assert loop.time is not None
+    coil, steps = Coil(magnet), np.diff(loop.time)
+    usual = float(np.median(steps))
+    steps = np.append(usual, np.maximum(steps, _LEAST_STEP * usual))
+    past = np.append(np.array(loop.history.turning_points), loop.input[0]) - zero
+    places = np.array([*loop.history.places(loop.schedule[0]), loop.schedule[0]], dtype=np.float64)
+    coil.run(past, places)
+    rows = np.column_stack([loop.input - zero, loop.schedule, steps]).tolist()
+    for _ in range(_ROUNDS if loop.history.kind == "settled" else 1):
+        force = []
+        for row in rows:
+            coil.lead(*row)
+            force.append(coil.force)
+    return np.array(force)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +99,16 @@ def distance(loops: Loops, force: Callable[[Loop], FloatArray]) -> Distance:
 
 
 def model_distance(loops: Loops, model: Model) -> Distance:
-    """Return how far a model is from loops."""
+    """Return how far a model is from loops, in their time where it depends on it."""
+    late = model.has_eddy_currents
     return distance(
         loops,
         lambda loop: (
             model.predict(
-                loop.input, loop.schedule if model.needs_schedule else None, history=loop.history
+                loop.input,
+                loop.schedule if model.needs_schedule else None,
+                loop.time if late else None,
+                history=loop.history,
             ).output
         ),
     )

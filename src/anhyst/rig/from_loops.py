@@ -19,13 +19,16 @@ from scipy.optimize import least_squares
 
 from anhyst._core import Magnet
 from anhyst.data import Loops
-from anhyst.rig.distance import along, follower, thinned
+from anhyst.data.speeds import slow_loops, speeds_of
+from anhyst.data.verdict import largest_output
+from anhyst.rig.distance import along, along_in_time, follower, thinned
 from anhyst.rig.file import RigFile
 from anhyst.rig.iron_table import steel_table
-from anhyst.rig.magnet_table import FROM_LOOPS, MagnetTable
+from anhyst.rig.magnet_table import FROM_LOOPS, MagnetTable, SolidTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 from anhyst.support.units import MU_0
 
 CELLS = 24
@@ -52,6 +55,13 @@ COARSE, FINE = 600, 2400
 STARTS = (-1.0, 0.5, 1.5)
 """Of the pinning, in spreads of its expectation."""
 
+IN_TIME = 100
+"""Samples of a fast loop, on which solid iron is fitted."""
+
+STEEL, CONDUCTIVITIES, _WIDE = 5e6, (-4.0, -2.0, 0.0, 2.0), 3.0
+"""Conductivity of plain steel, S/m; logarithms of parts of it that are tried; how widely the
+logarithm, and that of the odds of the path, are expected about zero."""
+
 TRIES = 60
 """Steps of a fit at most."""
 
@@ -65,6 +75,7 @@ class FittedPlant:
     zero_current: float  # what the sensors of the loops read where there is nothing, A and N
     zero_force: float
     guessed: tuple[str, ...]  # keys of the rig file that the loops leave open and nobody gave
+    solid: SolidTable | None = None  # whole
 
     @property
     def magnet(self) -> Magnet:
@@ -83,11 +94,21 @@ class FittedPlant:
             "leakage_H": poles.leakage,
             "iron_length_m": poles.iron_length,
             "joints_m": poles.joints,
+            "solid": self.solid,
         }
 
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
-    """Fit what a rig file leaves out of its magnet."""
+    """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
+    found = _fit_at_rest(slow_loops(loops), table)
+    return (
+        found
+        if table.solid is None
+        else replace(found, solid=_fit_solid(loops, found, table.solid))
+    )
+
+
+def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
     coarse = thinned(loops, COARSE)
     fit = _Fit(coarse, table)
     found = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda one: one[0])
@@ -123,6 +144,53 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     steel = steel_table("fitted", found.steel).model_copy(update={"name": FROM_LOOPS})
     irons = [*file.irons, steel]
     return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=found)
+
+
+def _fit_solid(loops: Loops, found: FittedPlant, given: SolidTable) -> SolidTable:
+    """Fit what a rig file leaves out of solid iron, conductivity and length of the path in it."""
+    if (given.path_m or 0.0) > found.poles.iron_length:
+        raise InputError(
+            f"magnet.solid.path_m is longer than the {found.poles.iron_length:.3g} m of the path in "
+            "the iron; lower it, or give iron_length_m",
+            code="too-long",
+            key="magnet.solid.path_m",
+        )
+    if given.conductivity_S_per_m is not None and given.path_m is not None:
+        return given
+    speeds = speeds_of(loops)
+    if speeds is None:
+        raise InputError(
+            "magnet.solid: loops at one speed do not say how late solid iron answers; give "
+            "conductivity_S_per_m and path_m, or loops of several speeds with times (t_s)",
+            code="one-speed",
+            key="magnet.solid",
+        )
+    some = [loop for group in speeds.fast for loop in group]
+    fast = thinned(loops.with_loops(some), IN_TIME * len(some))
+    top = largest_output(loops)
+    weight = 1.0 / (WEIGHT * top * math.sqrt(sum(loop.n for loop in fast.loops)))
+
+    def table(at: FloatArray) -> SolidTable:
+        conductivity, path = STEEL * math.exp(at[0]), found.poles.iron_length * _share(at[1])
+        return given.model_copy(
+            update={
+                "conductivity_S_per_m": given.conductivity_S_per_m or conductivity,
+                "path_m": given.path_m or path,
+            }
+        )
+
+    def misses(at: FloatArray) -> FloatArray:
+        solid = table(at).solid(found.poles.iron_length)
+        magnet = iron_magnet(found.poles, found.steel, solid=solid)
+        off = [
+            along_in_time(magnet, loop, found.zero_current) + found.zero_force - loop.output
+            for loop in fast.loops
+        ]
+        return np.concatenate([weight * np.concatenate(off), at / _WIDE])
+
+    starts = (np.array([one, 0.0]) for one in CONDUCTIVITIES)
+    start = min(starts, key=lambda at: float(np.sum(misses(at) ** 2)))
+    return table(least_squares(misses, start, max_nfev=TRIES, diff_step=1e-3, xtol=1e-4).x)
 
 
 class _Fit:

@@ -168,7 +168,7 @@ RULES: Mapping[FileKind, KindRule] = {
         needed={AmplifierTable: ("slew_A_per_s",)},
         unused={
             TimingTable: ("substeps", "delay_ticks"),
-            MagnetTable: ("gap_m", "direction", "eddy_time_s", "solid", "model", "flux_table"),
+            MagnetTable: ("gap_m", "direction", "eddy_time_s", "model", "flux_table"),
             AmplifierTable: ("mode", "supply_V", "current_low_A", "delay_s"),
             GapSensorTable: ("delay_s", "gain_error", "offset_m"),
             CurrentSensorTable: ("gain_error",),

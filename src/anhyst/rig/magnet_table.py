@@ -39,13 +39,20 @@ CLOSES, OPENS = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
 
 
 class SolidTable(Table):
-    """``magnet.solid``: what of the iron is no stack of sheets."""
+    """``magnet.solid``: what of the iron is no stack of sheets. A fit finds what is left out."""
 
     depth_m: Annotated[float, Field(gt=0.0, le=1.0)]  # from the surface to the middle
-    conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)]
-    # length of the flux path in it; none: all of iron_length_m
+    conductivity_S_per_m: Annotated[float, Field(gt=0.0, le=1e9)] | None = None
+    # length of the flux path in it; none: all of iron_length_m, or what the loops say
     path_m: Annotated[float, Field(ge=1e-6)] | None = None
     volumes: Annotated[int, Field(ge=8, le=16)] = 12  # into which the depth is cut
+
+    def solid(self, iron_length: float) -> Solid | None:
+        """Return it in a path of so many metres, once it is known."""
+        if self.conductivity_S_per_m is None:
+            return None
+        length = iron_length if self.path_m is None else self.path_m
+        return Solid(length, self.depth_m, self.conductivity_S_per_m, self.volumes)
 
 
 class MagnetTable(Table):
@@ -82,13 +89,17 @@ class MagnetTable(Table):
             raise InputError(
                 f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
             )
-        if self.solid is not None and (self.kind == "law" or self.from_loops):
+        if self.solid is not None and self.kind == "law":
             raise InputError(
-                'solid belongs to kind "electromagnet" with an iron of [[iron]]; remove it, or name one',
-                code="not-for-this-kind",
+                'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
         if self.from_loops:
             return self
+        if self.solid is not None and self.solid.conductivity_S_per_m is None:
+            raise InputError(
+                f'needs solid.conductivity_S_per_m; add it, or write iron = "{FROM_LOOPS}"',
+                code="missing",
+            )
         for key in ("turns", "resistance_ohm", *_GEOMETRY):
             if getattr(self, key) is None:
                 raise InputError(
@@ -106,11 +117,9 @@ class MagnetTable(Table):
     @property
     def solid_iron(self) -> Solid | None:
         """What of the iron is solid, once it is known."""
-        table = self.solid
-        if table is None or self.iron_length_m is None:
+        if self.solid is None or self.iron_length_m is None:
             return None
-        length = self.iron_length_m if table.path_m is None else table.path_m
-        return Solid(length, table.depth_m, table.conductivity_S_per_m, table.volumes)
+        return self.solid.solid(self.iron_length_m)
 
     @property
     def poles(self) -> Poles:

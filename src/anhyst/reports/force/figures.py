@@ -20,17 +20,19 @@ from anhyst.support.atomic import write_bytes
 from anhyst.support.page.style import FALLING, MEASURED, RISING, new_figure, styled, write_png
 
 DEMAND = "#C4C4C4"
+AT_REST = "#8C8C8C"
 SIMPLIFIED = "#009E73"
 SINGLE = "#CC79A7"
 SIMULATED = "#F0E442"
 COLOURS: Mapping[str, str] = {
     "full": RISING,
+    "at-rest": AT_REST,
     "simplified": SIMPLIFIED,
     "single": SINGLE,
     "ratio": FALLING,
 }
-_COMPARED = ("full", "simplified", "single")
-"""Whose errors are drawn: the models, and the strongest curve without memory."""
+_COMPARED = ("full", "at-rest", "simplified", "single")
+"""Whose errors are drawn, where they are: the models, and the strongest curve without memory."""
 MOST_POINTS = 1500
 """Points of a curve in a figure at most."""
 
@@ -146,7 +148,7 @@ def _deviations(
     ax: Axes, rig: Rig, outcome: ForceOutcome, names: Sequence[str], *, title: bool = True
 ) -> None:
     worst = []
-    for name in names:
+    for name in (one for one in names if one in outcome.recordings):
         deviation = outcome.recordings[name]["force_N"] - outcome.trial.demand.force
         deviation[: outcome.trial.demand.lead_in] = np.nan
         label = f"error, {TITLES[name]}"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from anhyst.data.branches import branches, smooth_curve
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise
+from anhyst.data.speeds import Speeds, rate_of
 from anhyst.model.fit_record import ReductionStep, Uncertainty
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
 from anhyst.support.arrays import FloatArray
@@ -54,6 +55,7 @@ __all__ = [
     "figure_reduction",
     "figure_residuals",
     "figure_small_loops",
+    "figure_speeds",
 ]
 Fitted = Sequence[FloatArray | None]
 """Modelled output of each loop of a set, in its order; None where it cannot be computed."""
@@ -120,6 +122,24 @@ def shown(groups: list[Group]) -> list[Group]:
 def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
     """Draw measured and modelled loops, one panel for each value of the scheduling variable."""
     return _loops(loopset, fitted, groups_of(loopset))
+
+
+@styled
+def figure_speeds(loopset: Loops, fitted: Fitted, speeds: Speeds) -> Figure:
+    """Draw measured and modelled loops, one panel for each speed, slow ones first."""
+    places = {id(loop): place for place, loop in enumerate(loopset.loops)}
+    groups = [
+        Group(speed_text(group), tuple(places[id(loop)] for loop in group))
+        for group in (speeds.slow.loops, *speeds.fast)
+    ]
+    return _loops(loopset, fitted, groups)
+
+
+def speed_text(group: Sequence[Loop]) -> str:
+    """Return how fast loops run: ``50 Hz``, or from where to where."""
+    rates = [rate_of(loop.input, loop.time) for loop in group]
+    ends = list(dict.fromkeys(f"{rate:.3g}" for rate in (min(rates), max(rates))))
+    return f"{' to '.join(ends)}{NBSP}Hz"
 
 
 @styled

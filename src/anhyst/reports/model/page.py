@@ -20,7 +20,12 @@ from anhyst.reports.model.figures import (
     figure_residuals,
 )
 from anhyst.reports.model.headline import headline
-from anhyst.reports.model.sections_fit import section_loops, section_measurement, section_residuals
+from anhyst.reports.model.sections_fit import (
+    section_loops,
+    section_measurement,
+    section_rate,
+    section_residuals,
+)
 from anhyst.reports.model.sections_model import (
     section_between,
     section_gap_map,
@@ -94,6 +99,7 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the text of the report."""
     found: list[Section | None] = [
         section_loops(subject),
+        section_rate(subject),
         section_residuals(subject),
         section_parameters_over(subject),
         section_reduction(subject),

@@ -10,6 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from anhyst.data.inspection import Inspection, LoopFigures
+from anhyst.data.loops import Loop
+from anhyst.data.speeds import speeds_of
+from anhyst.model.actuator import Model
+from anhyst.model.dynamics import GAMMA
 from anhyst.model.fit_record import LoopFit
 from anhyst.reports.model.evidence import Evidence
 from anhyst.reports.model.figures import (
@@ -18,15 +22,26 @@ from anhyst.reports.model.figures import (
     figure_loops,
     figure_residuals,
     figure_small_loops,
+    figure_speeds,
     groups_of,
     rising,
     small_loops,
+    speed_text,
 )
 from anhyst.reports.model.headline import share
 from anhyst.reports.model.subject import ModelSubject
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.blocks import Block, Cell, Items, PageTable, Picture, Section, Text, table
-from anhyst.support.page.numbers import Scale, number, percent, scale_for, shown_at, written
+from anhyst.support.page.numbers import (
+    NBSP,
+    Scale,
+    name_of,
+    number,
+    percent,
+    scale_for,
+    shown_at,
+    written,
+)
 from anhyst.support.page.style import svg_text
 
 
@@ -66,6 +81,102 @@ def section_loops(subject: ModelSubject) -> Section | None:
             )
         )
     return Section("loops", "Measured and modelled loops", tuple(blocks))
+
+
+SHOWS = 0.01
+"""Of the largest output of a cycle: by so much higher a loop shows its speed."""
+
+_CYCLE, _SPEEDS = 200, np.geomspace(1e-3, 1.5, 40)
+"""Samples of a cycle, and the speeds in which is looked, in parts of the fastest measured one."""
+
+
+def section_rate(subject: ModelSubject) -> Section | None:
+    """How the model follows each speed, where loops run at several; from where on speed shows."""
+    evidence = subject.evidence
+    speeds = None if evidence is None else speeds_of(evidence.loops)
+    if evidence is None or speeds is None:
+        return None
+    groups = [list(speeds.slow.loops), *map(list, speeds.fast)]
+    blocks: list[Block] = []
+    if why := str(subject.model.provenance.settings.get("rate", "")):
+        blocks.append(Text(f"{why[0].upper()}{why[1:]}."))
+    if subject.model.has_eddy_currents:
+        blocks.append(Text(_corner_text(subject.model)))
+    rows = [_speed_row(subject, evidence, group) for group in groups]
+    scale = subject.deviation
+    head = ["speed", "loops", scale.head("rms"), "of largest", scale.head("worst"), "of largest"]
+    blocks += [
+        Picture(
+            svg_text(figure_speeds(evidence.loops, evidence.fitted, speeds), subject.next_prefix()),
+            f"{subject.answer} over {subject.drive}, one panel for each speed: measured samples as "
+            "grey points, the modelled loops as blue lines.",
+            "Measured samples (points) and model (line) at each speed, the slow loops first.",
+        ),
+        table("Speed by speed", head, rows, f"Of the largest {subject.answer} of all loops."),
+    ]
+    return Section("rate", "Rate: what the speed of the loops does", tuple(blocks))
+
+
+def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop]) -> list[Cell]:
+    wanted, scale = {id(loop) for loop in group}, subject.deviation
+    pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
+    off = [fit - loop.output for loop, fit in pairs if fit is not None and id(loop) in wanted]
+    cells = [Cell(speed_text(group)), Cell(str(len(group)))]
+    if not off:
+        return [*cells, *[Cell("")] * 4]
+    every = np.concatenate(off)
+    for size in (float(np.sqrt(np.mean(every**2))), float(np.abs(every).max())):
+        cells += [Cell(scale.number(size)), Cell(percent(share(subject, size)))]
+    return cells
+
+
+def _corner_text(model: Model) -> str:
+    """Say from which speed on the model's loops are higher, and how sure that is."""
+    cut = (
+        f"cut into {model.layers.count} layers" if model.layers else "one layer, a lag of the flux"
+    )
+    corner, unsure, part = rate_corner(model), model.uncertainty, percent(SHOWS)
+    if corner is None:
+        return (
+            f"The iron is {cut}; up to the fastest loops, speed changes the height of the model's "
+            f"loops by less than {part}."
+        )
+    text = (
+        f"The iron is {cut}. From {corner:.3g}{NBSP}Hz on the loops of the model are higher than at "
+        f"rest by {part} of their largest {name_of(model.output)}"
+    )
+    if unsure is None or GAMMA not in unsure.names:
+        return f"{text}."
+    place = unsure.names.index(GAMMA)
+    by = math.exp(2.0 * unsure.std[place] / unsure.values[place])
+    ends = f"{corner / by:.3g} to {corner * by:.3g}{NBSP}Hz"
+    return f"{text} ({ends}: two standard deviations of gamma)."
+
+
+def rate_corner(model: Model) -> float | None:
+    """Return the speed, Hz, from which on loops are higher than at rest by :data:`SHOWS`.
+
+    Full cycles at the first node; time enters a model as gamma times a rate alone, so that the corner
+    is in inverse proportion to gamma.
+    """
+    if model.valid is None or model.dynamics is None or not model.dynamics.fastest:
+        return None
+    low, high = model.valid.input
+    shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE, endpoint=False))
+    drive, place = low + (high - low) * shape, model.nodes[0] if model.nodes else None
+    rates, heights = model.dynamics.fastest * _SPEEDS, []
+    for rate in rates.tolist():
+        time = np.arange(_CYCLE) / (_CYCLE * rate)
+        made = model.predict(drive, place, time, "settled").output
+        falling = np.append(made[_CYCLE // 2 :], made[0])[::-1]
+        heights.append(float(np.max(falling - made[: _CYCLE // 2 + 1])) / float(np.ptp(made)))
+    higher = np.array(heights) - heights[0]
+    above = np.flatnonzero(higher >= SHOWS)
+    if not above.size:
+        return None
+    at = int(above[0])
+    ends, logs = higher[at - 1 : at + 1], np.log(rates[at - 1 : at + 1])
+    return float(np.exp(np.interp(SHOWS, ends, logs)))
 
 
 def _panels(subject: ModelSubject, evidence: Evidence) -> str:

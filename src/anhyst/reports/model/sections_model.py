@@ -66,6 +66,7 @@ GLOSSARY: Mapping[str, str] = MappingProxyType(
         "output at saturation": "output with all magnetisation aligned",
         "input offset": "input at which the iron feels nothing",
         "output offset": "output without flux",
+        "gamma": "how late the middle of solid iron is",
         "c": "reversible fraction of the magnetisation",
     }
 )

@@ -120,9 +120,9 @@ def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
             "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
             "current_sensor.gain_error": shunt.gain_error + drift.current_gain,
         }
-        solid = file.magnet.solid
+        solid = file.magnet.solid_iron
         if solid is not None:
-            conductivity = solid.conductivity_S_per_m * (1.0 + drift.conductivity)
+            conductivity = solid.conductivity * (1.0 + drift.conductivity)
             changes["magnet.solid.conductivity_S_per_m"] = conductivity
         if hall is not None:
             changes["hall_probe.gain_error"] = hall.gain_error + drift.flux_gain

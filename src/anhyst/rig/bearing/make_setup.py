@@ -14,7 +14,7 @@ from anhyst.compensate.methods import MODELS, make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import Loops
-from anhyst.data.speeds import speeds_of
+from anhyst.data.speeds import slow_loops
 from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
@@ -131,8 +131,7 @@ def calibrate_probe(rig: BearingRig) -> FluxCalibration | None:
 
 def check_plant(rig: BearingRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
-    magnet, fitted, speeds = make_magnet(rig), rig.fitted, speeds_of(knowledge.loops)
-    loops = knowledge.loops if speeds is None else speeds.slow
+    magnet, fitted, loops = make_magnet(rig), rig.fitted, slow_loops(knowledge.loops)
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
     by_law = rig.settings.magnet.kind == "law"
     return PlantCheck(

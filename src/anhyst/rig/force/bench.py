@@ -6,6 +6,7 @@ n + 1. The armature is moved from outside, so the gap of every tick is given.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ class ActuatorStand:
 
     def __init__(self, rig: Rig, seed: list[int]) -> None:
         self._actuator = rig.actuator()
+        self._tick = rig.dt if rig.solid else math.inf
         self._amplifier = rig.amplifier()
         self._sensors = rig.instruments(seed)
         self._begun = False
@@ -65,6 +67,8 @@ class ActuatorStand:
         """Go on to the beginning of the next tick."""
         if self._begun:  # nothing comes before the first tick
             self._amplifier.tick(reference)
+        elif isinstance(self._actuator, Electromagnet):
+            self._actuator.seconds = self._tick
         self._begun = True
         current = self._amplifier.current
         force = self._actuator.step(current, gap)

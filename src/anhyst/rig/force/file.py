@@ -14,9 +14,18 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, Tag
 
-from anhyst.data import Loops
+from anhyst._core import Magnet
+from anhyst.data import Loop, Loops
+from anhyst.data.speeds import slow_loops
 from anhyst.model.actuator import Model
-from anhyst.rig.distance import Follow, PlantCheck, along, distance, model_distance
+from anhyst.rig.distance import (
+    Follow,
+    PlantCheck,
+    along,
+    along_in_time,
+    distance,
+    model_distance,
+)
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable
@@ -138,7 +147,17 @@ class Rig:
         """Return what pulls, demagnetised."""
         if self.solenoid_file is not None:
             return self.solenoid_file.solenoid()
-        return Electromagnet(iron_magnet(self.settings.magnet.poles, self.settings.steel.steel()))
+        return Electromagnet(self._magnet)
+
+    @property
+    def _magnet(self) -> Magnet:
+        table = self.settings.magnet
+        return iron_magnet(table.poles, self.settings.steel.steel(), solid=table.solid_iron)
+
+    @property
+    def solid(self) -> bool:
+        """Whether its iron answers late."""
+        return self.solenoid_file is None and self.settings.magnet.solid is not None
 
     def follower(self) -> Follow:
         """Return what its actuator does along currents and gaps, from demagnetised on."""
@@ -151,11 +170,19 @@ class Rig:
         return follow
 
     def check(self, loops: Loops, model: Model) -> PlantCheck:
-        """Hold its actuator and a model against loops."""
+        """Hold its actuator and a model against loops, of thin iron against the slow ones."""
         fitted = self.fitted
         zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
+        timed = self.solid and all(loop.time is not None for loop in loops.loops)
+        loops = loops if timed else slow_loops(loops)
+
+        def force(loop: Loop) -> FloatArray:
+            if timed:
+                return along_in_time(self._magnet, loop, zeros[0]) + zeros[1]
+            return along(self.follower(), loop, zeros[0]) + zeros[1]
+
         return PlantCheck(
-            plant=distance(loops, lambda loop: along(self.follower(), loop, zeros[0]) + zeros[1]),
+            plant=distance(loops, force),
             model=model_distance(loops, model),
             fitted=fitted is not None,
             guessed=() if fitted is None else fitted.guessed,

@@ -9,6 +9,7 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
+from anhyst.model.compilable import has_layers
 from anhyst.model.parameters import Parameter
 from anhyst.rig.force.file import Rig
 from anhyst.rig.loop_files import identify_loops
@@ -50,18 +51,22 @@ def loops_at(loops: Loops, gap: float) -> Loops:
     return loops.with_loops(loop for loop in loops.loops if _near(loop.schedule_value, gap))
 
 
-def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Model:
+def find_model(
+    rig: Rig, loops: Loops, progress: Progress | None = None, *, late: bool = False
+) -> Model:
     """Identify a model of these loops and make it ready for force control.
 
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
     which the armature may move. Noise of the position sensor must not wear the memory away: where
     it does not stay within the dead band that the loops allow, that is widened to span it. The
     valid range ends at the largest force of the rig, so that a program is compiled for what is
-    used, or at :data:`PLAUSIBLE` of the largest measured one.
+    used, or at :data:`PLAUSIBLE` of the largest measured one. It is a model at rest but for `late`:
+    then it has the layers that can be compiled.
     """
     several = len(loops.by_schedule()) > 1
     options = rig.settings.loops
-    found = identify_loops(loops, options, "circuit" if several else "auto", progress)
+    found = identify_loops(loops, options, "circuit" if several else "auto", progress, late=late)
+    found = found if has_layers(found) else found.at_rest
     if options.dead_band:
         found = _spanning(found, _least_dead_band(found, rig))
     valid = found.valid
@@ -87,7 +92,7 @@ def _least_dead_band(model: Model, rig: Rig) -> float:
     """Half-width of the dead band, A/m, that the noise of the position sensor stays within."""
     if not model.needs_schedule:
         return 0.0
-    sensor = rig.settings.gap_sensor.sensor()
+    sensor, still = rig.settings.gap_sensor.sensor(), model.at_rest
     noise = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
     force_max = rig.settings.force.force_max_N
     largest = 0.0
@@ -95,6 +100,6 @@ def _least_dead_band(model: Model, rig: Rig) -> float:
         for share in (0.25, 0.5, 0.75, 1.0):
             demand = np.full(2, share * force_max)
             gaps = np.array([gap, gap + noise])
-            field = model.invert(demand, gaps, history="demagnetised").field
+            field = still.invert(demand, gaps, history="demagnetised").field
             largest = max(largest, abs(float(field[1] - field[0])))
     return SAFE * largest

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Kind, Scales
+from anhyst.compensate.interface import MethodName
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.link.firmware import build
@@ -27,6 +28,7 @@ class Program:
     """A controller program, as it is flashed."""
 
     kind: Kind  # ``"full"`` or ``"simplified"``
+    name: MethodName  # the same, or ``"at-rest"``
     model: Model  # what it was compiled from
     block: Block  # its parameters, of the kind that the model's law has
     cycles: int  # of the start-up sequence
@@ -61,8 +63,10 @@ class Session:
     demagnetised: bool
 
 
-def prepare(kind: Kind, model: Model, rate: float, board: str, folder: Path) -> Program:
+def prepare(name: MethodName, model: Model, rate: float, board: str, folder: Path) -> Program:
     """Compile a model and build the firmware around it."""
+    kind: Kind = "simplified" if name == "simplified" else "full"
+    model = model if name == "full" else model.at_rest
     folder.mkdir(parents=True, exist_ok=True)
     write_model(model, folder / "model.toml")
     compiled = compile_model(
@@ -72,6 +76,7 @@ def prepare(kind: Kind, model: Model, rate: float, board: str, folder: Path) -> 
     assert isinstance(block, Block)
     return Program(
         kind=kind,
+        name=name,
         model=model,
         block=block,
         cycles=compiled.plan.builder.conditioning.cycles,

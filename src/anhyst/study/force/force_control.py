@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.compensate.baselines import fit_ratio, fit_single_valued
-from anhyst.compensate.block import Kind
-from anhyst.compensate.interface import Compensator
+from anhyst.compensate.interface import Compensator, MethodName
 from anhyst.data import Loops
 from anhyst.data.table import read_columns
 from anhyst.data.writing import check_format
@@ -45,7 +44,6 @@ from anhyst.support.result import Result, columns_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-KINDS: tuple[Kind, ...] = ("full", "simplified")
 
 SCOPES: Mapping[Stage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
 """Which models belong to which stage, as their folders are called."""
@@ -227,10 +225,15 @@ def _run(
 
 
 def _model(task: tuple[Rig, Loops]) -> Model:
-    return find_model(*task)
+    return find_model(*task, late=True)
 
 
-def _program(task: tuple[Kind, Model, float, str, Path]) -> Program:
+def _compared(model: Model) -> tuple[MethodName, ...]:
+    """Return what is compiled of a model: where iron answers late, the same at rest besides."""
+    return ("full", "at-rest", "simplified") if model.has_eddy_currents else ("full", "simplified")
+
+
+def _program(task: tuple[MethodName, Model, float, str, Path]) -> Program:
     return prepare(*task)
 
 
@@ -250,12 +253,12 @@ def _programs(
 ) -> dict[str, tuple[Program, ...]]:
     rate = rig.settings.timing.rate_Hz
     tasks = [
-        (kind, model, rate, board, folder / scope / kind)
+        (name, model, rate, board, folder / scope / name)
         for scope, model in models.items()
-        for kind in KINDS
+        for name in _compared(model)
     ]
     made = iter(all_of(_program, tasks, progress))
-    return {scope: tuple(next(made) for _ in KINDS) for scope in models}
+    return {scope: tuple(next(made) for _ in _compared(one)) for scope, one in models.items()}
 
 
 def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:

@@ -19,6 +19,7 @@ from anhyst.support.pays import FORCE
 
 TITLES: Mapping[str, str] = {
     "full": "full",
+    "at-rest": "full, iron at rest",
     "simplified": "simplified",
     "single": "best single-valued",
     "ratio": "constant ratio",

@@ -71,7 +71,7 @@ class ForceOutcome:
     """What one trial gave."""
 
     trial: ForceTrial  # which
-    # by controller: ``full``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``
+    # by controller: ``full``, ``at-rest``, ``simplified``, ``ratio``, ``ratio_over_gap``, ``single``
     recordings: Mapping[str, Recording]
     # for each firmware the force, N, that its simulated program expects: the same arithmetic, with
     # the model instead of the solenoid
@@ -113,9 +113,9 @@ def run_trial(rig: Rig, trial: ForceTrial, controllers: Controllers) -> ForceOut
         recording, session = run_firmware(
             program, bench(), trial.demand, controllers.board, demagnetised
         )
-        recordings[program.kind] = recording
-        differing[program.kind] = ticks_that_differ(program, session)
-        simulated[program.kind] = _expected(program, recording, demagnetised)
+        recordings[program.name] = recording
+        differing[program.name] = ticks_that_differ(program, session)
+        simulated[program.name] = _expected(program, recording, demagnetised)
     known = read_gaps(rig, gap, seed)
     for name, baseline in controllers.baselines.items():
         stand = bench()
@@ -131,4 +131,5 @@ def _expected(program: Program, recording: Recording, demagnetised: bool) -> Flo
     history = "demagnetised" if demagnetised else f"conditioned:{turns}"
     model = program.model
     gap = recording["gap_read_m"] if model.needs_schedule else None
-    return model.predict(recording["command_A"], gap, history=history).output
+    time = recording["t_s"] if model.has_eddy_currents else None
+    return model.predict(recording["command_A"], gap, time, history=history).output
