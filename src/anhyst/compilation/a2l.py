@@ -104,7 +104,7 @@ def a2l(manifest: Mapping[str, Any]) -> str:
     tables = [
         {
             "name": name,
-            "doc": _first_line(kind),
+            "doc": _plain((kind.__doc__ or "").strip().partition("\n")[0]),
             "names": [(one.value, one.name.lower()) for one in kind],
         }
         for name, kind in _NAMED.items()
@@ -247,7 +247,3 @@ def _address(word: int) -> str:
 def _plain(text: str) -> str:
     """Return a text that may stand between quotes."""
     return re.sub(r"[\"\\\s]+", " ", text).strip()
-
-
-def _first_line(kind: type[IntEnum]) -> str:
-    return _plain((kind.__doc__ or "").strip().partition("\n")[0])

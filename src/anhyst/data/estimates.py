@@ -38,7 +38,7 @@ def drift(loop: Loop) -> float | None:
     first reversal of a record that does not start settled is no equal of anything later. A drift
     that noise alone may make is zero.
     """
-    clock = _clock(loop)
+    clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
     slopes, errors = [], []
     for one, two in repeats(loop.input, _settled_branches(loop)):
         gap, error = _shift(loop, one, two)
@@ -189,10 +189,6 @@ def saturation(loop: Loop) -> float | None:
 def len_of(branch: Branch) -> int:
     """Count the samples of a branch."""
     return branch.stop - branch.start
-
-
-def _clock(loop: Loop) -> FloatArray:
-    return loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
 
 
 def _shift(loop: Loop, one: Branch, two: Branch) -> tuple[float, float]:

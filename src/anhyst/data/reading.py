@@ -184,7 +184,9 @@ def _read_table(
     drive, answer = values(roles.input), values(roles.output)
     assert drive is not None
     assert answer is not None
-    schedule = _schedule_values(roles, values(roles.schedule), drive.size)
+    schedule = (
+        np.full(drive.size, roles.fixed) if roles.fixed is not None else values(roles.schedule)
+    )
 
     def text(index: int) -> Texts:
         column = raw.texts[index]
@@ -196,7 +198,7 @@ def _read_table(
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to distinguish them by.
         own = _ALONE if roles.quantity is not None else name
-        labels = _one_label(roles.fixed_label or own, drive.size)
+        labels = Texts(((roles.fixed_label or own),), np.zeros(drive.size, np.int32))
     else:
         labels = text(roles.label)
     columns = _Columns(place, drive, answer, schedule, values(roles.time), labels, where)
@@ -207,14 +209,6 @@ def _read_table(
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
     """Columns without a part, where none labels the loops yet."""
     return roles.idle if roles.label is None and roles.fixed_label is None else ()
-
-
-def _one_label(label: str, rows: int) -> Texts:
-    return Texts((label,), np.zeros(rows, np.int32))
-
-
-def _schedule_values(roles: Roles, column: FloatArray | None, rows: int) -> FloatArray | None:
-    return np.full(rows, roles.fixed) if roles.fixed is not None else column
 
 
 def _selection(place: str, given: FileDescription, columns: dict[str, Texts]) -> Rows | None:

@@ -133,7 +133,7 @@ def _locate(
     first, last = 0, steps
     stride = _stride(steps)
     while True:
-        marks = _marks(first, last, stride)
+        marks = list(range(first, last, stride))
         wrong = np.flatnonzero(
             replies[0].checkpoints[: len(marks)] != replies[1].checkpoints[: len(marks)]
         )
@@ -149,10 +149,6 @@ def _locate(
                 hashes = (reply.hash for reply in replies)
                 return Difference("random", first, "not repeatable: the hash", *hashes)
             return _difference(form, "random", first, found, *records)
-
-
-def _marks(first: int, last: int, stride: int) -> list[int]:
-    return list(range(first, last, stride))
 
 
 def _again(

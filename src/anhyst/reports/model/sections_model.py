@@ -382,7 +382,9 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
     ):
         part = deviation / abs(value) if value and "offset" not in name else None
-        meaning = _meaning(name)
+        meaning = next(
+            (meaning for start, meaning in GLOSSARY.items() if name.startswith(start)), ""
+        )
         rows.append(
             [
                 Cell(str(place)),
@@ -412,10 +414,6 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         said = (written(text) for text in unsure.statements)
         blocks.append(Items("What the data leave open", tuple(said)))
     return blocks
-
-
-def _meaning(name: str) -> str:
-    return next((meaning for start, meaning in GLOSSARY.items() if name.startswith(start)), "")
 
 
 def _correlated(unsure: Uncertainty) -> str:

@@ -268,7 +268,7 @@ def _compare(
     tried = rig.settings
     cells = compare(
         list(setups.values()),
-        _gaps(rig),
+        [rig.settings.gap_m, *rig.settings.step.also_gaps_m],
         _heights(rig),
         [_load(rig)],
         default_seeds(rig),
@@ -329,10 +329,6 @@ def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
     found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
-
-
-def _gaps(rig: BearingRig) -> list[float]:
-    return [rig.settings.gap_m, *rig.settings.step.also_gaps_m]
 
 
 def _heights(rig: BearingRig) -> list[float]:

@@ -138,7 +138,7 @@ def file_note(
         f"Tried at {'; '.join(one.text for one in conditions)};",
         f"steps of {steps} um up and down; {budget} sets of gains, seed {seed}.",
         reached,
-        f"{', '.join(_figures_text(tuned.figures))}.",
+        f"{', '.join([text_of(name, value) for name, value in asdict(tuned.figures).items()])}.",
         *missed,
         f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
         f"{numbers['damping']:.3g}, real one at "
@@ -155,10 +155,6 @@ def aims_text(aims: Aims) -> str:
         f"{TITLES[name][0]} <= {TITLES[name][1] * limit:g} {TITLES[name][2]}".rstrip()
         for name, limit in aims.limits.items()
     )
-
-
-def _figures_text(figures: Figures) -> list[str]:
-    return [text_of(name, value) for name, value in asdict(figures).items()]
 
 
 def write_results(tuning: Tuning, folder: Path) -> None:
