@@ -17,6 +17,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.speeds import Speeds
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
+from anhyst.model.compilable import jumps_alone
 from anhyst.model.dynamics import GAMMA, Dynamics, Layers
 from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import Parameter
@@ -282,13 +283,15 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
 
 
 def _in_series(model: Model) -> Model:
-    """Return a model of cells with what holds its flux back around the iron, not within it.
+    """Return a model of cells that would jump without a gap with its coupling around the layers.
 
     At rest a coupling is the same as a reluctance, but that holds back the flux of all layers
     together and a coupling that of each. It stays where a reluctance would have to be negative.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.fixed_gap_only:
+        return model
+    if not jumps_alone(model):
         return model
     held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     kept = max(0.0, 1.0 - float(held.min()))

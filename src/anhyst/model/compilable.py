@@ -58,8 +58,14 @@ def has_layers(model: Model) -> bool:
         return False
     if model.layers.count > MOST_LAYERS or model.fixed_gap_only or "gamma" in model.varying:
         return False
+    return not jumps_alone(model)
+
+
+def jumps_alone(model: Model) -> bool:
+    """Whether the iron would jump without a gap."""
+    least = model.operator_law.least_slope
     iron = model.parameters_at(model.nodes[0] if model.nodes else None)
-    return float(law.least_slope(iron, np.zeros(1)).min()) >= LEAST_SLOPE
+    return least is not None and float(least(iron, np.zeros(1)).min()) < LEAST_SLOPE
 
 
 def least_slope(model: Model, at: FloatArray) -> FloatArray:
