@@ -44,7 +44,7 @@ static void any_tick(solid_tick *tick, anhyst_compensator *c)
   c->arms.field_arm = (int16_t)any_within(1, ANHYST_Q15_MAX);
   tick->c = c;
   tick->flux_given = nondet_i16() != 0;
-  tick->layers = anhyst_layers_of(words);
+  tick->layers = layers_of(words);
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
   tick->hold = any_within(1, ANHYST_Q30_ONE);
   tick->own = (int32_t)words[ANHYST_WORD_SOLID_OWN] * 4;
