@@ -33,7 +33,7 @@ struct app_body {
 typedef char
     app_force_is_at_most_200_bytes[sizeof(struct app_body) - 3 * sizeof(app_sensor) + 16 <=
                                            184 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4) +
-                                               112 * (ANHYST_MEMORIES - 1)
+                                               112UL * (ANHYST_MEMORIES - 1)
                                        ? 1
                                        : -1];
 
