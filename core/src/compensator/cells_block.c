@@ -160,7 +160,7 @@ static int layers_are_valid(const int16_t *words)
   }
 #endif
   int16_t said = 0;
-  for (int16_t i = ANHYST_WORD_SOLID_LAYERS; i <= ANHYST_WORD_SOLID_LAMINATED; i++) {
+  for (int i = ANHYST_WORD_SOLID_LAYERS; i <= ANHYST_WORD_SOLID_LAMINATED; i++) {
     said = (int16_t)(said | words[i]);
   }
   return said == 0;
