@@ -83,7 +83,7 @@ class World:
         plant = replace(
             setup,
             rig=changed(rig, {"timing.delay_ticks": ticks}) if self.late_ticks else rig,
-            drift=replace(drift, payload=self.payload, cable=self.cable),
+            drift=replace(drift, mass=self.payload, cable=self.cable),
         )
         early = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
         return track(plant, motion, early, noise)

@@ -132,7 +132,7 @@ def test_a_fault_that_hardly_shows_moves_no_number_by_a_fifth_of_what_is_stated(
 
 
 def heavier(learner: Learner, part: float) -> bool:
-    setup = replace(stages.setup("full"), drift=replace(WRONG, payload=part))
+    setup = replace(stages.setup("full"), drift=replace(WRONG, mass=part))
     return learner.learn(motion_of_run(track(setup, training(), Feedforward(), 1)))
 
 
@@ -152,7 +152,7 @@ def test_a_payload_and_a_cable_that_a_rig_allows_for_are_found_and_fed_forward(
 ) -> None:
     rig = changed(read_stage(stages.EXAMPLE / "rig.toml"), ALLOWED)
     learner = Learner(MotionLaw(rig, bearings.knowledge(), method))
-    drift = replace(WRONG, payload=0.05, cable=60.0)
+    drift = replace(WRONG, mass=0.05, cable=60.0)
     own, gains, scan = learner.stage(drift), Feedforward(), rig.settings.scan
     run = track(own, motion_of(scan, scan.train_m_per_s2), gains, 1)
     assert learner.learn(Motion(rig, run.columns))

@@ -14,7 +14,7 @@ FullKind = Literal["full", "cells"]
 
 def iron_of(model: Model) -> Mapping[str, float]:
     """Return the parameters of the iron, the same at every gap of what can be compiled."""
-    return model.parameters_at(model.nodes[0] if model.nodes else None)
+    return model.parameters_at(model.first_node)
 
 
 def full_kind(model: Model) -> FullKind:

@@ -198,7 +198,7 @@ def _read_table(
         # Unlabelled files at different gaps hold "the" loop each; without gaps the file is all
         # there is to distinguish them by.
         own = _ALONE if roles.quantity is not None else name
-        labels = Texts(((roles.fixed_label or own),), np.zeros(drive.size, np.int32))
+        labels = Texts((roles.fixed_label or own,), np.zeros(drive.size, np.int32))
     else:
         labels = text(roles.label)
     columns = _Columns(place, drive, answer, schedule, values(roles.time), labels, where)

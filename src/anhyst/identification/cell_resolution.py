@@ -46,7 +46,7 @@ def resolved(model: Model, loops: Loops) -> Model:
     law = model.operator_law
     if law.cells is None:
         return model
-    cells = law.cells(model.parameters_at(model.nodes[0] if model.nodes else None))
+    cells = law.cells(model.parameters_at(model.first_node))
     fine = (cells.thresholds > 0.0) & (2.0 * cells.thresholds < field_step(model, loops))
     hidden = int(np.count_nonzero(fine))
     if not cells.weights[fine].any() or not cells.weights[1 + hidden :].any():

@@ -162,7 +162,7 @@ class _Problem:
         def path(loop: Loop) -> _Path:
             place = loop.schedule_value if model.fixed_gap_only else None
             if place not in irons:
-                at = model.parameters_at(place if place is not None else _any_place(model))
+                at = model.parameters_at(place if place is not None else model.first_node)
                 made = law.iron(*(at[spec.name] for spec in law.parameters))
                 assert isinstance(made, AnyIron)
                 irons[place] = made
@@ -228,10 +228,6 @@ class _Problem:
 
 def _logit(share: float) -> float:
     return float(np.log(share / (1.0 - share)))
-
-
-def _any_place(model: Model) -> float | None:
-    return model.nodes[0] if model.nodes else None
 
 
 def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:

@@ -64,7 +64,7 @@ def has_layers(model: Model) -> bool:
 def jumps_alone(model: Model) -> bool:
     """Whether the iron would jump without a gap."""
     least = model.operator_law.least_slope
-    iron = model.parameters_at(model.nodes[0] if model.nodes else None)
+    iron = model.parameters_at(model.first_node)
     return least is not None and float(least(iron, np.zeros(1)).min()) < LEAST_SLOPE
 
 

@@ -216,6 +216,11 @@ class ActuatorRecord:
         return bool(np.any(self.parameters["gamma"]))
 
     @property
+    def first_node(self) -> float | None:
+        """Where to look at what is the same everywhere; None where there are no nodes."""
+        return self.nodes[0] if self.nodes else None
+
+    @property
     def at_rest(self) -> Self:
         """The model without what comes late: as it is where nothing changes fast."""
         if self.dynamics is None and not self.has_eddy_currents:

@@ -101,11 +101,9 @@ class FittedPlant:
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
     found = _fit_at_rest(slow_loops(loops), table)
-    return (
-        found
-        if table.solid is None
-        else replace(found, solid=_fit_solid(loops, found, table.solid))
-    )
+    if table.solid is None:
+        return found
+    return replace(found, solid=_fit_solid(loops, found, table.solid))
 
 
 def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:

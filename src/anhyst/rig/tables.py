@@ -254,7 +254,7 @@ SPREADS: Mapping[FileKind, Mapping[str, str]] = {
         "flux_gain": "hall_percent",
         "eddy": "eddy_s",
         "conductivity": "conductivity_percent",
-        "payload": "payload_percent",
+        "mass": "payload_percent",
         "cable": "cable_N_per_m",
     },
     FileKind.FORCE: {**_OF_IRON, "gap_offset": "gap_zero_m", "first_scale": "current_percent"},

@@ -163,7 +163,7 @@ def rate_corner(model: Model) -> float | None:
         return None
     low, high = model.valid.input
     shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE, endpoint=False))
-    drive, place = low + (high - low) * shape, model.nodes[0] if model.nodes else None
+    drive, place = low + (high - low) * shape, model.first_node
     rates, heights = model.dynamics.fastest * _SPEEDS, []
     for rate in rates.tolist():
         time = np.arange(_CYCLE) / (_CYCLE * rate)

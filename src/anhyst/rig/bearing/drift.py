@@ -49,7 +49,6 @@ class Drift:
     second_scale: float = 0.0
     eddy: float = 0.0  # lag of the flux behind the current that the controller does not know, s
     conductivity: float = 0.0  # of solid iron
-    payload: float = 0.0  # by which a body is heavier than its controller knows
     cable: float = 0.0  # pulls a body back to where its motion begins, N/m
     stroke: float = 0.0  # of a piezo stack
     creep: float = 0.0
@@ -115,7 +114,7 @@ def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
         turned = drift.position_gain * file.gap_m
         changes = {
             "magnet.resistance_ohm": file.magnet.poles.resistance * (1.0 + drift.resistance),
-            "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass) * (1.0 + drift.payload),
+            "body.mass_kg": file.body.mass_kg * (1.0 + drift.mass),
             "gap_sensor.gain_error": sensor.gain_error + drift.position_gain,
             "gap_sensor.offset_m": sensor.offset_m + drift.gap_offset - turned,
             "current_sensor.gain_error": shunt.gain_error + drift.current_gain,

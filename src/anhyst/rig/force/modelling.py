@@ -28,7 +28,7 @@ def loops_of_rig(rig: Rig) -> Loops:
     """Read the loops of a rig."""
     loops = rig.measured.read()
     end = rig.settings.force.end_m
-    if not [loop for loop in loops.loops if _near(loop.schedule_value, end)]:
+    if not any(_near(loop.schedule_value, end) for loop in loops.loops):
         gaps = ", ".join(f"{float(gap or 0.0):g}" for gap in loops.by_schedule())
         raise InputError(
             f"{rig.path}: control.end_m: no loops at {end:g} m; there are some at {gaps} m",

@@ -38,7 +38,7 @@ ERRORS: Mapping[str, tuple[str, ...]] = {
     "eddy lag": ("eddy",),
     "all": (
         *("gap_offset", "first_scale", "second_scale"),
-        *("pinning", "flux_gain", "eddy", "conductivity", "payload", "cable"),
+        *("pinning", "flux_gain", "eddy", "conductivity", "mass", "cable"),
     ),
 }
 """What a plant has drifted in, case by case."""

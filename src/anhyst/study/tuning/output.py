@@ -138,7 +138,7 @@ def file_note(
         f"Tried at {'; '.join(one.text for one in conditions)};",
         f"steps of {steps} um up and down; {budget} sets of gains, seed {seed}.",
         reached,
-        f"{', '.join([text_of(name, value) for name, value in asdict(tuned.figures).items()])}.",
+        f"{', '.join(text_of(name, value) for name, value in asdict(tuned.figures).items())}.",
         *missed,
         f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
         f"{numbers['damping']:.3g}, real one at "
