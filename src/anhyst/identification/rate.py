@@ -279,15 +279,17 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
 
 
 def _in_series(model: Model) -> Model:
-    """Return a model of cells that would jump without a gap with its coupling around the layers.
+    """Return a model of cells with the coupling that is a reluctance put around the layers.
 
-    At rest a coupling is the same as a reluctance, but that holds back the flux of all layers
-    together and a coupling that of each. It stays where a reluctance would have to be negative.
+    At rest they are the same, but a reluctance holds back the flux of all layers together and a
+    coupling that of each. A negative coupling is what a gap does. A positive one is the iron's own
+    and stays, unless the iron would jump without a gap; then as much as no negative reluctance
+    stands for is moved.
     """
     law, alpha = model.operator_law, model.parameters["alpha"]
     if law.cells is None or isinstance(alpha, tuple) or not alpha or model.fixed_gap_only:
         return model
-    if not jumps_alone(model):
+    if alpha > 0.0 and not jumps_alone(model):
         return model
     held = (1.0 - alpha) * (1.0 + np.array(model.parameters["rho"]))
     kept = max(0.0, 1.0 - float(held.min()))
