@@ -8,6 +8,7 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, Conditioning, Kind, Scales, TableSizes
 from anhyst.compensate.full import build_full
+from anhyst.compensate.plan import find_limits, find_scales, left_after, plan_start
 from anhyst.compensate.twin import FixedTwin
 from anhyst.support.arrays import FloatArray
 from tests.actuators import (
@@ -21,6 +22,7 @@ from tests.actuators import (
     ranges,
     reversals,
 )
+from tests.truths import truth
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")
 IOS = ("q15", "q31")
@@ -236,6 +238,21 @@ def test_conditioning_sweeps_the_current_between_its_limits(kind: Kind) -> None:
     down = currents[ramp : 2 * ramp]
     assert np.all(np.diff(down) < 0.0)
     assert core.conditioning_q15(-1) == core.conditioning_q15(currents.size) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "cycles"),
+    [("electromagnet-play-cells-scaling", 1), ("electromagnet-effective-field-scaling", 3)],
+)
+def test_a_start_up_has_all_cycles_that_help_and_no_others(name: str, cycles: int) -> None:
+    """One decides all plays that the current reaches; a law of Jiles and Atherton goes on."""
+    model = truth(name).at_rest
+    limits = find_limits(model)
+    scales = find_scales(model, limits)
+    start = plan_start(model, scales, limits, 1000.0, 1e-6 * limits.demand[1])
+    assert start.conditioning.cycles == cycles
+    after = left_after(model, scales, limits, cycles + 3)
+    assert start.remaining == pytest.approx(after, abs=1e-7 * limits.demand[1])
 
 
 @pytest.mark.parametrize("io", IOS)

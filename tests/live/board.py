@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.link.plant_bus import Plant, PlantBus
+from anhyst.link.plant_bus import Plant, PlantBus, over
 from anhyst.link.process import start_host
 from anhyst.support.errors import InputError
 
@@ -52,7 +52,7 @@ def running(
     """Let a firmware run by the clock until the test ends."""
     done = threading.Event()
     with start_host(firmware, link, xcp) as (url, ours, port, _):
-        board = Board(url, f"socket://127.0.0.1:{port}", PlantBus(plant, ours), done.set)
+        board = Board(url, f"socket://127.0.0.1:{port}", PlantBus(plant, over(ours)), done.set)
 
         def run() -> None:
             last, owed = time.monotonic(), 0.0

@@ -15,7 +15,6 @@ from anhyst.link.recorder import read_recording, start_recording
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.scenario import DROP, Script, land_time
-from anhyst.rig.force.session import BOARDS
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, Injection, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
 from tests.refusals import refused
@@ -209,11 +208,11 @@ def test_the_pc_may_come_and_go_on_the_ground_alone(running: LevitatingFirmware)
 def test_what_cannot_run_is_refused(tmp_path: Path) -> None:
     rig = bearings.EXAMPLE / "rig.toml"
     with refused("wrong-ending"):
-        run_board(rig, tmp_path / "running.csv", BOARDS[0])
+        run_board(rig, tmp_path / "running.csv", "library")
     own = bearings.controller().settings
     update = {"variant": "single-valued", "model": str(path_of("bearing"))}
     chosen = own.compensation.model_copy(update=update)
     other = tmp_path / "controller.toml"
     write_controller(other, own.model_copy(update={"compensation": chosen}), "other")
     with refused("not-compilable compensation.variant"):
-        run_board(rig, tmp_path / "run.json", BOARDS[0], other)
+        run_board(rig, tmp_path / "run.json", "library", other)

@@ -174,7 +174,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
         full, still = found["full"], found["at-rest"]
         # A tick and the amplifier are late too, by 0.6 % of the largest force on these slopes.
         assert full["rms_percent"] < 0.5 * still["rms_percent"], stage
-        assert full["worst_percent"] < 0.6 * still["worst_percent"], stage
+        assert full["worst_percent"] < 0.7 * still["worst_percent"], stage
         assert full["worst_percent"] < 0.4 * found["single"]["worst_percent"], stage
     for outcome in run.outcomes:
         assert {"full", "at-rest", "simplified"} <= set(outcome.recordings)

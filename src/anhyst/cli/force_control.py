@@ -33,10 +33,10 @@ def force_control(
         BoardChoice,
         typer.Option(
             metavar="BOARD",
-            help="Where the firmware runs: 'host', a process, or 'qemu-mps2', an emulated "
-            "Cortex-M3.",
+            help="Where the firmware runs: 'library', within this process; 'host', a process of "
+            "its own; or 'qemu-mps2', an emulated Cortex-M3.",
         ),
-    ] = BoardChoice.HOST,
+    ] = BoardChoice.LIBRARY,
     demand: Annotated[
         Path | None,
         typer.Option(

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 class BoardChoice(StrEnum):
     """Boards without hardware."""
 
+    LIBRARY = "library"
     HOST = "host"
     QEMU = "qemu-mps2"
 

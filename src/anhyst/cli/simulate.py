@@ -82,9 +82,9 @@ def simulate(
         BoardChoice | None,
         typer.Option(
             metavar="BOARD",
-            help="Instead, run the firmware itself, built for 'host', a process, or 'qemu-mps2', "
-            "an emulated Cortex-M3, and break everything while it levitates; FILE then ends in "
-            "'.json'.",
+            help="Instead, run the firmware itself, built for 'library', within this process, "
+            "'host', a process of its own, or 'qemu-mps2', an emulated Cortex-M3, and break "
+            "everything while it levitates; FILE then ends in '.json'.",
             show_default=False,
         ),
     ] = None,
@@ -109,7 +109,7 @@ def simulate(
 
     Example: anhyst simulate examples/bearing/rig.toml --out map/benefit.json --benefit
 
-    Example: anhyst simulate examples/bearing/rig.toml --out run/firmware.json --board host
+    Example: anhyst simulate examples/bearing/rig.toml --out run/firmware.json --board library
 
     Example: anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """

@@ -26,6 +26,10 @@ MOST_CYCLES = 16
 SHARE = 0.1
 """Of the wanted accuracy: so much may be left of an unknown start."""
 
+GAINED = 0.99
+"""What a further cycle leaves, in parts of what was left, from which on there is none: one cycle moves
+all plays that it reaches at all."""
+
 RAMP = 60
 """Samples of a ramp in the simulation; the model is exact at any sampling."""
 
@@ -50,8 +54,10 @@ def plan_start(
     ticks = int(np.clip(round(rate * RAMP_SECONDS), 2, 32767))
     cycles, remaining = 1, left_after(model, scales, limits, 1)
     while remaining > SHARE * wanted and cycles < MOST_CYCLES:
-        cycles += 1
-        remaining = left_after(model, scales, limits, cycles)
+        better = left_after(model, scales, limits, cycles + 1)
+        if better > GAINED * remaining:
+            break
+        cycles, remaining = cycles + 1, better
     return StartUp(Conditioning(cycles, ticks, rate), 2 * cycles * ticks / rate, remaining)
 
 

@@ -1,8 +1,9 @@
 """The fit of solid iron: how many layers, and how late the middle is, from loops of several speeds.
 
 The static model is that of the slow loops and is held: at rest a model of layers is the static one.
-What is fitted to the fast loops is ``gamma``, the share of the surface and that of sheets; how many
-layers there are, and whether any, is decided by speeds, or else gaps, that are left out (docs/rate.md).
+What is fitted to the fast loops is ``gamma``, the share of the surface and that of sheets. Whether rate
+matters is decided by speeds, or else gaps, that are left out; how many layers there are by the fit,
+since any number of them from two on has the same parameters (docs/rate.md).
 """
 
 from __future__ import annotations
@@ -28,8 +29,7 @@ COUNTS = (1, 2, 3, 4)
 """Layers that are tried; 1 is a lag of the flux."""
 
 WORTH = 0.9
-"""What is missed of what was left out, in parts of that with fewer layers, from which on more are not
-taken."""
+"""What is missed, in parts of that without rate or with fewer layers, from which on these are taken."""
 
 SAMPLES = 120
 """Of a loop, that are fitted, at most."""
@@ -232,12 +232,11 @@ def _logit(share: float) -> float:
 
 def mean_missed(groups: Iterable[Sequence[_Path]], rate: _Rate | None) -> float:
     """Return the root mean square that is missed, by the geometric mean of the groups."""
-    logs = []
-    for group in groups:
-        still = rate or _Rate(1, (-np.inf,))
-        squares = np.concatenate([path.missed(still) ** 2 for path in group])
-        logs.append(0.5 * np.log(float(np.mean(squares))))
-    return float(np.exp(np.mean(logs)))
+    with_rate = rate or _Rate(1, (-np.inf,))
+    return _log_mean(
+        float(np.sqrt(np.mean(np.concatenate([path.missed(with_rate) ** 2 for path in group]))))
+        for group in groups
+    )
 
 
 def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[0]) -> RateFit:
@@ -245,17 +244,24 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
     static, model = model, _in_series(model)
     problem = _Problem(model, speeds, largest_output(loops))
     folds = problem.left_out()
-    best = still = float(np.exp(np.mean([np.log(mean_missed(out, None)) for _, out in folds])))
+    still = _log_mean(mean_missed(out, None) for _, out in folds)
     chosen: tuple[_Rate, float] | None = None
+    fitted = unseen = np.inf
     for count in COUNTS[COUNTS.index(at_least) :]:
-        whole, std = problem.fit(problem.groups, count)
-        logs = []
-        for rest, out in folds:
-            part = problem.fit(rest, count, whole)[0] if rest is not problem.groups else whole
-            logs.append(np.log(mean_missed(out, part)))
-        missed = float(np.exp(np.mean(logs)))
-        if missed < WORTH * best:
-            best, chosen = missed, (whole, std)
+        rate, std = problem.fit(problem.groups, count)
+        missed = mean_missed(problem.groups, rate)
+        if chosen is None:
+            unseen = _log_mean(
+                mean_missed(
+                    out, problem.fit(rest, count, rate)[0] if rest is not problem.groups else rate
+                )
+                for rest, out in folds
+            )
+            pays = unseen < WORTH * still
+        else:
+            pays = missed < WORTH * fitted
+        if pays:
+            fitted, chosen = missed, (rate, std)
         elif chosen is not None and count > 2:
             break  # further layers are finer still
     told = f"{100.0 * still:.2g} % of the largest output"
@@ -271,11 +277,16 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
         layers=rate.layers(),
         dynamics=late,
     )
-    what = "a lag of the flux" if rate.count == 1 else f"{rate.count} layers"
+    what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
     why = (
-        f"of what was left out of the fit {what} miss {100.0 * best:.2g} %, the static model {told}"
+        f"{what} {100.0 * fitted:.2g} % of the fast loops; of what is left out of a fit rate leaves "
+        f"{100.0 * unseen:.2g} %, the static model {told}"
     )
     return RateFit(made, why, std, mean_missed([*problem.groups, problem.slow], rate))
+
+
+def _log_mean(values: Iterable[float]) -> float:
+    return float(np.exp(np.mean(np.log(list(values)))))
 
 
 def _in_series(model: Model) -> Model:

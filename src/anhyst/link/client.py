@@ -44,7 +44,7 @@ from anhyst.link.frames import (
 )
 from anhyst.link.status import Status
 from anhyst.link.streaming import demand_request, stream
-from anhyst.link.transport import BAUD, Port
+from anhyst.link.transport import BAUD, LinkPort, Port
 from anhyst.link.wire import Frame, Receiver, encode
 from anhyst.support.errors import InputError
 
@@ -103,13 +103,13 @@ class ControllerLink:
     """
 
     def __init__(
-        self, url: str, baud: int = BAUD, timeout: float = 0.1, attempts: int = 20
+        self, port: str | LinkPort, baud: int = BAUD, timeout: float = 0.1, attempts: int = 20
     ) -> None:
-        self.url = url
+        self._port = Port(port, baud) if isinstance(port, str) else port
+        self.url = self._port.url
         self.timeout = timeout
         self.attempts = attempts
         self.repeated = 0
-        self._port = Port(url, baud)
         self._receiver = Receiver()
         self._sequence = 0
         self._lock = threading.RLock()

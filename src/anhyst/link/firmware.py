@@ -37,10 +37,12 @@ class Board:
     cpu: str = ""  # processor as zig calls it; empty for the PC at hand
     # header with the processor's own instructions, of a compiled folder's ``port``
     port_header: str = ""
+    options: tuple[str, ...] = ()  # of the compiler, besides
 
 
 BOARDS = {
     "host": Board(("host", "lockstep")),
+    "library": Board(("library", "lockstep"), options=("-shared", "-fPIC", "-fvisibility=hidden")),
     "qemu-mps2": Board(("qemu-mps2", "lockstep", "cortex-m"), "cortex_m3"),
     "nucleo": Board(("nucleo", "cortex-m"), "cortex_m4", "anhyst_port_cortex_m4.h"),
 }
@@ -144,7 +146,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
     search = [f"-I{place}" for place in include]
     search += [f"-D{macro}={value}" for macro, value in defines.items()]
-    options = ["-std=c99", *_WARNINGS]
+    options = ["-std=c99", *_WARNINGS, *board.options]
     if board.cpu:
         options += ["-T", str(own[0] / "board.ld")]
     run, ending = partial(_run, board=name), ["-o", str(program)]

@@ -160,7 +160,7 @@ class PlantRecord:
 
     def pack(self) -> bytes:
         """Return the record with its check."""
-        body = self.FIXED.pack(*(getattr(self, field.name) for field in fields(self)))
+        body = self.FIXED.pack(*vars(self).values())
         return body + struct.pack("<I", _check(body))
 
     @classmethod

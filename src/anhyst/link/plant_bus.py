@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import socket
 import struct
+from collections.abc import Callable
 from dataclasses import fields
 from typing import NamedTuple, Protocol
 
@@ -50,18 +51,35 @@ class Plant(Protocol):
         ...  # pragma: no cover
 
 
+Exchange = Callable[[bytes], bytes]
+"""Hands the record of a sample to the controller and returns its drive."""
+
+
+def over(connection: socket.socket, timeout: float = 10.0) -> Exchange:
+    """Exchange records with a process at the other end of a socket."""
+    wait_at_most(connection, timeout)
+
+    def exchange(sample: bytes) -> bytes:
+        connection.sendall(sample)
+        data = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        if not data:
+            raise ConnectionError("it hung up")
+        return data
+
+    return exchange
+
+
 class PlantBus:
     """The plant's end of the bus."""
 
-    def __init__(self, plant: Plant, connection: socket.socket, timeout: float = 10.0) -> None:
+    def __init__(self, plant: Plant, exchange: Exchange) -> None:
         self.plant = plant
         self.tick = 0
         self.drives: tuple[float, ...] = tuple(0.0 for _ in _DRIVES)
         self.state = State.INIT
         self.fault = Fault.NONE
         self.answer: PlantDrive | None = None
-        self._connection = connection
-        wait_at_most(connection, timeout)
+        self._exchange = exchange
 
     def step(self, ticks: int = 1) -> None:
         """Go on by some ticks, in lock-step with the controller."""
@@ -77,8 +95,7 @@ class PlantBus:
     def _step(self, tick: int) -> None:
         sample = _encode(tick, self.plant.step(tick, self.drives))
         try:
-            self._connection.sendall(sample.pack())
-            drive = PlantDrive.unpack(self._receive())
+            drive = PlantDrive.unpack(self._exchange(sample.pack()))
         except (OSError, ValueError) as error:
             raise InputError(
                 f"the controller did not finish tick {tick}: {error}; see its output",
@@ -93,12 +110,6 @@ class PlantBus:
         self.drives = tuple(getattr(drive, name) / Q31 for name in _DRIVES)
         self.state = State(drive.state & 0xFF)
         self.fault = Fault(drive.state >> 8 & 0xFF)
-
-    def _receive(self) -> bytes:
-        data = self._connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
-        if not data:
-            raise ConnectionError("it hung up")
-        return data
 
     @property
     def drive(self) -> float:

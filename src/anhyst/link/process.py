@@ -1,22 +1,28 @@
-"""Boards without hardware, started and stopped: the process, and the emulated one."""
+"""Boards without hardware, started and stopped: in this process, in one of its own, emulated."""
 
 from __future__ import annotations
 
+import ctypes
+import os
 import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from anhyst.link.plant_bus import Plant, PlantBus
+from anhyst.link.frames import PlantDrive
+from anhyst.link.plant_bus import Plant, PlantBus, over
+from anhyst.link.transport import LinkPort
 from anhyst.support.errors import InputError
 
 _QEMU = "qemu-system-arm"
 _NO_ESCAPE = "0x1ff"
+_LINK_MOST = 16384  # bytes that are taken from a library at a time
 
 HOST_LINK = "pty" if sys.platform == "linux" else "tcp:0"
 """Elsewhere a pseudo-terminal refuses the bit rates of a serial port."""
@@ -36,10 +42,16 @@ def check_runs_here(board: str) -> None:
 class Running:
     """A firmware that runs."""
 
-    url: str  # its link, for :class:`anhyst.link.client.ControllerLink`
+    url: str  # its link, or what it is called where that is in this process
     bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
     xcp: int  # port of this machine on which a master of XCP may come in; 0: there is none
     process: int  # its number
+    own: LinkPort | None = None  # its link where that is in this process
+
+    @property
+    def link(self) -> str | LinkPort:
+        """For :class:`anhyst.link.client.ControllerLink`."""
+        return self.own or self.url
 
 
 class Started(NamedTuple):
@@ -51,13 +63,74 @@ class Started(NamedTuple):
     process: int
 
 
+class LibraryBoard:
+    """A copy of the firmware that was loaded; it is on until it is closed.
+
+    Both ends of it: the port of its link, and the exchange of the plant's bus.
+    """
+
+    def __init__(self, program: Path) -> None:
+        self.url = str(program)
+        with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
+            # What the firmware remembers belongs to the file: each copy is another controller.
+            copy = Path(place, "firmware")
+            shutil.copyfile(program, copy)
+            try:
+                self._board = ctypes.CDLL(str(copy))
+            except OSError as error:
+                raise InputError(
+                    f"{program}: cannot be loaded: {error}", code="did-not-start"
+                ) from error
+        self._said = ctypes.create_string_buffer(_LINK_MOST)
+        self._drive = ctypes.create_string_buffer(PlantDrive.FIXED.size + 4)
+        self._rest = b""
+        self._board.library_link.restype = ctypes.c_uint16
+        self._board.library_start()
+
+    def exchange(self, sample: bytes) -> bytes:
+        """Run a tick: record of a sample in, record of the drive out."""
+        self._board.library_tick(sample, self._drive)
+        return self._drive.raw
+
+    def write(self, data: bytes) -> None:
+        """Send bytes over the link; what they bring about is kept for :meth:`read`."""
+        count = self._board.library_link(data, len(data), self._said, _LINK_MOST)
+        self._rest += ctypes.string_at(self._said, count)
+
+    def read(self, timeout: float) -> bytes:
+        """Return what the firmware has said; it is never waited for, no time passes meanwhile."""
+        del timeout
+        self.write(b"")
+        data, self._rest = self._rest, b""
+        return data
+
+    def close(self) -> None:
+        """Leave the link; the controller stays on."""
+
+    def unload(self) -> None:
+        """Switch it off."""
+        from _ctypes import dlclose
+
+        dlclose(self._board._handle)
+
+
+@contextmanager
+def run_library(program: Path, plant: Plant) -> Iterator[Running]:
+    """Run a firmware built for the board ``library``."""
+    board = LibraryBoard(program)
+    try:
+        yield Running(board.url, PlantBus(plant, board.exchange), 0, os.getpid(), board)
+    finally:
+        board.unload()
+
+
 @contextmanager
 def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[Running]:
     """Run a firmware built for the board ``host``."""
     with start_host(program, link, xcp) as (url, ours, port, process):
-        yield Running(url, PlantBus(plant, ours), port, process)
+        yield Running(url, PlantBus(plant, over(ours)), port, process)
 
 
 @contextmanager
@@ -105,7 +178,7 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
     with ours, _started(command, [*listeners, theirs]) as process:
         url = f"socket://127.0.0.1:{ports[0]}"
-        yield Running(url, PlantBus(plant, ours), ports[1] if xcp else 0, process.pid)
+        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0, process.pid)
 
 
 def find_qemu() -> str:
@@ -146,3 +219,11 @@ def _started(
         process.wait()
         if process.stdout is not None:
             process.stdout.close()
+
+
+VIRTUAL_BOARDS: dict[str, Callable[[Path, Plant], AbstractContextManager[Running]]] = {
+    "library": run_library,
+    "host": run_host,
+    "qemu-mps2": run_qemu,
+}
+"""Boards that run here against a virtual plant."""

@@ -7,7 +7,7 @@ import os
 import select
 import socket
 from contextlib import suppress
-from typing import Any
+from typing import Any, Protocol
 
 from anhyst.support.errors import InputError
 
@@ -26,8 +26,26 @@ _ADVICE = {
 }
 
 
+class LinkPort(Protocol):
+    """An open port, as a link needs it."""
+
+    url: str  # what it is called
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        ...  # pragma: no cover
+
+    def read(self, timeout: float) -> bytes:
+        """Return what has arrived, after up to `timeout` seconds."""
+        ...  # pragma: no cover
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...  # pragma: no cover
+
+
 class Port:
-    """An open port."""
+    """An open port of the system."""
 
     def __init__(self, url: str, baud: int = BAUD) -> None:
         self.url = url

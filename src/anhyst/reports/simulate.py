@@ -137,8 +137,8 @@ def simulate_rig(
     benefit : bool
         Instead, map what compensation gains over loop width and step height, to ``.json``.
     board : str, optional
-        Instead, run the firmware itself, on ``"host"`` or ``"qemu-mps2"``, to ``.json``; force
-        control always does, on ``"host"`` where nothing is said.
+        Instead, run the firmware itself, on ``"library"``, ``"host"`` or ``"qemu-mps2"``, to
+        ``.json``; force control always does, on ``"library"`` where nothing is said.
     scheduler : str, optional
         Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
     progress : callable, optional
@@ -182,7 +182,7 @@ def simulate_rig(
         if monte_carlo is not None:
             return task.plants(kind, monte_carlo)
         if kind is FileKind.FORCE:
-            return task.force(board or "host")
+            return task.force(board or "library")
         if board is not None:
             return task.firmware(board)
         if benefit:

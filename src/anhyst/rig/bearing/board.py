@@ -15,16 +15,13 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q31, PlantBus, Reading
-from anhyst.link.process import run_host, run_qemu
+from anhyst.link.process import VIRTUAL_BOARDS
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.recording import MAGNETS, of_magnets
 from anhyst.support.arrays import FloatArray
 from anhyst.support.progress import Progress
-
-BOARDS = ("host", "qemu-mps2")
-"""Boards without hardware, on which a firmware can run here."""
 
 COLUMNS = (
     "t_s",
@@ -179,6 +176,5 @@ class LevitatingFirmware:
 @contextmanager
 def firmware_run(firmware: Path, plant: BearingPlant, board: str) -> Iterator[LevitatingFirmware]:
     """Start the firmware of a bearing and open its link."""
-    run = run_host if board == "host" else run_qemu
-    with run(firmware, plant) as running, ControllerLink(running.url) as link:
+    with VIRTUAL_BOARDS[board](firmware, plant) as running, ControllerLink(running.link) as link:
         yield LevitatingFirmware(plant, running.bus, link)

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
-
 import numpy as np
 
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
-from anhyst.link.process import Running, run_host, run_qemu
+from anhyst.link.process import VIRTUAL_BOARDS
 from anhyst.rig.force.bench import ActuatorBench
 from anhyst.rig.force.demand import Demand
 from anhyst.rig.force.programs import ONE, Program, Session
 from anhyst.rig.recording import Recording
 from anhyst.support.errors import NegativeResult
-
-BOARDS = ("host", "qemu-mps2")
-"""Boards without hardware, on which a firmware can run here."""
 
 _UP = 40
 """Ticks after power on until the self-test must have passed."""
@@ -61,7 +56,10 @@ def run_firmware(
     """Run a demand through a firmware: one command over the link at every tick."""
     plant = _Plant(bench, program)
     codes = program.demand_codes(demand.force)
-    with _started(program, plant, board) as running, ControllerLink(running.url) as controller:
+    with (
+        VIRTUAL_BOARDS[board](program.firmware, plant) as running,
+        ControllerLink(running.link) as controller,
+    ):
         bus = running.bus
         _get_ready(controller, bus, demagnetised)
         controller.command(Command.RUN)
@@ -84,11 +82,6 @@ def run_firmware(
         demagnetised,
     )
     return bench.recording(last * program.scales.current), session
-
-
-def _started(program: Program, plant: _Plant, board: str) -> AbstractContextManager[Running]:
-    run = run_host if board == "host" else run_qemu
-    return run(program.firmware, plant)
 
 
 def _get_ready(controller: ControllerLink, bus: PlantBus, demagnetised: bool) -> None:

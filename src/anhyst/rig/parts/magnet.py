@@ -123,7 +123,8 @@ class Electromagnet:
         if math.isinf(self.seconds):
             self._coil.hold(current, gap)
             return self._coil.force
-        for one in np.linspace(self._coil.current, current, _SUBSTEPS + 1)[1:].tolist():
+        start, step = self._coil.current, (current - self._coil.current) / _SUBSTEPS
+        for one in (*(start + n * step for n in range(1, _SUBSTEPS)), current):
             self._coil.lead(one, gap, self.seconds / _SUBSTEPS)
         return self._coil.force
 

@@ -146,7 +146,7 @@ def force_control(
     rig: PathLike,
     out: PathLike,
     *,
-    board: str = "host",
+    board: str = "library",
     demand: PathLike | None = None,
     recordings: str = "csv",
     progress: Progress | None = None,
@@ -160,7 +160,7 @@ def force_control(
     out : path-like
         Folder to write; made where it is not there.
     board : str
-        Where the firmware runs: ``"host"`` or ``"qemu-mps2"``.
+        Where the firmware runs: ``"library"``, ``"host"`` or ``"qemu-mps2"``.
     demand : path-like, optional
         A CSV with columns ``t_s`` and ``F_N``: a demand beside those of the rig file.
     recordings : str
