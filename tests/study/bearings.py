@@ -77,13 +77,13 @@ def copy_known(folder: Path) -> Path:
     return folder / "rig.toml"
 
 
-def firmware(factory: pytest.TempPathFactory) -> Path:
-    """Firmware of the example for the board host, built once for all tests."""
+def firmware(factory: pytest.TempPathFactory, board: str = "host") -> Path:
+    """Firmware of the example for a board, built once for all tests."""
 
     def make(folder: Path) -> None:
-        build_firmware(example(), controller(), knowledge(), "host", folder)
+        build_firmware(example(), controller(), knowledge(), board, folder)
 
-    return made_once(factory, "bearing-host", make) / "firmware"
+    return made_once(factory, f"bearing-{board}", make) / "firmware"
 
 
 @cache

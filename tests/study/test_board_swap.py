@@ -81,7 +81,7 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     def make(folder: Path) -> None:
         write_controller(folder / "controller.toml", table, variant)
         file = ControllerFile(folder / "controller.toml", table)
-        build_firmware(rig, file, known, "host", folder)
+        build_firmware(rig, file, known, "library", folder)
 
     folder = made_once(tmp_path_factory, f"run-{variant}", make)
     return Built(folder / "firmware", make_setup(rig, table, known, variant, "fixed"), variant)
@@ -94,7 +94,7 @@ def usual(built: Built) -> FloatArray:
 
 def hovering(built: Built, other: Block | None) -> FloatArray:
     """Hover for 0.1 s, with another block from the second tick on or as before."""
-    with firmware_run(built.program, BearingPlant(built.setup), "host") as running:
+    with firmware_run(built.program, BearingPlant(built.setup), "library") as running:
         running.run(bearings.lifted(built.setup).hold(0.02).build())
         rows = [running.tick()]
         if other is not None:
@@ -123,7 +123,7 @@ def test_a_swap_in_the_air_moves_the_current_by_a_step_beside_what_is_asked(
 
 def test_a_swap_while_conditioning_begins_it_again_along_the_ramp(built: Built) -> None:
     other = built.block(OTHERS["less pinning, a tenth more current"])
-    with firmware_run(built.program, BearingPlant(built.setup), "host") as running:
+    with firmware_run(built.program, BearingPlant(built.setup), "library") as running:
         for _ in range(200):
             running.tick()
         running.command(Command.CONDITION)
