@@ -98,7 +98,7 @@ def test_a_demand_that_will_not_do(folder: Path, rows: str, said: str) -> None:
 
 
 def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
-    assert "'moon' is not one of 'host', 'qemu-mps2'" in refused(
+    assert "'moon' is not one of 'library', 'host', 'qemu-mps2'" in refused(
         *RUN, "--board", "moon", cwd=folder
     )
     for name in ("loops.csv", "loops.toml"):
