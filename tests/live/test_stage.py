@@ -18,7 +18,8 @@ from anhyst.study.prepared import PreparedStage
 from anhyst.study.tracking.beside import BenchLearner
 from anhyst.study.tracking.calibrate import calibrate
 from anhyst.study.tracking.learner import Learner, Motion
-from tests.live.conftest import wait_for
+from tests.live.conftest import Serve, Show, wait_for
+from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused
 from tests.study import bearings, stages
 
@@ -226,3 +227,32 @@ def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(tmp_path: Pat
     learnt = calibrate(found.whole, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
     assert learnt.learnt
     assert learnt.file.method[0].fits
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show: Show) -> None:
+    served = serve(prepared=prepared())
+    page = show(served)
+    ready(page)
+    state_is(page, "ready")
+    served.session.do(lambda: served.session.apply({"plant": WRONG}))
+    press(page, "run")
+    state_is(page, "run")
+    page.get_by_role("tab", name="improve").click()
+    press(page, "learn from the motion")
+    page.wait_for_selector("#learnt tbody tr")
+    assert "±" in page.locator("#learnt tbody tr").first.inner_text()
+    until(page, "document.getElementById('gained').textContent.includes('nm before')")
+    with page.expect_download() as saved:
+        page.locator("#csv").click()
+    assert saved.value.path().read_text().startswith("t_s,method,average_m,peak_m,")
+    press(page, "stop learning")
+    press(page, "revert")
+    until(page, "!document.querySelector('#learnt tbody tr')")
+    page.keyboard.press("c")
+    until(page, "document.getElementById('compensation').textContent === 'off (C)'")
+    until(page, "document.getElementById('gained').textContent.startsWith('single-valued')")
+    page.keyboard.press("Escape")
+    state_is(page, "ready")
+    assert page.locator("#next").inner_text() == "press run"

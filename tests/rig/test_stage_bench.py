@@ -79,13 +79,13 @@ def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(
     for one in (bench, other):
         going(one)
         one.advance(500)
-    applied = bench.apply({"compensation": 0.0, "acceleration": 1.02})
+    applied = bench.apply({"compensation": 0.0, "gain_acceleration": 1.02})
     ticks = applied - bench.tick + lap(bench)
     rows, same = bench.advance(ticks), other.advance(ticks)
     differs = np.flatnonzero(np.any(rows[:, 1:] != same[:, 1:], axis=1))
     assert rows[differs[0], 0] == applied
     named = {one.name: one.value for one in bench.parameters()}
-    assert (named["compensation"], named["acceleration"]) == (0.0, 1.02)
+    assert (named["compensation"], named["gain_acceleration"]) == (0.0, 1.02)
     at_rest = StageBench(variants())
     assert at_rest.apply({"compensation": 0.0}) == 1
 
@@ -122,7 +122,7 @@ def test_a_stop_brakes_at_once_with_no_more_force_than_a_turnaround(bench: Stage
 
 def test_a_stage_that_is_lost_has_no_current_until_it_is_cleared(bench: StageBench) -> None:
     going(bench)
-    bench.apply({"acceleration": 2.0, "crossover": 40.0})
+    bench.apply({"gain_acceleration": 2.0, "crossover": 40.0})
     rows = bench.advance(2 * lap(bench))
     assert rows[-1, 0] == bench.tick
     assert np.array_equal(np.diff(rows[:, 0]), np.ones(len(rows) - 1))
@@ -130,12 +130,12 @@ def test_a_stage_that_is_lost_has_no_current_until_it_is_cleared(bench: StageBen
     assert (last["state"], last["fault"]) == (State.FAULT, Fault.POSITION_RANGE)
     assert last["command"] == last["current_2"] == 0.0
     with refused("wrong-state"):
-        bench.apply({"acceleration": 1.0})
+        bench.apply({"gain_acceleration": 1.0})
     with refused("wrong-state run"):
         bench.command(Command.RUN)
     bench.command(Command.STOP)
     bench.command(Command.CLEAR)
-    bench.apply({"acceleration": 1.0})
+    bench.apply({"gain_acceleration": 1.0})
     rows = going(bench)
     assert set(column(bench, rows, "state")) == {float(State.RUN)}
 

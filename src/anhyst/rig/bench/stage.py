@@ -48,6 +48,8 @@ PLANTS = 999
 """Drawn ones that can be asked for."""
 LOAD = 0.5
 """Of what the largest force has left beside the set-point: what the load drive may pull with."""
+GAINS = ("acceleration", "jerk", "snap")
+"""Of :class:`anhyst.rig.stage.loop.Feedforward`."""
 LAPS = 100
 """Of which it is known how they were followed."""
 
@@ -235,7 +237,7 @@ class StageBench:
             self._setups[which] = setup
         self._values |= {name: one for name, one in staged.items() if name in self._values}
         which = int(self._values["compensation"])
-        gains = {name: staged[name] for name in ("acceleration", "jerk", "snap") if name in staged}
+        gains = {name: staged[f"gain_{name}"] for name in GAINS if f"gain_{name}" in staged}
         self._gains[which] = replace(self._gains[which], **gains)
         if "motion" in staged:
             self._move(staged["motion"])
@@ -375,13 +377,19 @@ class StageBench:
         crossover = self.rig.settings.tracking.crossover_Hz
         values = {**self._values, **self._staged}
         gains = self._gains[int(values["compensation"])]
-        values = {**vars(gains), **values}
+        values = {**{f"gain_{name}": getattr(gains, name) for name in GAINS}, **values}
         off, on = (one.compensator.method for one in self._setups)
         known = (
             ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
-            ("acceleration", "", 0.0, 2.0, "weight of mass times acceleration that is fed forward"),
-            ("jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
-            ("snap", "s2", -1e-6, 1e-6, "and of the snap"),
+            (
+                "gain_acceleration",
+                "",
+                0.0,
+                2.0,
+                "weight of mass times acceleration that is fed forward",
+            ),
+            ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
+            ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
             ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
             ("motion", "", 0.1, 1.0, "part of the accelerations that the rig file states"),
             ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),

@@ -49,8 +49,8 @@ class LearntLap(NamedTuple):
     peak_m: float  # largest error
     learning: bool  # whether it was to teach
     refused: int  # laps of this method so far that taught nothing, since nothing explained them
-    # number by name: estimate, standard deviation that is left, what is applied
-    values: Mapping[str, tuple[float, float, float]]
+    # number by name: estimate, standard deviation that is left, what is applied, what is stated
+    values: Mapping[str, tuple[float, float, float, float]]
 
 
 class BenchLearner:
@@ -180,9 +180,9 @@ class BenchLearner:
         )
 
 
-def _values(learner: Learner) -> dict[str, tuple[float, float, float]]:
+def _values(learner: Learner) -> dict[str, tuple[float, float, float, float]]:
     return {
-        one.name: (one.value, one.sigma, learner.applied[one.name])
+        one.name: (one.value, one.sigma, learner.applied[one.name], one.prior)
         for one in learner.found.parameter
         if one.name in learner.seen
     }
