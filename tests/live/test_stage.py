@@ -109,6 +109,18 @@ def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside
     assert 0.8 < ratio < 1.25
 
 
+def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(
+    beside: Beside,
+) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    waiting = [beside.bench.advance(200) for _ in range(60)]
+    beside.learner.revert()
+    for rows in waiting:
+        beside.learner.take(rows, lambda act: act())
+    assert [one.values for one in beside.learner.laps] == [{}, {}]
+
+
 def test_at_rest_no_number_moves_however_long(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -71,15 +71,17 @@ class BenchLearner:
         self._laws: dict[MethodName, MotionLaw] = {}
         self._rows: deque[FloatArray] = deque()
         self._trouble = ""
+        self._since = 0  # tick before which nothing teaches that waits to be looked at
 
     def turn(self, on: bool) -> None:
-        """Learn from the next lap on, or no more; what is applied stays."""
+        """Learn from the lap that is under way on, or no more; what is applied stays."""
         if on and (why := self._refusal):
             raise why
-        self.on = on
+        self.on, self._since = on, self._bench.tick
 
     def revert(self) -> int:
         """Forget all that was learnt, and put in force what the rig file says; in the bench's thread."""
+        self._since = self._bench.tick  # first: what waits finds either this or its learner gone
         self._learners, self._trouble = {}, ""
         return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
 
@@ -125,10 +127,10 @@ class BenchLearner:
         average, most = max(peak(mean) for mean, _ in windows), peak(error[begin:])
         learners, on = self._learners, self.on
         setup = None
-        if on and lap.known >= first:
-            since = lap.known - first
-            columns = dict(zip(_NEEDED, (one[since:] for one in read), strict=True))
-            setup = self._learn(learners, lap, Motion(self._rig, columns, begin - since))
+        if on and lap.known >= first and end > self._since:
+            known = lap.known - first
+            columns = dict(zip(_NEEDED, (one[known:] for one in read), strict=True))
+            setup = self._learn(learners, lap, Motion(self._rig, columns, begin - known))
         learner = learners.get(lap.method)
 
         def act() -> None:
