@@ -93,6 +93,7 @@ class StageLap(NamedTuple):
 
     number: int
     begin: int  # its first tick
+    ticks: int
     known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
     method: MethodName  # that drove it
     motion: SetPoint
@@ -158,7 +159,7 @@ class StageBench:
         drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
         self._cable = drift.cable
         self._plant = drifted_stage(self.rig.bearing, drift, noise)
-        self._plant.place([self.rig.gap], [0.0])
+        self._plant.place([self.rig.gap - float(self._strayed(1, 0.0)[0])], [0.0])
         self._course: Course | None = None
         self._at, self._place = 0, 0.0
         self._past = np.zeros(round(STRAY_LATE / self.rig.dt))  # accelerations
@@ -169,7 +170,10 @@ class StageBench:
         self._control()
 
     def _control(self) -> None:
-        """Put a controller in force that remembers what flowed, and goes on with the integral."""
+        """Put a controller in force that remembers what flowed, and goes on with the integral.
+
+        The integral of an amplifier that takes a voltage begins anew.
+        """
         rig = self._setup.rig
         settings = rig.settings.changed({"control.crossover_Hz": self._values["crossover"]})
         setup = replace(self._setup, rig=replace(rig, settings=settings))
@@ -221,7 +225,8 @@ class StageBench:
             self._laps += 1
             self._lap, self._side = self._laps, -self._side
             method, begin = self._setup.compensator.method, self.tick + 1
-            self.laps.append(StageLap(self._lap, begin, self._known, method, self._motion))
+            lap = StageLap(self._lap, begin, len(self._way), self._known, method, self._motion)
+            self.laps.append(lap)
 
     def _begin(self, course: Course) -> None:
         self._course, self._at = course, 0
@@ -264,13 +269,16 @@ class StageBench:
             mass * moved + setup.cable * (self._place + ahead[:, 3]),
         )
 
+    def _strayed(self, n: int, late: FloatArray | float) -> FloatArray:
+        """Return how far the long stroke is off at the next ticks, m, as a simulated one is."""
+        turns = STRAY_HZ * self.rig.dt * np.arange(self.tick, self.tick + n)
+        return np.asarray(0.25 * self.rig.settings.frame.stray_m * (late + sine(turns)))
+
     def _run(self, n: int) -> FloatArray:
         rig, settings = self.rig, self.rig.settings
         place, accelerations, forward = self._fed(n)
         past = np.concatenate([self._past, accelerations])
-        late = past[: n + 1] / self._peak
-        turns = STRAY_HZ * rig.dt * np.arange(self.tick, self.tick + n + 1)
-        frame = place - rig.gap + 0.25 * settings.frame.stray_m * (late + sine(turns))
+        frame = place - rig.gap + self._strayed(n + 1, past[: n + 1] / self._peak)
         noise = self._rng.normal(0.0, settings.position_sensor.noise_m, n)
         reference = place[:n] + self._offset
         table = self._loop.run(
@@ -352,7 +360,9 @@ class StageBench:
         if course is not None and self._at < len(course):
             self._place += float(course.place[self._at])
             motion = course.motion_at(self._at, dt)
-            self._begin(braking(*motion, self._motion, dt, self._ahead))
+            scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
+            hardest = motion_of(scan, scan.test_m_per_s2)
+            self._begin(braking(*motion, hardest, dt, self._ahead))
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands of a stage."""

@@ -110,7 +110,7 @@ def course_of(motion: SetPoint, dt: float, ahead: float) -> Course:
 def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahead: float) -> Course:
     """Return the course that ends a motion in the middle: its speed goes to zero along a cubic.
 
-    It takes as long as a turnaround, so that it needs no more force than one.
+    It takes as long as the hardest turnaround, so that it needs no more force than that.
     """
     lasts = 1.5 * abs(speed) / max(motion.peaks) + 4.0 * motion.jerk_phase
     count = round(lasts / dt)

@@ -110,7 +110,7 @@ class BenchLearner:
         while sum(map(len, self._rows)) > ROOM_S * self._bench.rate:
             self._rows.popleft()
         for lap in tuple(self._bench.laps):
-            end = lap.begin + round(lap.motion.duration * self._bench.rate) - 1
+            end = lap.begin + lap.ticks - 1
             if rows[0, 0] <= end <= rows[-1, 0]:
                 self._end(lap, end, do)
 
