@@ -18,11 +18,12 @@ from anhyst.dashboard.drift import DrawnLoop
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
-from anhyst.dashboard.verb import listen_on, make_server
+from anhyst.dashboard.verb import listen_on, make_server, opened
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Bench
 from anhyst.study.prepared import Prepared, PreparedForce
+from anhyst.study.tracking.beside import BenchLearner
 from tests.live.improving import unknown_iron
 from tests.once import made_once
 from tests.rig import forces
@@ -84,10 +85,11 @@ def serving(
     record: Path | None = None,
     improver: Improver | None = None,
     curves: Sequence[DrawnLoop] = (),
+    learner: BenchLearner | None = None,
 ) -> Iterator[Served]:
     """Serve a session of a bench, which is closed with it."""
     recording = start_recording(record, bench.signals, bench.rate) if record else None
-    session = LiveSession(bench, recording, folder, improver, curves)
+    session = LiveSession(bench, recording, folder, improver, curves, learner)
     taken = listen_on("127.0.0.1", 0)
     port = int(taken.getsockname()[1])
     title = "bearing" if improver is None else "solenoid"
@@ -121,12 +123,13 @@ def serve(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Serve]:
         def start(
             bench: Bench | None = None, prepared: Prepared | None = None, **given: Any
         ) -> Served:
-            improver = None
+            improver, learner = None, None
             if prepared is not None:
-                opened = bench = prepared.open()
-                improver = Improver(prepared, opened)
+                bench, improver, learner = opened(prepared)
             bench = bench or BearingBench(bearings.single(), request.getfixturevalue("firmware"))
-            return stack.enter_context(serving(bench, folder, improver=improver, **given))
+            return stack.enter_context(
+                serving(bench, folder, improver=improver, learner=learner, **given)
+            )
 
         yield start
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from anhyst.dashboard.generator import Chirp, read_table
 from anhyst.dashboard.session import LiveSession
-from anhyst.dashboard.waves import Chirp, read_table
 from anhyst.rig.bench.bearing import BearingBench
 from tests.live.conftest import Serve, wait_for
 from tests.live.test_guard import meet, next_message, order

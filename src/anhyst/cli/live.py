@@ -23,7 +23,7 @@ def live(
         Path,
         typer.Argument(
             metavar="RIG",
-            help="Rig file: a bearing, or a force rig. With --xcp or --port the compiled folder "
+            help="Rig file: a bearing, a stage, or a force rig. With --xcp or --port the compiled folder "
             "around which the firmware is built.",
             callback=of_its_kind,
         ),
@@ -81,8 +81,8 @@ def live(
     """See, touch and record a rig in a browser while it runs.
 
     The controller is compiled and built into the firmware, which levitates the virtual bearing, or
-    drives the virtual magnet, in real time; or it runs on a board already. The page shows its
-    signals and operates it. Ctrl-C ends it.
+    drives the virtual magnet, in real time; or it runs on a board already. A stage follows its
+    set-point without a firmware. The page shows its signals and operates it. Ctrl-C ends it.
 
     Example: anhyst live examples/bearing/rig.toml
     """

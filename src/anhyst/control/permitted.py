@@ -33,8 +33,11 @@ class Standing(NamedTuple):
 
 
 def standing(values: Mapping[str, float]) -> Standing:
-    """Return how a controller stands at a tick, by its signals; only one of position has a phase."""
-    flags = Flag(int(values["flags"]))
+    """Return how a controller stands at a tick, by its signals; only one of position has a phase.
+
+    One without flags, as of a stage, is held by its magnets while it stands.
+    """
+    flags = Flag(int(values.get("flags", Flag.CURRENT_ZERO)))
     phase = values.get("phase")
     return Standing(
         State(int(values["state"])),
@@ -63,7 +66,7 @@ def next_step(commands: Sequence[Command], now: Standing) -> str:
     """Return what leads to run, in words; empty in run."""
     if now.state is State.RUN:
         return ""
-    way = [[one for one in step if one in commands] for step in _WAY]
+    way = [found for step in _WAY if (found := [one for one in step if one in commands])]
     begins = [n for n, step in enumerate(way) if any(_may(one, now) for one in step)]
     begin = begins[-1] if begins else 1 + now.conditioning
     steps = ", then ".join(_words(step) for step in way[begin:])

@@ -1,4 +1,4 @@
-"""The signal generator: what is added to the target."""
+"""The signal generator: what is added to the target; shapes that repeat, and waves that end."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
+import numpy as np
+
+from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.units import Unit, parse_header, unit_of
 
 SHAPES: Mapping[str, Callable[[float], float]] = {
     "step": lambda part: 1.0 if part < 0.5 else -1.0,
@@ -88,3 +92,160 @@ class Generator:
             "amplitude": self.amplitude,
             "frequency": self.frequency,
         }
+
+
+LONGEST_S = 3600.0
+_ROWS_LEAST = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Chirp:
+    """A sine around the target whose frequency goes from one to another, in equal times per octave."""
+
+    amplitude: float  # m or N as the target is; 0 or more
+    low: float  # frequency at its begin and its end, Hz; 0.01 to 50, either may be the larger one
+    high: float
+    lasts: float  # s, up to 3600
+    begin: int  # tick at which it begins
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.amplitude) and self.amplitude >= 0.0):
+            raise InputError(
+                "chirp: the amplitude is not 0 or more", code="out-of-range", key="amplitude"
+            )
+        for value in (self.low, self.high):
+            if not LOWEST_HZ <= value <= HIGHEST_HZ:
+                raise InputError(
+                    f"chirp: {value:g} Hz is not within {LOWEST_HZ:g} to {HIGHEST_HZ:g} Hz",
+                    code="out-of-range",
+                    key="frequency",
+                )
+        if not 1.0 / min(self.low, self.high) <= self.lasts <= LONGEST_S:
+            raise InputError(
+                f"chirp: it lasts {self.lasts:g} s; choose at least a period of its slowest sine, "
+                f"{1.0 / min(self.low, self.high):g} s, and at most {LONGEST_S:g} s",
+                code="out-of-range",
+                key="lasts",
+            )
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds."""
+        return -self.amplitude, self.amplitude
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+        time = (tick - self.begin) / rate
+        octaves = math.log(self.high / self.low) / self.lasts
+        turns = time if octaves == 0.0 else math.expm1(time * octaves) / octaves
+        return self.amplitude * math.sin(2.0 * math.pi * self.low * turns)
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {
+            "shape": "chirp",
+            "amplitude": self.amplitude,
+            "low": self.low,
+            "high": self.high,
+            "lasts": self.lasts,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class WaveTable:
+    """Values over time that are added to the target, straight between its rows."""
+
+    times: FloatArray  # s; from 0 on, rising; shape (n,)
+    values: FloatArray  # m or N as the target is; shape (n,)
+    begin: int  # tick at which it begins
+
+    @property
+    def lasts(self) -> float:
+        """Time of the last row, s."""
+        return float(self.times[-1])
+
+    @property
+    def swing(self) -> tuple[float, float]:
+        """Smallest and largest of what it adds."""
+        return float(self.values.min()), float(self.values.max())
+
+    def at(self, tick: int, rate: float) -> float:
+        """Return what is added to the target at a tick."""
+        return float(np.interp((tick - self.begin) / rate, self.times, self.values))
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Return what a page shows of it."""
+        return {"shape": "own CSV", "rows": float(len(self.times)), "lasts": self.lasts}
+
+
+def read_table(text: str, unit: str, begin: int) -> WaveTable:
+    """Read one's own wave: a header ``t_s,gap_um`` with units, then rows of two numbers."""
+    lines = [
+        (number, [cell.strip() for cell in line.split(",")])
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise InputError(
+            "own CSV: holds no line; begin it with a header such as t_s,gap_um", code="no-data"
+        )
+    number, header = lines[0]
+    units = _units(number, header, unit)
+    rows: list[tuple[float, float]] = []
+    for number, cells in lines[1:]:
+        time, value = _row(number, cells, units)
+        last = rows[-1][0] if rows else -1.0
+        if time <= last:
+            raise InputError(
+                f"own CSV: line {number}: the time is not behind that of the row before",
+                code="time-not-rising",
+            )
+        if not rows and time != 0.0:
+            raise InputError(
+                f"own CSV: line {number}: the time does not begin at 0", code="time-not-from-zero"
+            )
+        rows.append((time, value))
+    if len(rows) < _ROWS_LEAST or rows[-1][0] > LONGEST_S:
+        raise InputError(
+            f"own CSV: {len(rows)} rows; at least {_ROWS_LEAST} and at most {LONGEST_S:g} s are needed",
+            code="rows-out-of-range",
+        )
+    table = np.array(rows)
+    return WaveTable(table[:, 0], table[:, 1], begin)
+
+
+def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
+    """Return the units of both columns."""
+    found = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
+    if len(header) == len(found) == 2:
+        time, value = found
+        if time.dimension == "time" and value.dimension == unit_of(unit).dimension:
+            return time, value
+    kind = unit_of(unit).dimension
+    example = "gap_um" if unit == "m" else "F_N"
+    raise InputError(
+        f"own CSV: line {number}: no header of a time and a {kind} with their units, such as "
+        f"t_s,{example}",
+        code="no-header",
+    )
+
+
+def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float, float]:
+    if len(cells) != 2:
+        raise InputError(
+            f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing"
+        )
+    found = []
+    for cell, unit in zip(cells, units, strict=True):
+        try:
+            value = unit.value_to_si(float(cell))
+        except ValueError:
+            raise InputError(
+                f"own CSV: line {number}: '{cell[:40]}' is no number", code="not-a-number"
+            ) from None
+        if not math.isfinite(value):
+            raise InputError(
+                f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite"
+            )
+        found.append(value)
+    return found[0], found[1]

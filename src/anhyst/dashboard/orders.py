@@ -7,13 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from anhyst.control.states import Command
-from anhyst.dashboard.generator import Generator, Wave
+from anhyst.dashboard.generator import Chirp, Generator, Wave, read_table
 from anhyst.dashboard.improve import improve
 from anhyst.dashboard.recording import Span
 from anhyst.dashboard.refusals import disturbs
 from anhyst.dashboard.session import LiveSession, finite
 from anhyst.dashboard.sets import ENDING, values_for
-from anhyst.dashboard.waves import Chirp, read_table
 from anhyst.support.errors import InputError
 
 Fields = Mapping[str, Any]
@@ -150,6 +149,22 @@ def _record(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]
     return {}
 
 
+def _learn(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
+    """Learn from the motion on or off, or forget what was learnt."""
+    learner = session.learner
+    if learner is None:
+        raise InputError(
+            "learn: a stage alone learns from its motion", code="not-for-this-kind", key="learn"
+        )
+    if fields.get("revert") is True:
+        applied = learner.revert()
+        session.note(who, "what was learnt is forgotten")
+        return {"applied": applied}
+    learner.turn(fields.get("on") is True)
+    session.note(who, "learns from its motion" if learner.on else "learns no more")
+    return {}
+
+
 def _save_set(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     name = str(fields.get("name"))
     session.sets.save(name, session.parameters)
@@ -174,6 +189,7 @@ _ACTS: Mapping[str, Act] = {
     "pace": _pace,
     "record": _record,
     "improve": improve,
+    "learn": _learn,
 }
 
 

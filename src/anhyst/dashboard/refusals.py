@@ -14,7 +14,7 @@ WATCHES = "another browser operates; ask to take over"
 _DRIVES = ("target", "generator", "apply")
 """What moves a controller, beside commands."""
 
-_BESIDE = ("load", "pace", "record", "improve", "sets")
+_BESIDE = ("load", "pace", "record", "improve", "learn", "sets")
 
 
 def disturbs(order: str) -> bool:

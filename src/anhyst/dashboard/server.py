@@ -97,6 +97,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
         "folder": str(session.recorder.folder.resolve()),
         "kept": KEPT_S,
+        "learns": session.learner is not None,
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": loops_of(session),
     }
@@ -136,7 +137,7 @@ class Client:
         self.number = number
         self.socket = socket
         self.outbox = Outbox(every=every)
-        self.logged = 0
+        self.logged, self.learnt = 0, 0
         self.parameters: tuple[Parameter, ...] = ()
         self.curves: tuple[DrawnLoop, ...] = ()
         self.results: Mapping[str, Any] = {}
@@ -246,6 +247,11 @@ class LiveServer:
         if client.curves is not self.session.curves:
             client.curves = self.session.curves
             await client.say({"kind": "loops", "loops": loops_of(self.session)})
+        learner = self.session.learner
+        if learner is not None and client.learnt < learner.count:
+            laps = list(learner.laps)[client.learnt - learner.count :]
+            client.learnt = learner.count
+            await client.say({"kind": "learnt", "laps": [one._asdict() for one in laps]})
         improver = self.session.improver
         if improver is not None and client.results is not improver.results:
             client.results = improver.results

@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -23,8 +24,12 @@ from anhyst.dashboard.sets import ParameterSets
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.pace import PacedBench
 from anhyst.rig.bench.protocol import Bench, Subscription
+from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+
+_LATE = 1000
+"""Chunks that wait for a learner; more than it is ever late by."""
 
 _LOG = 500
 """Entries of the log that are kept."""
@@ -54,7 +59,9 @@ class LiveSession:
         folder: Path | None = None,
         improver: Improver | None = None,
         curves: Sequence[DrawnLoop] = (),
+        learner: BenchLearner | None = None,
     ) -> None:
+        self.learner = learner
         self.bench = DrivenBench(bench, self._generator_refused, self._happened)
         self.curves = tuple(curves)
         self.improver = improver
@@ -81,6 +88,9 @@ class LiveSession:
             _begin("pages", self._look_on, self.paced.subscribe("pages")),
             _begin("recorder", self.recorder.run, complete),
         ]
+        if learner is not None:
+            learn = partial(learner.run, do=self.do)
+            self._threads.append(_begin("learner", learn, self.paced.subscribe("learner", _LATE)))
 
     def start(self) -> None:
         """Let time go on."""
@@ -193,6 +203,7 @@ class LiveSession:
             "lost": self.bench.lost,
             "ended": self.ended,
             "improve": None if self.improver is None else self.improver.status(),
+            "learn": None if self.learner is None else self.learner.status(),
             "watch": None if self.watched is None else self.watched.status(),
         }
 

@@ -18,6 +18,8 @@ from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Bench
 from anhyst.study.bench import address_of, open_board, prepare_board
 from anhyst.study.kept import prepared_once
+from anhyst.study.prepared import Prepared, PreparedStage
+from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, kind_of
@@ -119,7 +121,7 @@ def live(
     Parameters
     ----------
     rig : path-like
-        Rig file: a bearing, or a force rig. With `xcp` or `port` the compiled folder around which
+        Rig file: a bearing, a stage, or a force rig. With `xcp` or `port` the compiled folder around which
         the firmware is built.
     controller : path-like, optional
         Controller file; ``controller.toml`` beside the rig file if left out.
@@ -173,7 +175,7 @@ def live(
     place = None if record is None else Path(record)
     shown = secrets.token_urlsafe(16) if token else ""
     with listen_on(*read_address(listen, token)) as taken:
-        bench, improver = _open(rig, controller, url, known, progress)
+        bench, improver, learner = _open(rig, controller, url, known, progress)
         try:
             recording = None if place is None else start_recording(place, bench.signals, bench.rate)
         except BaseException:
@@ -185,6 +187,7 @@ def live(
             Path() if place is None else place.parent,
             improver,
             improver.curves if improver else (),
+            learner,
         )
         title = rig.resolve().parent.name if url is None else f"{rig.resolve().name} at {url}"
         serve(session, title, taken, shown, started and (lambda address: started(address, shown)))
@@ -197,12 +200,20 @@ def _open(
     url: str | None,
     known: PathLike | None,
     progress: Progress | None,
-) -> tuple[Bench, Improver | None]:
-    """Open a virtual rig, whose model can be improved, or a controller that runs."""
+) -> tuple[Bench, Improver | None, BenchLearner | None]:
+    """Open a virtual rig, with what improves or calibrates it, or a controller that runs."""
     if url is not None:
         on_board = None if known is None else prepare_board(known, rig)
         board = open_board(rig, url)
-        return board, None if on_board is None else Improver(on_board, board)
+        return board, None if on_board is None else Improver(on_board, board), None
     with prepared_once(rig, controller, progress) as prepared:
-        bench = prepared.open()  # runs on without the folder
-        return bench, Improver(prepared, bench)
+        return opened(prepared)  # a firmware runs on without the folder
+
+
+def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | None]:
+    """Open what was prepared, with what improves or calibrates it."""
+    if isinstance(prepared, PreparedStage):
+        stage = prepared.open()
+        return stage, None, BenchLearner(prepared.whole, prepared.magnet, stage)
+    bench = prepared.open()
+    return bench, Improver(prepared, bench), None

@@ -7,10 +7,12 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from anhyst.compensate.block import DemandLimits, Kind, Scales
+from anhyst.compensate.interface import MethodName
 from anhyst.compensate.plan import CompileRequest
 from anhyst.link.xcp import XcpMaster
 from anhyst.model.actuator import Model
@@ -18,26 +20,38 @@ from anhyst.model.file import read_model
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
+from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.modelling import find_model, loops_of_rig
 from anhyst.rig.force.programs import prepare
 from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import identify_stage, make_stage
+from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.excite.excite import Excitation, Measuring
 from anhyst.study.excite.limits import Specimen
 from anhyst.study.excite.on_board import measure_on_board
-from anhyst.study.prepared import Prepared, PreparedBearing, PreparedBoard, PreparedForce
+from anhyst.study.prepared import (
+    Prepared,
+    PreparedBearing,
+    PreparedBoard,
+    PreparedForce,
+    PreparedStage,
+)
+from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind, refuse_other
+from anhyst.support.jobs import all_of
+from anhyst.support.kinds import NAMES, FileKind, refuse_other
 from anhyst.support.progress import Progress, in_parts
 from anhyst.support.toml_file import take_kind
 
 
 def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
-) -> BearingBench | ForceBench:
+) -> BearingBench | ForceBench | StageBench:
     """Open the virtual bench of a rig."""
     with tempfile.TemporaryDirectory(prefix="anhyst-") as place:  # a firmware runs on without it
         parts = in_parts(progress, (2.0, 1.0))
@@ -134,13 +148,17 @@ def prepare_bench(
     progress: Progress | None = None,
 ) -> Prepared:
     """Compile and build all that the virtual bench of a rig needs."""
-    if is_force_rig(rig_path):
-        if controller_path is not None:
-            raise InputError(
-                f"{controller_path}: a force rig has no controller file", code="option-not-for-this"
-            )
-        return _force(rig_path, place, progress)
-    return _bearing(rig_path, controller_path, place, progress)
+    kind = kind_of_bench(rig_path)
+    if kind is FileKind.BEARING:
+        return _bearing(rig_path, controller_path, place, progress)
+    if controller_path is not None:
+        what = NAMES[kind][0]
+        raise InputError(
+            f"{controller_path}: {what} has no controller file", code="option-not-for-this"
+        )
+    if kind is FileKind.STAGE:
+        return _stage(rig_path, progress)
+    return _force(rig_path, place, progress)
 
 
 def _bearing(
@@ -169,6 +187,31 @@ def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> Prepar
     return PreparedForce(rig, loops, program)
 
 
-def is_force_rig(path: PathLike) -> bool:
-    """Whether a rig file is of force control or of a bearing; no other has a virtual bench."""
-    return take_kind(path, (FileKind.BEARING, FileKind.FORCE)) is FileKind.FORCE
+COMPARED: tuple[MethodName, MethodName] = ("single-valued", OWN)
+"""Between what a stage is switched while it runs."""
+
+
+def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
+    """Identify the magnets of a stage, and find the gains of both variants."""
+    parts = in_parts(progress, (2.0, 1.0))
+    rig = read_stage(rig_path)
+    if rig.settings.several:
+        raise InputError(
+            f"{rig.path}: body.free: a stage of one coordinate alone has a virtual bench; simulate it",
+            code="one-coordinate-only",
+            key="body.free",
+        )
+    check_calibration(rig)
+    magnet = identify_stage(rig)
+    next(parts)(1, 1)
+    setups = [make_stage(rig, magnet, method) for method in COMPARED]
+    scan = rig.settings.scan
+    training = motion_of(scan, scan.train_m_per_s2)
+    gains = all_of(partial(find_gains, motion=training), setups, next(parts))
+    variants = [StageVariant(*one) for one in zip(setups, gains, strict=True)]
+    return PreparedStage(rig, magnet, tuple(variants))
+
+
+def kind_of_bench(path: PathLike) -> FileKind:
+    """Return what a rig file is of; no other kind has a virtual bench."""
+    return take_kind(path, (FileKind.BEARING, FileKind.FORCE, FileKind.STAGE))

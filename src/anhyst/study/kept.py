@@ -22,12 +22,14 @@ import scipy
 from anhyst._core import _native
 from anhyst.link.firmware import firmware_folder
 from anhyst.rig.force.file import read_rig
+from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.ready import read_files
-from anhyst.study.bench import is_force_rig, prepare_bench
+from anhyst.study.bench import kind_of_bench, prepare_bench
 from anhyst.study.prepared import Prepared
 from anhyst.support.atomic import PathLike
 from anhyst.support.core_folder import core_folder
 from anhyst.support.folder import cache_folder
+from anhyst.support.kinds import FileKind
 from anhyst.support.progress import Progress
 
 MOST = 20
@@ -75,7 +77,8 @@ def _keep(prepared: Prepared, place: Path) -> None:
     with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
         folder = Path(draft) / "whole"
         folder.mkdir()
-        shutil.copy2(prepared.firmware, folder / _FIRMWARE)
+        if prepared.firmware is not None:
+            shutil.copy2(prepared.firmware, folder / _FIRMWARE)
         (folder / _PICKLE).write_bytes(pickle.dumps(prepared))
         shutil.rmtree(place, ignore_errors=True)  # one that could not be read
         folder.rename(place)
@@ -100,7 +103,13 @@ def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
 
 def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
     """Return all files that a rig and a controller name."""
-    if is_force_rig(rig_path):
+    kind = kind_of_bench(rig_path)
+    if kind is FileKind.STAGE:
+        stage = read_stage(rig_path)
+        calibration = stage.settings.tracking.calibration
+        own = [stage.path, None if calibration is None else stage.path.parent / calibration]
+        files = stage.measured.files
+    elif kind is FileKind.FORCE:
         force = read_rig(rig_path)
         named = force.settings.solenoid
         own = [force.path, None if named is None else force.path.parent / named.file]

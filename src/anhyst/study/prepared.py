@@ -16,12 +16,15 @@ from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
+from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.modelling import find_model, loops_at
 from anhyst.rig.force.programs import Program
 from anhyst.rig.loop_files import identify_loops
+from anhyst.rig.stage.file import StageRig
 from anhyst.study.excite.limits import Specimen, bearing_specimen, force_specimen
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -195,10 +198,30 @@ class PreparedBoard:
         return _plan(model, self.request, self.scales, self.limits)
 
 
-Prepared = PreparedBearing | PreparedForce
+@dataclass(frozen=True)
+class PreparedStage:
+    """A stage, what is known of its magnets, and what its set-point is followed with."""
+
+    whole: StageRig
+    magnet: IdentifiedMagnet
+    variants: tuple[StageVariant, ...]  # without memory, and the compensator
+
+    firmware = None
+
+    def with_firmware(self, firmware: Path) -> PreparedStage:
+        """Return the same: no firmware runs."""
+        del firmware
+        return self
+
+    def open(self) -> StageBench:
+        """Switch on; at rest, before its first tick. To be closed."""
+        return StageBench(self.variants)
+
+
+Prepared = PreparedBearing | PreparedForce | PreparedStage
 """What a virtual bench is opened from."""
 
-Improvable = Prepared | PreparedBoard
+Improvable = PreparedBearing | PreparedForce | PreparedBoard
 """What a better model can be found for."""
 
 

@@ -63,7 +63,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "tune": (FileKind.BEARING,),
     "force-control": (FileKind.FORCE,),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
-    "live": (FileKind.BEARING, FileKind.FORCE, FileKind.COMPILED),
+    "live": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),
 }
 """What the first argument of every verb may be."""

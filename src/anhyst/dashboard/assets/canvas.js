@@ -55,6 +55,19 @@ export class Plane {
     context.restore();
   }
 
+  // What lies between two lines, in a light colour.
+  band(xs, lows, highs, colour) {
+    const { context } = this;
+    context.save();
+    context.beginPath();
+    for (let i = 0; i < xs.length; i++) context.lineTo(this.x(xs[i]), this.y(lows[i]));
+    for (let i = xs.length - 1; i >= 0; i--) context.lineTo(this.x(xs[i]), this.y(highs[i]));
+    context.fillStyle = colour;
+    context.globalAlpha = 0.22;
+    context.fill();
+    context.restore();
+  }
+
   // What seldom changes: drawn aside by `draw`, and again only where the key or the axes differ.
   backdrop(key, draw) {
     const { canvas, context } = this;

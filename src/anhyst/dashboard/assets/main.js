@@ -3,6 +3,7 @@
 import { NAME as COMPENSATION } from "./compensation.js";
 import { download, keeping, make, refuse } from "./dom.js";
 import { Improve } from "./improve.js";
+import { Learning } from "./learn.js";
 import { LevitationView } from "./levitation.js";
 import { Link } from "./link.js";
 import { LoopView } from "./loop.js";
@@ -30,6 +31,7 @@ link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
 link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
 link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
+link.addEventListener("learnt", (event) => page?.improve.learnt(event.detail.laps));
 link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
 link.addEventListener("lost", (event) => lost(event.detail));
 
@@ -56,7 +58,7 @@ function open(bench) {
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
-    improve: new Improve(at("improve"), bench, order),
+    improve: new (bench.learns ? Learning : Improve)(at("improve"), bench, order),
     levitation: new LevitationView(at("levitation"), bench, store),
     spectrum: new SpectrumView(at("spectrum"), bench, store),
     panel: new Panel(at("panel"), bench, order, parameters),

@@ -3,6 +3,7 @@
 import { COLOURS, ink } from "./colours.js";
 import { Cursors } from "./cursors.js";
 import { field, make, select } from "./dom.js";
+import { columnOf } from "./signals.js";
 import { Strip } from "./strip.js";
 import { Trigger } from "./trigger.js";
 import { seconds, show, shown } from "./units.js";
@@ -31,7 +32,9 @@ export class Scope {
       column: n,
       colour: COLOURS[n % COLOURS.length],
     }));
-    const usual = [bench.aim.signal, bench.aim.reference, "force", "current"];
+    const tracked = columnOf(bench, "error") >= 0; // over a way beside which no error is seen
+    const followed = tracked ? ["error"] : [bench.aim.signal, bench.aim.reference];
+    const usual = [...followed, "force", "current"];
     this.chosen = new Set(bench.choices.get("signals", usual));
     this.window = bench.choices.get("window", 0.5);
     this.cursors = new Cursors(store, bench.rate);

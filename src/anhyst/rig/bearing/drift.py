@@ -81,6 +81,13 @@ def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
     return Drift(**drawn)
 
 
+def draw_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
+    """Draw the plant of a number: how far it has drifted, and the seed of its noise."""
+    rng = np.random.default_rng([seed, number])
+    noise = int(rng.integers(1 << 31))
+    return draw_drift(file, rng), noise
+
+
 def _normal(rng: np.random.Generator) -> float:
     while abs(value := float(rng.standard_normal())) > CUT:
         pass

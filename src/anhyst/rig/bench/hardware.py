@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.frames import Body
 from anhyst.rig.bench.bearing import BEARING_COMMANDS
-from anhyst.rig.bench.board_line import BoardLine
-from anhyst.rig.bench.contact import Contact, Reach, block_in_force, open_contact
+from anhyst.rig.bench.contact import BoardLine, Contact, Reach, block_in_force, open_contact
 from anhyst.rig.bench.force import FORCE_COMMANDS, check_demand
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.rig.bench.search import Search

@@ -61,7 +61,8 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
-_STRAY_HZ, _STRAY_LATE = 3.0, 5e-3
+STRAY_HZ, STRAY_LATE = 3.0, 5e-3
+"""Of a long stroke that is off: frequency of what it does by itself, and how late it follows, s."""
 _COMMAND_NONE = 0
 
 
@@ -125,8 +126,8 @@ def pid(rig: StageRig) -> dict[str, float]:
 def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off, m: half with the acceleration, half by itself."""
     stray = rig.settings.frame.stray_m
-    late = motion.at(time - _STRAY_LATE)[1] / max(motion.peaks)
-    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
+    late = motion.at(time - STRAY_LATE)[1] / max(motion.peaks)
+    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * STRAY_HZ * time)))
 
 
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
@@ -180,7 +181,7 @@ def track(
     pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     bearing.place([rig.gap], [0.0])
-    loop = PlantLoop(bearing, _controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, make_controller(setup), current_loops(rig.bearing))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
     rows = loop.run(
         np.ascontiguousarray(reference[:n]),
@@ -193,7 +194,7 @@ def track(
     run = Recording.of_table(in_columns(loop, rows))
     read = dict(zip((column(*signal) for signal in loop.signals), rows.T, strict=True))
     read["position_read_m"] = run["gap_m"] + frame[: len(run)] + noise[: len(run)]
-    return Recording(_recorded(rig, run, reference, frame, read), _loss(rig, run, n))
+    return Recording(_recorded(rig, run, reference, frame, read), stage_loss(rig, run, n))
 
 
 def _track_axes(
@@ -296,7 +297,7 @@ def _force_error(rig: StageRig, run: Recording, demand: FloatArray) -> FloatArra
     return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
 
 
-def _loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     stops, most = rig.settings.body, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
     bounds = (
@@ -311,10 +312,17 @@ def bias(rig: StageRig, method: str) -> float:
     return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
 
 
-def _controller(setup: StageSetup) -> LoopController:
-    """Return PID, allocation and force controllers in their formats."""
-    rig, compensator = setup.rig, setup.compensator
-    magnets = [compensator.fresh().native for _ in rig.bearing.magnets]
+def make_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> Tracking | FixedTracking:
+    """Return PID, allocation and force controllers in their formats.
+
+    The drives, one a magnet, may remember something; demagnetised ones if left out.
+    """
+    rig = setup.rig
+    magnets = [
+        one.native for one in drives or [setup.compensator.fresh() for _ in rig.bearing.magnets]
+    ]
     settings = controller_settings(setup)
     if setup.law == "fixed":
         return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
-from anhyst.rig.bearing.drift import Drift, draw_drift
+from anhyst.rig.bearing.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge, mean_interval, strongest
 from anhyst.support.atomic import PathLike
@@ -82,9 +82,7 @@ class Plants:
 
     def draw(self, number: int) -> tuple[Drift, int]:
         """Return how far a plant has drifted, and the seed of its noise."""
-        rng = np.random.default_rng([self.seed, number])
-        noise = int(rng.integers(1 << 31))
-        return draw_drift(self.file, rng), noise
+        return draw_plant(self.file, self.seed, number)
 
     def header(self) -> dict[str, Any]:
         """Return all that results depend on."""

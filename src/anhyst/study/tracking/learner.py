@@ -135,6 +135,7 @@ class Motion:
 
     rig: StageRig
     read: Mapping[str, FloatArray]  # by column
+    begin: int = 0  # tick from which on it teaches; before, it only tells what the iron remembers
 
     @property
     def ticks(self) -> FloatArray:
@@ -179,7 +180,8 @@ class Motion:
         every = max(1, round(1.0 / (UPDATES_HZ * self.rig.dt)))
         least = DEAD * self.rig.settings.tracking.force_max_N
         asked = np.abs(self.filtered(self.read["demand_N"]))[::every]
-        return every * np.flatnonzero(asked > least)
+        ticks = every * np.flatnonzero(asked > least)
+        return ticks[ticks >= self.begin]
 
     @cached_property
     def rises(self) -> FloatArray:
@@ -283,7 +285,7 @@ class Learner:
         self.mass_kg: float | None = None  # explains the last motion that was refused
         self.refused = 0  # motions that the law did not explain: nothing was taken of them
         self._names = [name for name in MOVED[law.method] if self.priors[name] > 0.0]
-        self._seen: list[ParameterName] = []
+        self.seen: list[ParameterName] = []  # what the motions move
         self._rows = np.zeros((0, len(self._names) + 1))
         # comparisons, squares of the force that moved and of what was left of it
         self._sums = np.zeros(3)
@@ -296,7 +298,7 @@ class Learner:
         pushed, self.noise_N = motion.pushed[compared], motion.noise
         faded = math.exp(-compared.size / (UPDATES_HZ * self.forget_s))
         before, values = math.sqrt(faded) * self._rows, self.values
-        if self._seen and self._missed(motion, values) > GROWN * max(
+        if self.seen and self._missed(motion, values) > GROWN * max(
             self._moved_and_missed[1], LEFT * rms(pushed)
         ):
             return self._refuse(motion, before, self._rows_of(motion, values, exact=True))
@@ -312,10 +314,10 @@ class Learner:
         scales: tuple[ParameterName, ...] = ("scale_1", "scale_2")
         far = any(abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0 for name in scales)
         if far or missed > math.hypot(FAULT * rms(pushed), self.noise_N):
-            self._sums = self._sums if self._seen else sums
+            self._sums = self._sums if self.seen else sums
             return self._refuse(motion, before, fresh)
-        explained = faded * self._sums if self._seen else 0.0
-        self.values, self._seen, self._rows, self._sums = values, seen, rows, sums + explained
+        explained = faded * self._sums if self.seen else 0.0
+        self.values, self.seen, self._rows, self._sums = values, seen, rows, sums + explained
         return bool(seen)
 
     def _refuse(self, motion: Motion, before: FloatArray, fresh: FloatArray) -> bool:
@@ -365,7 +367,7 @@ class Learner:
 
     def _method(self, values: Mapping[ParameterName, float]) -> CalibratedMethod:
         moved, missed = self._moved_and_missed
-        left = self._left(self._rows, self._seen, missed)
+        left = self._left(self._rows, self.seen, missed)
         if "payload" in left:  # the sum of both scales was held, and nothing tells it
             of_sum = math.sqrt(2.0) * self.priors["scale_1"]
             shares = {"payload": 1.0, "scale_1": 0.5, "scale_2": 0.5}
@@ -385,7 +387,7 @@ class Learner:
                     value=values[name],
                     sigma=left.get(name, self.priors[name]),
                     prior=self.priors[name],
-                    frozen=name not in self._seen,
+                    frozen=name not in self.seen,
                 )
                 for name in PARAMETERS
                 if name in self._names or name == "gap_zero_m"

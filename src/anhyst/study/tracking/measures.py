@@ -13,6 +13,7 @@ import numpy as np
 from anhyst.rig.recording import Recording, moving, peak, rms, settled_from
 from anhyst.rig.stage.file import error_columns
 from anhyst.rig.stage.setpoint import SetPoint
+from anhyst.support.arrays import FloatArray
 
 BANDS_M = (50e-9, 10e-9)
 """Into which the settling is measured."""
@@ -84,15 +85,21 @@ def settling(run: Recording, motion: SetPoint, band: float) -> list[float]:
     return [dt * settled_from(error[cruise], band) for cruise in cruises(motion, dt)]
 
 
+def exposures(
+    error: FloatArray, motion: SetPoint, slit: float, dt: float
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the moving average and deviation of an error over a slit, s, in each cruise."""
+    late, ticks = round(EXPOSE_AFTER_S / dt), round(slit / dt)
+    return [
+        moving(error[cruise.start + late : cruise.stop], ticks) for cruise in cruises(motion, dt)
+    ]
+
+
 def measure(run: Recording, motion: SetPoint, slit: float) -> Measures:
     """Judge a run with a slit of so many seconds."""
     if run.loss is not None:
         return LOST
-    late, ticks = round(EXPOSE_AFTER_S / run.dt), round(slit / run.dt)
-    windows = [
-        moving(run["error_m"][cruise.start + late : cruise.stop], ticks)
-        for cruise in cruises(motion, run.dt)
-    ]
+    windows = exposures(run["error_m"], motion, slit, run.dt)
     since = round(motion.pulses[1][0] / run.dt)
     error, force = run["error_m"][since:], run["force_error_N"][since:]
     return Measures(

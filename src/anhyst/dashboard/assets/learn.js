@@ -1,0 +1,178 @@
+// The improve view of a stage: what its motion taught, lap after lap, and what that gained.
+
+import { Plane, limits } from "./canvas.js";
+import { COLOURS } from "./colours.js";
+import { make, refuse } from "./dom.js";
+
+const MOST = 500; // laps that are drawn
+const UNITS = {
+  scale_1: ["%", 100],
+  scale_2: ["%", 100],
+  width: ["%", 100],
+  payload: ["%", 100],
+  lag_s: ["µs", 1e6],
+  bias_N: ["N", 1],
+  cable_N_per_m: ["N/m", 1],
+};
+const NM = 1e9;
+
+export class Learning {
+  #shown = ""; // what is drawn, and how large
+  #laps = [];
+  #now = null;
+
+  constructor(place, bench, order) {
+    this.bench = bench;
+    this.button = make("button", { id: "learn", onclick: () => order("learn", { on: !this.#now?.on }) });
+    this.back = make("button", { textContent: "revert", onclick: () => order("learn", { revert: true }) });
+    this.back.title = "forgets all that was learnt, when the body next rests";
+    this.gained = make("output", { className: "reading", id: "gained" });
+    this.said = make("output", { className: "soft", id: "learnt-said" });
+    this.legend = make("span");
+    this.figures = make("div", { className: "scroll figures" });
+    const left = make("figure");
+    const right = make("figure");
+    this.values = new Plane(left, "t / s", "learnt / stated deviation");
+    this.errors = new Plane(right, "t / s", "moving average of the error / nm");
+    place.replaceChildren(
+      make("div", { className: "bar" }, this.button, this.back, this.gained),
+      make("div", { className: "bar" }, this.said, this.legend),
+      this.figures,
+      make("div", { className: "pair" }, left, right),
+    );
+  }
+
+  // Takes the laps that came.
+  learnt(laps) {
+    this.#laps = [...this.#laps, ...laps].slice(-MOST);
+    this.#shown = "";
+    this.figures.replaceChildren(this.#table());
+    this.#gain();
+  }
+
+  status({ learn, refused }) {
+    if (!learn) return;
+    this.#now = learn;
+    this.button.textContent = learn.on ? "stop learning" : "learn from the motion";
+    this.button.setAttribute("aria-pressed", String(learn.on));
+    refuse(this.button, refused.learn || (learn.on ? "" : learn.refused));
+    refuse(this.back, refused.learn);
+    const last = this.#laps.at(-1);
+    const parts = [learn.trouble, last && learn.said[last.method]].filter(Boolean);
+    const waits = learn.on ? "learns once a set-point was followed: press run" : "nothing was learnt yet";
+    this.said.textContent = parts.join("; ") || waits;
+    this.#gain();
+  }
+
+  #gain() {
+    const last = this.#laps.at(-1);
+    if (!last || !this.#now) return;
+    const before = this.#now.before_m[last.method];
+    const were = before === undefined ? "" : `${short(NM * before)} nm before, `;
+    this.gained.textContent = `${last.method}: moving average ${were}${short(NM * last.average_m)} nm now, peak ${short(NM * last.peak_m)} nm`;
+  }
+
+  // Laps of the method that drove the last one.
+  #own() {
+    const method = this.#laps.at(-1)?.method;
+    return this.#laps.filter((one) => one.method === method);
+  }
+
+  #table() {
+    const { values = {} } = this.#laps.at(-1) ?? {};
+    const names = Object.keys(values);
+    if (!names.length) return "";
+    const row = (name) => {
+      const [value, sigma, applied, stated] = values[name];
+      const [unit, factor] = UNITS[name];
+      const cells = [
+        `${short(factor * value)} ± ${short(2 * factor * sigma)} ${unit}`,
+        `${short(factor * applied)} ${unit}`,
+        `± ${short(2 * factor * stated)} ${unit}`,
+      ];
+      const head = make("th", { textContent: name, scope: "row" });
+      head.style.color = COLOURS[names.indexOf(name)];
+      return make("tr", {}, head, ...cells.map((text) => make("td", { textContent: text })));
+    };
+    const heads = ["number", "learnt, two deviations", "applied", "stated, two deviations"];
+    return make(
+      "table",
+      { id: "learnt" },
+      make("thead", {}, make("tr", {}, ...heads.map((text) => make("th", { textContent: text })))),
+      make("tbody", {}, ...names.map(row)),
+    );
+  }
+
+  draw() {
+    const { clientWidth, clientHeight } = this.values.canvas.parentElement;
+    const key = `${clientWidth} ${clientHeight} ${document.documentElement.dataset.theme}`;
+    if (key === this.#shown) return;
+    this.#shown = key;
+    const own = this.#own();
+    this.#drawValues(own.filter((one) => Object.keys(one.values).length));
+    const times = this.#times(this.#laps);
+    const averages = this.#laps.map((one) => NM * one.average_m);
+    this.errors.begin([...limits(times), ...limits([0], averages)]);
+    this.legend.replaceChildren();
+    for (const [n, method] of [...new Set(this.#laps.map((one) => one.method))].entries()) {
+      const name = make("b", { textContent: ` ● ${method} ` });
+      name.style.color = COLOURS[n];
+      this.legend.append(name);
+      const laps = this.#laps.filter((one) => one.method === method);
+      for (const one of laps) this.errors.dot(one.tick / this.bench.rate, NM * one.average_m, COLOURS[n]);
+    }
+  }
+
+  // In parts of the deviation that the rig file states, so that all stand in one picture.
+  #drawValues(laps) {
+    const times = this.#times(laps);
+    const names = Object.keys(laps.at(-1)?.values ?? {});
+    const curves = names.map((name) => {
+      const rows = laps.map(({ values }) => values[name] ?? [NaN, NaN, NaN, 1]);
+      const part = (pick) => rows.map((row) => pick(row) / row[3]);
+      return [part(([v]) => v), part(([v, s]) => v - 2 * s), part(([v, s]) => v + 2 * s)];
+    });
+    this.values.begin([...limits(times), ...limits([-1, 1], ...curves.flat())]);
+    for (const [n, [value, low, high]] of curves.entries()) {
+      this.values.band(times, low, high, COLOURS[n]);
+      this.values.line(times, value, COLOURS[n], 2);
+      this.values.dot(times.at(-1), value.at(-1), COLOURS[n]);
+    }
+  }
+
+  #times(laps) {
+    return laps.map((one) => one.tick / this.bench.rate);
+  }
+
+  table() {
+    const laps = this.#laps;
+    const names = [...new Set(laps.flatMap((one) => Object.keys(one.values)))];
+    const part = (name, n) => laps.map(({ values }) => values[name]?.[n] ?? "");
+    return {
+      t_s: this.#times(laps),
+      method: laps.map((one) => one.method),
+      average_m: laps.map((one) => one.average_m),
+      peak_m: laps.map((one) => one.peak_m),
+      ...Object.fromEntries(
+        names.flatMap((name) => [
+          [name, part(name, 0)],
+          [`${name}_deviation`, part(name, 1)],
+          [`${name}_applied`, part(name, 2)],
+        ]),
+      ),
+    };
+  }
+
+  words() {
+    const rows = [...this.figures.querySelectorAll("tbody tr")].map((row) => {
+      const [head, value] = row.children;
+      return [`${head.textContent} ${value.textContent}`, head.style.color];
+    });
+    const methods = [...this.legend.children].map((one) => [one.textContent, one.style.color]);
+    return [[[this.gained.textContent], ...methods], rows];
+  }
+}
+
+function short(value) {
+  return String(Number(value.toPrecision(3)));
+}

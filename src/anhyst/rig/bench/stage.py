@@ -1,0 +1,439 @@
+"""The virtual bench of a stage: its plant and the core's own controller in lock-step, in process.
+
+No firmware runs: the tracking controller is not part of it yet. Its set-point is followed over and
+over, there and back in turn, with a rest between two of them. Whatever is changed acts on one tick
+while the body rests, so that no law, gain or filter changes under force.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from anhyst._core import PlantLoop
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.interface import MethodName
+from anhyst.control.permitted import Standing, refusal
+from anhyst.control.states import Command, Fault, State
+from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
+from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst.rig.bench.settings import check_values
+from anhyst.rig.recording import Recording, column
+from anhyst.rig.stage.loop import (
+    STRAY_HZ,
+    STRAY_LATE,
+    Feedforward,
+    StageSetup,
+    make_controller,
+    pid,
+    stage_loss,
+)
+from anhyst.rig.stage.setpoint import Course, SetPoint, braking, course_of, motion_of
+from anhyst.support.arrays import FloatArray
+from anhyst.support.elementary import sine
+from anhyst.support.errors import InputError
+
+PIECE_S = 0.01
+"""After so long at most it is seen whether the loop was lost, s."""
+CARRIED_S = 1e-3
+"""Over which the force of the integral is taken that another controller goes on with, s."""
+REMEMBERED = 4
+"""Set-points of which it is kept what flowed, for another law to follow."""
+PLANTS = 999
+"""Drawn ones that can be asked for."""
+LOAD = 0.5
+"""Of what the largest force has left beside the set-point: what the load drive may pull with."""
+GAINS = ("acceleration", "jerk", "snap")
+"""Of :class:`anhyst.rig.stage.loop.Feedforward`."""
+LAPS = 100
+"""Of which it is known how they were followed."""
+
+_READ = {
+    "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
+    "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
+    "load_N": Signal("load", "N", "true force of the load drive"),
+    "gap_m": Signal("gap", "m", "true gap of the first magnet"),
+    "gap_read_m": Signal("gap_read", "m", "the same as its sensor says"),
+    "command_A": Signal("command", "A", "current asked for, of the first magnet"),
+    "current_A": Signal("current", "A", "true current of the first magnet"),
+    "command_2_A": Signal("command_2", "A", "current asked for, of the second magnet"),
+    "current_2_A": Signal("current_2", "A", "true current of the second magnet"),
+}
+"""Columns of a simulated loop, and what they are called here."""
+
+_OF_BENCH = (
+    Signal("reference", "m", "position wanted: the set-point and the target beside it"),
+    Signal("position", "m", "true position in space"),
+    Signal("position_read", "m", "the same as the controller sees it"),
+    Signal("error", "m", "reference less true position"),
+    Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
+    Signal("fault", "", "its reason: Fault of anhyst.control.states"),
+    Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
+)
+
+STAGE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
+"""Of a stage."""
+
+
+@dataclass(frozen=True)
+class StageVariant:
+    """A method behind the controller of a stage, and the gains that were found with it."""
+
+    setup: StageSetup
+    gains: Feedforward
+
+
+class StageLap(NamedTuple):
+    """A set-point that was followed, or is."""
+
+    number: int
+    begin: int  # its first tick
+    ticks: int
+    known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
+    method: MethodName  # that drove it
+    motion: SetPoint
+
+
+class StageBench:
+    """A stage that follows its set-point over and over.
+
+    A :class:`anhyst.rig.bench.protocol.Bench`. The variants are the one without memory and the
+    compensator, which its parameter ``compensation`` chooses by 0 and 1.
+    """
+
+    keeps_time = False
+    every = 1
+    lost = ""
+    process = 0
+    signals: tuple[Signal, ...] = (*_OF_BENCH[:4], *_READ.values(), *_OF_BENCH[4:])
+
+    def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
+        rig = variants[0].setup.rig
+        self.rig, self.rate = rig, 1.0 / rig.dt
+        self.tick = 0
+        self.laps: deque[StageLap] = deque(maxlen=LAPS)
+        file, self._peak = rig.settings, max(rig.settings.scan.test_m_per_s2)
+        left = file.tracking.force_max_N - file.body.mass_kg * self._peak
+        self.load_most = LOAD * max(left, 0.0)
+        # a step of the target by so much asks for the largest force at once
+        most = file.tracking.force_max_N / pid(rig)["b0"]
+        self.aim = Aim("position", "reference", "m", -most, most, 0.0)
+        self.variants = tuple(variants)  # as the files say
+        self._setups = [one.setup for one in variants]
+        self._gains = [one.gains for one in variants]
+        self._values = {
+            "compensation": 1.0,
+            "motion": 1.0,
+            "crossover": rig.settings.tracking.crossover_Hz,
+            "plant": 0.0,
+        }
+        self._staged: dict[str, float] = {}
+        self._corrected: dict[int, StageSetup] = {}
+        self._rng = np.random.default_rng([rig.settings.seed, seed])
+        self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
+        self._offset, self._load, self._side = 0.0, 0.0, 1.0
+        self._ahead = (rig.settings.timing.delay_ticks + 0.5) * rig.dt
+        self._move(1.0)
+        self._renew()
+
+    @property
+    def _setup(self) -> StageSetup:
+        return self._setups[int(self._values["compensation"])]
+
+    def _move(self, share: float) -> None:
+        """Take the accelerations of the file by a share; the set-point comes to rest at its end."""
+        scan = self.rig.settings.scan
+        peaks = [share * peak for peak in (*scan.test_m_per_s2, scan.test_m_per_s2[0])]
+        self._motion = replace(motion_of(scan, peaks), rests=True)
+        self._way = course_of(self._motion, self.rig.dt, self._ahead)
+
+    def _renew(self) -> None:
+        """Put the plant in force where it works, at rest, its iron demagnetised."""
+        number = int(self._values["plant"])
+        settings = self.rig.settings
+        drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
+        self._cable = drift.cable
+        self._plant = drifted_stage(self.rig.bearing, drift, noise)
+        self._plant.place([self.rig.gap - float(self._strayed(1, 0.0)[0])], [0.0])
+        self._course: Course | None = None
+        self._at, self._place = 0, 0.0
+        self._past = np.zeros(round(STRAY_LATE / self.rig.dt))  # accelerations
+        self._flowed: deque[FloatArray] = deque()
+        self._latest = np.zeros((0, 5))
+        self._carried = 0.0
+        self._known = self.tick + 1
+        self._control()
+
+    def _control(self) -> None:
+        """Put a controller in force that remembers what flowed, and goes on with the integral.
+
+        The integral of an amplifier that takes a voltage begins anew.
+        """
+        rig = self._setup.rig
+        settings = rig.settings.changed({"control.crossover_Hz": self._values["crossover"]})
+        setup = replace(self._setup, rig=replace(rig, settings=settings))
+        # the loop keeps the drives alive
+        controller = make_controller(setup, [self._remembering(setup, k) for k in range(2)])
+        self._loop = PlantLoop(self._plant, controller, current_loops(setup.rig.bearing))
+        if len(self._latest):
+            self._carried = float(np.mean(self._latest[:, 3] - self._latest[:, 4]))
+
+    def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
+        """Return a compensator that has followed what flowed in a magnet."""
+        drive = setup.compensator.fresh()
+        path = np.concatenate([*self._flowed, self._latest[-1:]])
+        if len(path):
+            scale, zero = (1.0, 0.0) if setup.correction is None else setup.correction[magnet, :2]
+            gap = path[:, 2]
+            if magnet:
+                gap = (self.rig.settings.gap_total_m or 0.0) - gap
+            drive.follow(scale * path[:, magnet], gap - zero)
+        return drive
+
+    def advance(self, ticks: int) -> FloatArray:
+        """Compute some ticks, one after the other."""
+        parts = []
+        piece = max(1, round(PIECE_S * self.rate))
+        while ticks > 0:
+            if self._state is State.FAULT:
+                rows = self._lie(ticks)
+            else:
+                if self._course is None or self._at == len(self._course):
+                    self._rest()
+                left = ticks if self._course is None else len(self._course) - self._at
+                rows = self._run(min(ticks, left, piece))
+            parts.append(rows)
+            ticks -= len(rows)
+        return np.concatenate(parts)
+
+    def _rest(self) -> None:
+        """At rest: put in force what was staged, and begin the next lap."""
+        if self._course is not None:
+            self._place += float(self._course.place[-1])
+            if self._lap:
+                self._known = self.laps[-1].begin
+            self._course, self._lap = None, 0
+        if self._staged or self._corrected:
+            self._take()
+        if self._state is State.RUN:
+            self._begin(self._way if self._side > 0.0 else self._way.back())
+            self._laps += 1
+            self._lap, self._side = self._laps, -self._side
+            method, begin = self._setup.compensator.method, self.tick + 1
+            lap = StageLap(self._lap, begin, len(self._way), self._known, method, self._motion)
+            self.laps.append(lap)
+
+    def _begin(self, course: Course) -> None:
+        self._course, self._at = course, 0
+        # nothing of the small loops at rest is kept: the next lap wipes them out
+        self._flowed.append(self._latest[-1:])
+        while sum(map(len, self._flowed)) > REMEMBERED * len(self._way):
+            self._flowed.popleft()
+
+    def _take(self) -> None:
+        staged, self._staged = self._staged, {}
+        corrected, self._corrected = self._corrected, {}
+        for which, setup in corrected.items():
+            self._setups[which] = setup
+        self._values |= {name: one for name, one in staged.items() if name in self._values}
+        which = int(self._values["compensation"])
+        gains = {name: staged[f"gain_{name}"] for name in GAINS if f"gain_{name}" in staged}
+        self._gains[which] = replace(self._gains[which], **gains)
+        if "motion" in staged:
+            self._move(staged["motion"])
+        if "plant" in staged:
+            self._renew()
+        elif which in corrected or not staged.keys().isdisjoint(("compensation", "crossover")):
+            self._control()
+
+    def _fed(self, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return set-point and accelerations of the next ticks and one more, and what is fed forward."""
+        course, at = self._course, self._at
+        if course is None:
+            place, accelerations = np.zeros(n + 1), np.zeros(n)
+            ahead = np.zeros((n, 4))
+        else:
+            place, accelerations = course.place[at : at + n + 1], course.acceleration[at : at + n]
+            ahead = course.ahead[at : at + n]
+        setup, gains = self._setup, self._gains[int(self._values["compensation"])]
+        mass = self.rig.settings.body.mass_kg * (1.0 + setup.payload)
+        moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
+        return (
+            self._place + place,
+            accelerations,
+            mass * moved + setup.cable * (self._place + ahead[:, 3]),
+        )
+
+    def _strayed(self, n: int, late: FloatArray | float) -> FloatArray:
+        """Return how far the long stroke is off at the next ticks, m, as a simulated one is."""
+        turns = STRAY_HZ * self.rig.dt * np.arange(self.tick, self.tick + n)
+        return np.asarray(0.25 * self.rig.settings.frame.stray_m * (late + sine(turns)))
+
+    def _run(self, n: int) -> FloatArray:
+        rig, settings = self.rig, self.rig.settings
+        place, accelerations, forward = self._fed(n)
+        past = np.concatenate([self._past, accelerations])
+        frame = place - rig.gap + self._strayed(n + 1, past[: n + 1] / self._peak)
+        noise = self._rng.normal(0.0, settings.position_sensor.noise_m, n)
+        reference = place[:n] + self._offset
+        table = self._loop.run(
+            np.ascontiguousarray(reference),
+            self._load - self._cable * place[:n],
+            noise,
+            np.ascontiguousarray(self._carried - forward),
+            np.zeros(n, dtype=np.uint32),
+            np.ascontiguousarray(frame),
+        )
+        names = [column(*signal) for signal in self._loop.signals]
+        read = dict(zip(names, table.T, strict=True))
+        loss = stage_loss(rig, Recording(read), n)
+        kept = n if loss is None else min(loss.tick + 1, len(table))
+        read = {name: values[:kept] for name, values in read.items()}
+        position = read["gap_m"] + frame[:kept]
+        rows = self._rows(
+            kept,
+            reference[:kept],
+            position,
+            position + noise[:kept],
+            reference[:kept] - position,
+            *(read[name] for name in _READ),
+        )
+        self._past, self._at = past[kept : kept + self._past.size], self._at + kept
+        seen = [read[name] for name in ("command_A", "command_2_A", "gap_read_m", "demand_N")]
+        flowed = np.column_stack([*seen, -forward[:kept]])
+        if self._course is not None:
+            self._flowed.append(flowed)
+        carried = round(CARRIED_S / rig.dt)
+        self._latest = np.concatenate([self._latest, flowed])[-carried:]
+        if loss is not None:
+            self._state, self._fault, self._lap = State.FAULT, Fault.POSITION_RANGE, 0
+        return rows
+
+    def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
+        numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
+        said = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
+        self.tick += n
+        return np.column_stack([numbers, *of_loop, *said])
+
+    def _lie(self, n: int) -> FloatArray:
+        """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
+        stop, place = self.rig.settings.body.stop_low_m, self._place
+        position = place + stop - self.rig.gap
+        values = {"reference": place, "position": position, "position_read": position}
+        values |= {"error": place - position, "gap": stop, "gap_read": stop}
+        names = [signal.name for signal in self.signals[: -len(_OF_BENCH[4:])]]
+        return self._rows(n, *(np.full(n, values.get(name, 0.0)) for name in names))
+
+    def news(self) -> Sequence[str]:
+        """Return nothing: what runs in process is not lost."""
+        return ()
+
+    def command(self, command: Command) -> None:
+        """Give a command. A stop brakes at once, whatever the state, and the body is held then."""
+        if command is Command.STOP:
+            self._brake()
+            return
+        now = Standing(self._state, False, True, False, True, True)
+        name, why = command.name.lower(), refusal(command, now)
+        if command not in STAGE_COMMANDS:
+            why = "a stage has no such command"
+        if why:
+            raise InputError(f"{name}: {why}", code="wrong-state", key=name)
+        if command is Command.RUN:
+            # the first leg leads back to where it all began
+            side = -1.0 if self._place > 0.0 else 1.0
+            self._state, self._side, self._offset = State.RUN, side, 0.0
+        else:
+            self._state, self._fault = State.READY, Fault.NONE
+            self._renew()
+
+    def _brake(self) -> None:
+        if self._state is not State.RUN:
+            return
+        self._state, self._lap = State.READY, 0
+        course, dt = self._course, self.rig.dt
+        if course is not None and self._at < len(course):
+            self._place += float(course.place[self._at])
+            motion = course.motion_at(self._at, dt)
+            scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
+            hardest = motion_of(scan, scan.test_m_per_s2)
+            self._begin(braking(*motion, hardest, dt, self._ahead))
+
+    def commands(self) -> tuple[Command, ...]:
+        """Return the commands of a stage."""
+        return STAGE_COMMANDS
+
+    def demand(self, value: float) -> None:
+        """Demand a place beside the set-point, m."""
+        if not self.aim.low <= value <= self.aim.high:
+            raise InputError(
+                f"demand: is {value:g} m; choose one from {self.aim.low:g} to {self.aim.high:g} m",
+                code="out-of-range",
+                key="demand",
+            )
+        self._offset = value
+
+    def load(self, force: float) -> None:
+        """Let a force, N, push at the body towards larger positions; the controller is not told."""
+        self._load = min(max(force, -self.load_most), self.load_most)
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed, with the values that are in force once the body rests."""
+        crossover = self.rig.settings.tracking.crossover_Hz
+        values = {**self._values, **self._staged}
+        gains = self._gains[int(values["compensation"])]
+        values = {**{f"gain_{name}": getattr(gains, name) for name in GAINS}, **values}
+        off, on = (one.compensator.method for one in self._setups)
+        known = (
+            ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
+            (
+                "gain_acceleration",
+                "",
+                0.0,
+                2.0,
+                "weight of mass times acceleration that is fed forward",
+            ),
+            ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
+            ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
+            ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
+            ("motion", "", 0.1, 1.0, "part of the accelerations that the rig file states"),
+            ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),
+        )
+        return tuple(
+            Parameter(name, unit, low, high, doc, values[name])
+            for name, unit, low, high, doc in known
+        )
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force together, on the tick on which the body next rests."""
+        check_values(values, self.parameters())
+        for name in ("compensation", "plant"):
+            if values.get(name, 0.0) % 1.0:
+                raise InputError(
+                    f"{name}: is {values[name]:g}; choose a whole number",
+                    code="out-of-range",
+                    key=name,
+                )
+        if self._state is State.FAULT:
+            raise InputError("the stage is lost: press clear first", code="wrong-state")
+        self._staged |= values
+        return self._due
+
+    def correct(self, setup: StageSetup) -> int:
+        """Put what was learnt of a method in force, on the tick on which the body next rests."""
+        methods = [one.compensator.method for one in self._setups]
+        self._corrected[methods.index(setup.compensator.method)] = setup
+        return self._due
+
+    @property
+    def _due(self) -> int:
+        left = 0 if self._course is None else len(self._course) - self._at
+        return self.tick + left + 1
+
+    def close(self) -> None:
+        """Nothing runs beside it."""

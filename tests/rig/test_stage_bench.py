@@ -1,0 +1,178 @@
+"""The virtual bench of a stage: its set-point over and over, and what is changed while it runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from anhyst.control.states import Command, Fault, State
+from anhyst.rig.bench.stage import StageBench, StageVariant
+from anhyst.rig.stage.loop import Feedforward, track
+from anhyst.support.arrays import FloatArray
+from tests.refusals import refused
+from tests.study import stages
+
+SUBSTEPS = 4
+
+
+def variants() -> tuple[StageVariant, StageVariant]:
+    off, on = (stages.setup(method, SUBSTEPS) for method in ("single-valued", "full"))
+    return StageVariant(off, Feedforward()), StageVariant(on, Feedforward())
+
+
+@pytest.fixture
+def bench() -> StageBench:
+    return StageBench(variants())
+
+
+def column(bench: StageBench, rows: FloatArray, name: str) -> FloatArray:
+    found: FloatArray = rows[:, 1 + [signal.name for signal in bench.signals].index(name)]
+    return found
+
+
+def lap(bench: StageBench) -> int:
+    """Return the ticks of a set-point that has begun."""
+    return bench.laps[-1].ticks
+
+
+def going(bench: StageBench, laps: int = 1) -> FloatArray:
+    """Let a bench begin, and go on by so many laps."""
+    bench.command(Command.RUN)
+    first = bench.advance(1)
+    return np.concatenate([first, bench.advance(laps * lap(bench) - 1)])
+
+
+def test_the_first_lap_is_what_a_simulation_of_it_gives(bench: StageBench) -> None:
+    rows = going(bench)
+    setup = bench.variants[1].setup
+    run = track(setup, bench.laps[0].motion, Feedforward(), seed=0)
+    for name in ("error_m", "demand_N", "command_A", "gap_read_m"):
+        seen = column(bench, rows, name.rpartition("_")[0])
+        assert np.allclose(seen, run[name], rtol=1e-6, atol=1e-4 * np.ptp(run[name])), name
+
+
+def test_rows_do_not_depend_on_how_they_are_cut(bench: StageBench) -> None:
+    whole = going(bench, 2)
+    other = StageBench(variants())
+    other.command(Command.RUN)
+    cuts = [1, 2, 333, 5, 1000]
+    parts = [other.advance(count) for count in cuts]
+    parts.append(other.advance(len(whole) - sum(cuts)))
+    assert np.array_equal(np.concatenate(parts), whole)
+
+
+def test_the_body_comes_back_after_two_laps_and_rests_between_them(bench: StageBench) -> None:
+    rows = going(bench, 2)
+    place = column(bench, rows, "reference")
+    assert np.ptp(place) > 5e-3
+    half = len(rows) // 2
+    assert np.array_equal(place[half : half + 100], np.full(100, place[half]))
+    assert abs(place[-1]) < 1e-12
+    assert np.allclose(place[half:] - place[half], -(place[:half] - place[0]), atol=1e-12)
+    assert set(column(bench, rows, "lap")) == {1.0, 2.0}
+
+
+def test_what_is_applied_acts_on_the_tick_that_was_said_and_on_none_before(
+    bench: StageBench,
+) -> None:
+    other = StageBench(variants())
+    for one in (bench, other):
+        going(one)
+        one.advance(500)
+    applied = bench.apply({"compensation": 0.0, "gain_acceleration": 1.02})
+    ticks = applied - bench.tick + lap(bench)
+    rows, same = bench.advance(ticks), other.advance(ticks)
+    differs = np.flatnonzero(np.any(rows[:, 1:] != same[:, 1:], axis=1))
+    assert rows[differs[0], 0] == applied
+    named = {one.name: one.value for one in bench.parameters()}
+    assert (named["compensation"], named["gain_acceleration"]) == (0.0, 1.02)
+    at_rest = StageBench(variants())
+    assert at_rest.apply({"compensation": 0.0}) == 1
+
+
+def test_another_controller_goes_on_without_a_bump_and_remembers_what_flowed(
+    bench: StageBench,
+) -> None:
+    other = StageBench(variants())
+    for one in (bench, other):
+        one.load(5.0)  # which the integral carries
+        going(one, 2)
+    bench.apply({"crossover": bench.rig.settings.tracking.crossover_Hz})
+    changed, same = (column(one, one.advance(lap(one)), "error") for one in (bench, other))
+    assert np.abs(changed - same).max() < 0.1 * np.abs(same).max()
+
+
+def test_a_stop_brakes_at_once_with_no_more_force_than_a_turnaround(bench: StageBench) -> None:
+    rows = going(bench)
+    most = np.abs(column(bench, rows, "demand")).max()
+    for part, share in ((0.3, 1.0), (0.5, 1.0), (0.7, 1.0), (0.3, 0.1)):
+        bench.command(Command.STOP)
+        bench.advance(round(0.2 * bench.rate))
+        bench.apply({"motion": share})
+        bench.command(Command.RUN)
+        bench.advance(1)
+        bench.advance(round(part * lap(bench)))
+        bench.command(Command.STOP)
+        rows = bench.advance(round(0.2 * bench.rate))
+        place = column(bench, rows, "reference")
+        assert np.all(place[round(0.1 * bench.rate) :] == place[-1])
+        assert np.abs(column(bench, rows, "demand")).max() < 1.1 * most
+        assert np.abs(column(bench, rows, "error")[-100:]).max() < 2e-8
+        assert set(column(bench, rows, "state")) == {float(State.READY)}
+
+
+def test_a_stage_that_is_lost_has_no_current_until_it_is_cleared(bench: StageBench) -> None:
+    going(bench)
+    bench.apply({"gain_acceleration": 2.0, "crossover": 40.0})
+    rows = bench.advance(2 * lap(bench))
+    assert rows[-1, 0] == bench.tick
+    assert np.array_equal(np.diff(rows[:, 0]), np.ones(len(rows) - 1))
+    last = {signal.name: value for signal, value in zip(bench.signals, rows[-1, 1:], strict=True)}
+    assert (last["state"], last["fault"]) == (State.FAULT, Fault.POSITION_RANGE)
+    assert last["command"] == last["current_2"] == 0.0
+    with refused("wrong-state"):
+        bench.apply({"gain_acceleration": 1.0})
+    with refused("wrong-state run"):
+        bench.command(Command.RUN)
+    bench.command(Command.STOP)
+    bench.command(Command.CLEAR)
+    bench.apply({"gain_acceleration": 1.0})
+    rows = going(bench)
+    assert set(column(bench, rows, "state")) == {float(State.RUN)}
+
+
+def test_commands_and_values_that_it_cannot_take_are_refused(bench: StageBench) -> None:
+    with refused("wrong-state clear"):
+        bench.command(Command.CLEAR)
+    with refused("wrong-state condition"):
+        bench.command(Command.CONDITION)
+    bench.command(Command.STOP)  # nothing moves
+    going(bench)
+    with refused("wrong-state run"):
+        bench.command(Command.RUN)
+    for values in ({"compensation": 0.5}, {"plant": 1.5}, {"crossover": 1e4}, {"motion": 0.0}):
+        with refused("out-of-range"):
+            bench.apply(values)
+    with refused("unknown-parameter"):
+        bench.apply({"gain_p": 1.0})
+    with refused("out-of-range demand"):
+        bench.demand(1e-3)
+
+
+def test_the_target_is_a_step_beside_the_set_point(bench: StageBench) -> None:
+    bench.advance(200)
+    bench.demand(1e-7)
+    rows = bench.advance(2000)
+    assert np.all(column(bench, rows, "reference") == 1e-7)
+    assert abs(column(bench, rows, "position")[-1] - 1e-7) < 1e-8
+
+
+def test_a_drawn_plant_is_another_one_and_its_iron_is_demagnetised(bench: StageBench) -> None:
+    rows = going(bench)
+    applied = bench.apply({"plant": 3.0})
+    other = bench.advance(applied - bench.tick - 1 + lap(bench))
+    error = np.abs(column(bench, other, "error")[-lap(bench) :])
+    assert error[:20].max() < 1e-7  # it is switched on where it is wanted
+    wrong = error.max()
+    assert wrong > 2.0 * np.abs(column(bench, rows, "error")).max()
+    assert bench.laps[-1].known == applied
