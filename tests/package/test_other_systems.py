@@ -170,6 +170,7 @@ def test_the_firmware_compiles_for_macos(
 
 
 @pytest.mark.slow
+@pytest.mark.depends("CMakeLists.txt", "core", "plant", "tools/wheel.py")
 @pytest.mark.parametrize(
     ("target", "processor"), [("x86_64-windows-gnu", "AMD64"), ("aarch64-macos", "arm64")]
 )
