@@ -3,6 +3,7 @@
 #                fresh machine: it installs only what it runs, the other targets add the rest
 #   make test    tests, without the slow ones   make check   format, lint, types, C analysis
 #   make test-all  the slow ones too   make campaign  repeats of slow ones on further magnets and compilers
+#   make held    those that depend on C alone, recorded for .ci/run in tests/held.toml (test-all does so too)
 #   make prove   proofs of the fixed-point C that changed   make prove-all  all of them
 #   make bench   the table of figures; WHAT="laws speed" for files of benchmarks/ by name. WHAT=search
 #                tries the search on 200 drawn measurements, in half an hour; only where it is named
@@ -27,7 +28,7 @@ C_SOURCES := $(shell find core plant firmware tests/core tests/exchange tests/fi
 BUILD_INPUTS := pyproject.toml CMakeLists.txt core/core.cmake plant/plant.cmake \
 	$(shell find core plant src/anhyst/_core -name '*.[ch]' -o -name '*.cpp')
 
-.PHONY: demo test test-all campaign check docs house messages prove prove-all bench build wheel format \
+.PHONY: demo test test-all held campaign check docs house messages prove prove-all bench build wheel format \
 	clean fuzz truths \
 	check-python check-imports check-c-format check-c-tidy check-cppcheck
 
@@ -38,7 +39,11 @@ test: build
 	@$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 
 test-all: build
-	@$(BIN)/python -m pytest $(PARALLEL) -m "not campaign"
+	@ANHYST_HELD=$${ANHYST_HELD:-record} $(BIN)/python -m pytest $(PARALLEL) -m "not campaign"
+
+held: build
+	@rm -f tests/held.toml
+	@ANHYST_HELD=record $(BIN)/python -m pytest $(PARALLEL) -m "depends and not campaign"
 
 campaign: build
 	@$(BIN)/python -m pytest $(PARALLEL) -m campaign

@@ -37,6 +37,7 @@ ROOT = Path(__file__).resolve().parents[1]
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 NO_MEASUREMENTS = "real measurements are not here: set ANHYST_DATA to their folder"
+HELD = "as recorded in tests/held.toml"
 
 
 @pytest.fixture(scope="session")
@@ -65,6 +66,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             pytest.skip(f"{name} is not installed: apt install {PACKAGES.get(name, name)}")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Honour or write the record of what held where ANHYST_HELD says so."""
+    if mode := os.environ.get("ANHYST_HELD"):
+        from tests.held import Held
+
+        config.pluginmanager.register(Held(recording=mode == "record"))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Of a test marked ``first(n)``, mark the cases after the first n as slow."""
     seen: Counter[str] = Counter()
@@ -77,11 +86,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def refuse_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
-    """With ANHYST_NO_SKIP=1, fail what was skipped; only absent measurements may be skipped."""
+    """With ANHYST_NO_SKIP=1, fail what was skipped; absent measurements and what held may be."""
     if os.environ.get("ANHYST_NO_SKIP") != "1" or not report.skipped or hasattr(report, "wasxfail"):
         return
     reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
-    if NO_MEASUREMENTS not in reason:
+    if NO_MEASUREMENTS not in reason and HELD not in reason:
         report.outcome = "failed"
         report.longrepr = f"{report.nodeid} was skipped, which ANHYST_NO_SKIP=1 forbids: {reason}"
 

@@ -100,7 +100,9 @@ def test_without_a_dead_band_it_creeps_away() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param("hard", marks=pytest.mark.campaign), "soft", "u"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(one, marks=pytest.mark.campaign) for one in ("hard", "u")), "soft"]
+)
 def test_foreign_magnets_are_held_too(name: str, tmp_path: Path) -> None:
     loops = ReadOptions().read([MAGNETS[name].write_loops(tmp_path / "loops.csv")])
     plan = make_plan(identify(loops).model, CompileRequest("full", "q31", RATE), 0)

@@ -215,7 +215,7 @@ CASES: dict[str, tuple[Literal["full", "simplified"], list[tuple[str, str]]]] = 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "case", [pytest.param(one, marks=[pytest.mark.slow] * (one != "full")) for one in CASES]
+    "case", [pytest.param(one, marks=[pytest.mark.campaign] * (one == "full")) for one in CASES]
 )
 def test_what_is_simulated_is_what_would_be_flashed(place: Path, case: str, tmp_path: Path) -> None:
     """The folder's C gives bit for bit the answers that the simulated loop has recorded."""

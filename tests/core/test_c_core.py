@@ -15,6 +15,10 @@ from tests.once import made_once
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
+pytestmark = pytest.mark.depends(
+    *("CMakeLists.txt", "core", "plant", "firmware", "tests/core", "tests/firmware")
+)
+
 
 def program_names() -> list[str]:
     return [file.stem for file in sorted(HERE.glob("test_*.c"))]

@@ -11,6 +11,8 @@ import pytest
 
 from .test_c_core import HERE, ROOT, tool
 
+pytestmark = pytest.mark.depends("core", "tests/core")
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -306,12 +308,6 @@ def passes(core: Path, test: str, folder: Path) -> bool:
     done = subprocess.run([program], capture_output=True, check=False, timeout=600)
     assert done.returncode in {0, 1}, "the test crashed instead of answering"
     return done.returncode == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("test", sorted({fault.test for fault in FAULTS}))
-def test_the_claims_hold_without_a_fault(tmp_path: Path, test: str) -> None:
-    assert passes(ROOT / "core", test, tmp_path)
 
 
 @pytest.mark.slow

@@ -12,6 +12,8 @@ from tests.once import made_once
 
 from .build import FIRMWARE, HERE, POSITION, SANITIZERS, can, compile_c, tool
 
+pytestmark = pytest.mark.depends("core", "firmware", "tests/core", "tests/firmware")
+
 PROGRAMS = [file.stem for file in sorted(HERE.glob("test_*.c"))]
 BENCH = [HERE / "bench.c", HERE / "fake_compensator.c"]
 

@@ -65,6 +65,7 @@ def test_skips_fail_where_they_are_forbidden(
     for name, source in FILES.items():
         (tmp_path / f"test_{name}.py").write_text(source, encoding="utf-8")
     environment = {**os.environ, "ANHYST_NO_SKIP": no_skip, "ANHYST_DATA": str(tmp_path / "no")}
+    environment.pop("ANHYST_HELD", None)
     done = subprocess.run(
         [
             *(sys.executable, "-m", "pytest", "-q", "-n", str(workers)),

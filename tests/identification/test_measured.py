@@ -96,7 +96,7 @@ def test_auto_takes_a_gap_in_series_for_the_gapped_core(gapped_core: Loops) -> N
     assert left_out["reluctance"] < 0.035
 
 
-@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("place", [pytest.param(0, marks=pytest.mark.campaign), 1, 2])
 def test_two_gaps_of_the_core_predict_the_third_in_its_place(
     gapped_core: Loops, place: int
 ) -> None:

@@ -277,9 +277,12 @@ def ways(loops: Loops) -> Iterator[dict[str, str]]:
 
 REPEATS = {
     "ferrite_mnzn/mnzn_ferrite_4loops.csv",
+    "ferrite_mnzn/mnzn_hp_ferrite_4loops.csv",
+    "steel_m130_27s/m130_27s_steel_raw_3loops.csv",
     "steel_m130_27s/m130_27s_steel_symmetrised_3loops.csv",
+    "steel_team32/loops.csv",
 }
-"""The same material once more."""
+"""One more ferrite or steel, or the same once more."""
 
 
 @pytest.mark.slow

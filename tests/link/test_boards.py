@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import shutil
 import socket
 from pathlib import Path
@@ -22,9 +21,6 @@ from tests.refusals import refused
 from .handmade import write_parameters
 from .plant import NoisyPlant
 
-COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "3000"))
-"""CI sends 30000."""
-
 
 @pytest.mark.slow
 def test_the_nucleo_s_firmware_fits_with_room_to_spare(parameters: Path, tmp_path: Path) -> None:
@@ -41,7 +37,8 @@ def test_the_same_parameters_give_the_same_firmware(parameters: Path, tmp_path: 
 
 @pytest.mark.slow
 @pytest.mark.needs("qemu-system-arm")
-def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
+@pytest.mark.parametrize("count", [3000, pytest.param(30_000, marks=pytest.mark.campaign)])
+def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path, count: int) -> None:
     with (
         run_qemu(qemu_firmware, NoisyPlant()) as board,
         ControllerLink(board.url, timeout=2.0) as controller,
@@ -49,7 +46,7 @@ def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
         board.bus.step(40)
         controller.command(Command.ARM)
         controller.command(Command.RUN)
-        forces = ((n % 1000) * 1_000_000 for n in range(1, COMMANDS + 1))
+        forces = ((n % 1000) * 1_000_000 for n in range(1, count + 1))
         answered = 0
         for _ in controller.stream(forces):
             answered += 1
@@ -57,8 +54,8 @@ def test_no_demand_is_lost_on_the_emulated_board(qemu_firmware: Path) -> None:
                 board.bus.step()
         board.bus.step()
         status = controller.status()
-    assert answered == COMMANDS
-    assert status.codes.demand == (COMMANDS % 1000) * 1_000_000
+    assert answered == count
+    assert status.codes.demand == (count % 1000) * 1_000_000
     assert (status.codes.lost_frames, status.codes.bad_frames) == (0, 0)
     assert status.state is State.RUN
 

@@ -15,7 +15,6 @@ from tests.live.conftest import Serve, Show
 from tests.live.test_page import last, press, ready, state_is
 from tests.live.test_recorder import numbers
 
-SOAK_S = float(os.environ.get("ANHYST_SOAK_S", "10"))
 EVERY_S = 0.2
 GROWN = 0.05
 """Of the memory in use once buffers are full, by which it may grow."""
@@ -29,8 +28,9 @@ def resident() -> float:
 
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
+@pytest.mark.parametrize("seconds", [10.0, pytest.param(60.0, marks=pytest.mark.campaign)])
 def test_a_bench_with_a_page_runs_for_long(
-    serve: Serve, show: Show, force_bench: ForceBench, tmp_path: Path
+    serve: Serve, show: Show, force_bench: ForceBench, tmp_path: Path, seconds: float
 ) -> None:
     path = tmp_path / "run.csv"
     served = serve(bench=force_bench, record=path)
@@ -41,7 +41,7 @@ def test_a_bench_with_a_page_runs_for_long(
     state_is(page, "run")
     session, rate = served.session, force_bench.rate
     began, first, sizes = time.monotonic(), session.bench.tick, []
-    while time.monotonic() < began + SOAK_S:
+    while time.monotonic() < began + seconds:
         time.sleep(EVERY_S)
         sizes.append(resident())
     passed = time.monotonic() - began

@@ -112,7 +112,7 @@ def played(platform: str, script: str, cwd: Path, libraries: str = LIBRARIES) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("platform", SYSTEMS)
+@pytest.mark.parametrize("platform", ["win32", pytest.param("darwin", marks=pytest.mark.campaign)])
 def test_every_module_is_imported_on_another_system(platform: str, tmp_path: Path) -> None:
     found = played(platform, IMPORT_ALL, tmp_path, LIBRARIES + OPTIONAL).split()
     own = (path.relative_to(ROOT / "src") for path in (ROOT / "src" / "anhyst").rglob("*.py"))
@@ -157,7 +157,9 @@ def test_the_firmware_is_reached_without_a_pseudo_terminal_on_macos(tmp_path: Pa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", ["x86_64-macos", "aarch64-macos"])
+@pytest.mark.parametrize(
+    "target", [pytest.param("x86_64-macos", marks=pytest.mark.campaign), "aarch64-macos"]
+)
 def test_the_firmware_compiles_for_macos(
     target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,6 +172,7 @@ def test_the_firmware_compiles_for_macos(
 
 
 @pytest.mark.slow
+@pytest.mark.depends("CMakeLists.txt", "core", "plant", "tools/wheel.py")
 @pytest.mark.parametrize(
     ("target", "processor"), [("x86_64-windows-gnu", "AMD64"), ("aarch64-macos", "arm64")]
 )

@@ -10,6 +10,8 @@ import pytest
 from tests.core.test_c_core import tool
 from tests.plant.test_sanitized import sources
 
+pytestmark = pytest.mark.depends("core", "plant", "tests/core", "tests/plant")
+
 FLAGS = ("-O0", "-O2", "-O3", "-O3 -march=native")
 """Ways to compile; a processor of one's own may fuse products into sums if it is let."""
 

@@ -9,6 +9,8 @@ import pytest
 
 from tests.core.test_c_core import ROOT, can_sanitize, quietly, tool
 
+pytestmark = pytest.mark.depends("core", "plant", "tests/core", "tests/plant")
+
 CORE = (
     *(
         "law/circuit",

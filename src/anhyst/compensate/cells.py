@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -104,20 +105,25 @@ def risen(weights: CellWeights, field: float) -> float:
 
 def largest_field(weights: CellWeights, arms: Arms, current: tuple[float, float]) -> float:
     """Return the largest ``|x|``, A/m, to which currents within their limits drive the iron."""
-
-    def reach(drive: float, arm: float, field_arm: float) -> float:
-        def missing(x: float) -> float:
-            flux = risen(weights, x) / weights.saturation + arms.air * x
-            return arm * flux + field_arm * x - drive
-
-        top = (drive + abs(arm)) / (field_arm + arm * arms.air)
-        return float(brentq(missing, 0.0, top)) if drive > 0.0 else 0.0
-
     return max(
-        reach(abs(limit - bias), arm, field_arm)
+        _field_at(weights, arms.air, abs(limit - bias), arm, field_arm)
         for bias, arm, field_arm in zip(arms.bias, arms.flux_arm, arms.field_arm, strict=True)
         for limit in current
     )
+
+
+@lru_cache(maxsize=256)
+def _field_at(
+    weights: CellWeights, air: float, drive: float, arm: float, field_arm: float
+) -> float:
+    """Return the field at a current for the first time; blocks of many sizes ask for the same."""
+
+    def missing(x: float) -> float:
+        flux = risen(weights, x) / weights.saturation + air * x
+        return arm * flux + field_arm * x - drive
+
+    top = (drive + abs(arm)) / (field_arm + arm * air)
+    return float(brentq(missing, 0.0, top)) if drive > 0.0 else 0.0
 
 
 def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
@@ -181,9 +187,9 @@ def cell_rows(
         return np.maximum.accumulate(moved, axis=1), float(np.abs(above).max())
 
     segments = sizes.curve_segments
-    grids = [RowGrid(segments, zone) for zone in ZONES if zone <= segments]
-    grid = min(grids, key=lambda one: laid(one)[1])
-    return CellRows(reach, few.thresholds[1:], grid, laid(grid)[0])
+    grids = {grid: laid(grid) for z in ZONES if z <= segments for grid in (RowGrid(segments, z),)}
+    grid = min(grids, key=lambda one: grids[one][1])
+    return CellRows(reach, few.thresholds[1:], grid, grids[grid][0])
 
 
 def build_cells(

@@ -147,12 +147,21 @@ def between(
     paths: Sequence[Path],
 ) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
+    first, second = (outputs(model, *each, paths) for each in (one, other))
+    return apart(paths, first, second)
 
-    def errors(path: Path) -> FloatArray:
-        first, second = (run_twin(model, *each, path).output for each in (one, other))
-        return first - second
 
-    return deviation((path.name, errors(path)) for path in paths)
+def outputs(model: Model, block: AnyBlock, io: Io, paths: Sequence[Path]) -> list[FloatArray]:
+    """Return what the exact model makes of a compensator's currents, path by path."""
+    return [run_twin(model, block, io, path).output for path in paths]
+
+
+def apart(
+    paths: Sequence[Path], one: Sequence[FloatArray], other: Sequence[FloatArray]
+) -> OutputDeviation:
+    """Return how far two compensators are apart, from their outputs on each path."""
+    both = zip(paths, one, other, strict=True)
+    return deviation((path.name, first - second) for path, first, second in both)
 
 
 def snapped(paths: Sequence[Path], model: Model, scales: Scales, sizes: TableSizes) -> list[Path]:

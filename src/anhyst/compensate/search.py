@@ -15,11 +15,19 @@ from anhyst.compensate.floating import RealBlock, RealKind, build_real
 from anhyst.compensate.full import build_full
 from anhyst.compensate.irons import full_kind
 from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
-from anhyst.compensate.measure import against_demand, between, interpolation, snapped
-from anhyst.compensate.paths import paths
+from anhyst.compensate.measure import (
+    PathRun,
+    against_demand,
+    apart,
+    interpolation,
+    outputs,
+    snapped,
+)
+from anhyst.compensate.paths import Path, paths
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import Model
+from anhyst.support.arrays import FloatArray
 
 SPARE = 0.9
 """Of the wanted accuracy is used up on the path of the plan; the budget measures another one."""
@@ -144,6 +152,15 @@ class FoundBlock:
     tried: Mapping[str, list[tuple[int, float]]]
 
 
+Runs = list[tuple[PathRun, FloatArray]]
+"""Of a compensator on each path, and with losses on one; with its errors."""
+
+
+def worst_of(runs: Runs) -> list[float]:
+    """Return the worst deviation of each run."""
+    return [float(np.abs(error).max()) for _, error in runs]
+
+
 class BlockSearch:
     """Looks at each axis alone, then takes the smallest block of which the total is good enough."""
 
@@ -153,6 +170,7 @@ class BlockSearch:
         b = builder
         self.paths = paths(b.model, b.scales, b.limits, length=LENGTH)
         self.knee = self._knee()
+        self._fine: dict[int, tuple[list[Path], list[FloatArray]]] = {}
 
     def _knee(self) -> int:
         """Flattest start of the root that may be afforded: it costs 2^(-2k)/4 of full scale."""
@@ -191,25 +209,26 @@ class BlockSearch:
 
     def _cost(self, sizes: TableSizes) -> float:
         """Return what sizes cost; a simplified law must not hide its tables behind itself."""
-        cost = self.excess(self.builder(sizes), self.builder.io)
-        return cost if self.builder.kind == "full" else max(cost, self._alone(sizes))
+        b = self.builder
+        cost = self._excess(against_demand(b.model, b(sizes), b.io, self.paths)[1])
+        return cost if b.kind == "full" else max(cost, self._alone(sizes))
 
-    def excess(self, block: AnyBlock, io: Io) -> float:
+    def _excess(self, runs: Runs) -> float:
         """Return what sizes and format cost on the worst path, beyond what the law is off."""
-        worst = self._worst(block, io)
-        return max(here - law for here, law in zip(worst, self._law, strict=True))
+        return max(here - law for here, law in zip(worst_of(runs), self._law, strict=True))
 
-    def _worst(self, block: AnyBlock, io: Io) -> list[float]:
-        """Worst deviation on each path."""
-        runs = against_demand(self.builder.model, block, io, self.paths)[1]
-        return [float(np.abs(error).max()) for _, error in runs]
+    @cached_property
+    def _finest(self) -> Runs:
+        """Runs of the law of this kind itself."""
+        b = self.builder
+        return against_demand(b.model, b.exact(FINE), "f64", self.paths)[1]
 
     @cached_property
     def _law(self) -> list[float]:
         """What the law of this kind itself is off on each path; 0 for the full one."""
         if self.builder.kind == "full":
             return [0.0] * (len(self.paths) + 1)
-        return self._worst(self.builder.exact(FINE), "f64")
+        return worst_of(self._finest)
 
     def _axes(self) -> dict[str, list[tuple[int, float]]]:
         """Measure each axis alone, everything else fine."""
@@ -227,25 +246,33 @@ class BlockSearch:
             sizes = [replace(FINE, gap_segments=n) for n in GAP_RANGE]
             given = b.model, b.scales, b.limits
             return [(s.gap_segments, interpolation(*given, s, lifted).worst) for s in sizes]
-        finest = b.exact(FINE)
         free = LAW_SHARE * max(self._law)
 
         def cost(sizes: TableSizes) -> float:
-            block = b.exact(sizes)
-            moved = between(b.model, (block, "f64"), (finest, "f64"), self.paths).worst
-            return max(self.excess(block, "f64"), moved - free, 0.0)
+            runs = against_demand(b.model, b.exact(sizes), "f64", self.paths)[1]
+            here, finest = ([run.output for run, _ in each[:-1]] for each in (runs, self._finest))
+            moved = apart(self.paths, here, finest).worst
+            return max(self._excess(runs), moved - free, 0.0)
 
         values = range(LAW_SEGMENTS + 1)
         return [(n, cost(replace(FINE, gap_segments=n))) for n in values]
 
     def _alone(self, sizes: TableSizes) -> float:
         """Return what the tables of the law cost, at gaps that stand in the tables over it."""
-        b = self.builder
-        at, block = snapped(self.paths, b.model, b.scales, sizes), b.exact(sizes)
+        b, block = self.builder, self.builder.exact(sizes)
         if b.kind == "full":
+            at = snapped(self.paths, b.model, b.scales, sizes)
             return against_demand(b.model, block, "f64", at)[0].worst
-        fine = b.exact(replace(FINE, gap_segments=sizes.gap_segments))
-        return between(b.model, (block, "f64"), (fine, "f64"), at).worst
+        at, fine = self._fine_tables(sizes.gap_segments)
+        return apart(at, outputs(b.model, block, "f64", at), fine).worst
+
+    def _fine_tables(self, gap_segments: int) -> tuple[list[Path], list[FloatArray]]:
+        """Return paths at gaps that stand in the tables over it, and outputs of fine tables there."""
+        if gap_segments not in self._fine:
+            b, sizes = self.builder, replace(FINE, gap_segments=gap_segments)
+            at = snapped(self.paths, b.model, b.scales, sizes)
+            self._fine[gap_segments] = at, outputs(b.model, b.exact(sizes), "f64", at)
+        return self._fine[gap_segments]
 
     def _candidates(self, axes: Mapping[str, list[tuple[int, float]]]) -> list[TableSizes]:
         """Return sizes that may be good enough, the smallest first; else the most promising."""

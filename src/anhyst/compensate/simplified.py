@@ -201,11 +201,14 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
     pack.set("CURRENT_SHIFT", 2)
     _pack_law(pack, rate, nu, sizes)
     words = pack.close(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
-    lags = []
-    for flux in fluxes:
-        codes = np.clip(np.rint(flux * 2.0**31), -(2**31), 2**31 - 1).astype(np.int32)
-        run = FixedCompensator("simplified", words).run(codes, np.zeros_like(codes), False)
-        lags.append(run / 2.0**31)
+    law, lags = FixedCompensator("simplified", words), []
+    rest = law.memory
+    whole = np.rint(np.concatenate(fluxes) * 2.0**31)
+    codes = np.clip(whole, -(2**31), 2**31 - 1).astype(np.int32)
+    ends = np.cumsum([flux.size for flux in fluxes])
+    for row in np.split(codes, ends[:-1]):
+        law.set_memory(rest)
+        lags.append(law.run(row, np.zeros_like(row), False) / 2.0**31)
     return lags
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from hashlib import sha256
 from typing import Literal, NamedTuple
 
@@ -217,6 +218,7 @@ def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
     return np.asarray(langevin(part.ravel())[1].reshape(part.shape))
 
 
+@lru_cache(maxsize=16)
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope of the magnetisation over the effective field, of any path."""
     end = cells.thresholds[-1] + 3.0 * cells.widths.max()

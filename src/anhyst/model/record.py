@@ -36,6 +36,9 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.units import Quantity
 
+SHORT_ROW, MOST_ROWS = 1 << 13, 32
+"""Samples of a row of the scheduling variable, and how many of them, whose look-up is kept."""
+
 
 def _as_parameter(value: ArrayLike) -> Parameter:
     numbers = np.asarray(value, dtype=np.float64)
@@ -159,7 +162,7 @@ class ActuatorRecord:
         kept = {f.name: getattr(self, f.name) for f in fields(self)}
         return _rebuild, (type(self), kept | {"parameters": dict(self.parameters)})
 
-    @property
+    @cached_property
     def specs(self) -> Mapping[str, ParameterSpec]:
         """Every parameter by name, in the order of the file."""
         return specs_of(self.operator_law)
@@ -365,10 +368,27 @@ class ActuatorRecord:
             if schedule is None
             else schedule
         )
-        c_h, rho, gamma, c_out, in_0, out_0 = (
-            self.over_schedule(spec.name, at) for spec in CIRCUIT
-        )
+        c_h, rho, gamma, c_out, in_0, out_0 = self._surroundings(at)
         return Circuit(c_h, rho, gamma * eddy_rate, c_out, in_0, out_0, output_map(self.output))
+
+    def _surroundings(self, at: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the parameters around the iron; a search asks for the same short rows again."""
+        key, kept = at.tobytes() if at.size <= SHORT_ROW else b"", self._looked_up
+        found = kept.get(key) if key else None
+        if found is None:
+            found = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
+            if key:
+                for values in found:
+                    values.flags.writeable = False
+                if len(kept) >= MOST_ROWS:
+                    kept.clear()
+                kept[key] = found
+        return found
+
+    @cached_property
+    def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:
+        """What was found for rows of the scheduling variable."""
+        return {}
 
 
 def _rebuild(kind: type[ActuatorRecord], kept: dict[str, Any]) -> ActuatorRecord:

@@ -1,0 +1,87 @@
+"""A test on record is skipped only while every byte that it depends on is as it was."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.held import EVERY, RECORD, content_hash
+
+ROOT = Path(__file__).resolve().parents[2]
+LOOKED_AT = "tests/core/test_seeded_faults.py"
+PATHS = ("core", "tests/core")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A small copy of what a test depends on."""
+    for name in (*EVERY, "core/include/a.h", "core/src/a.c", "tests/core/a.c", "plant/a.c"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(f"{name}\n", encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", [*EVERY, "core/include/a.h", "core/src/a.c", "tests/core/a.c"])
+def test_a_byte_more_changes_the_hash(name: str, root: Path) -> None:
+    before = content_hash(PATHS, root)
+    with (root / name).open("a", encoding="utf-8") as file:
+        file.write(" ")
+    assert content_hash(PATHS, root) != before
+
+
+def test_so_does_a_file_that_comes_goes_or_has_another_name(root: Path) -> None:
+    found = [content_hash(PATHS, root)]
+    (root / "core" / "src" / "b.c").touch()
+    found.append(content_hash(PATHS, root))
+    (root / "core" / "src" / "a.c").rename(root / "core" / "src" / "c.c")
+    found.append(content_hash(PATHS, root))
+    (root / "core" / "src" / "c.c").unlink()
+    found.append(content_hash(PATHS, root))
+    assert len(set(found)) == 4
+
+
+def test_what_it_does_not_depend_on_counts_for_nothing(root: Path) -> None:
+    before = content_hash(PATHS, root)
+    (root / "plant" / "a.c").unlink()
+    assert content_hash(PATHS, root) == before
+
+
+def ran(record: Path, held: str) -> str:
+    """Run one cheap test that is marked; return how it ended."""
+    case = f"{LOOKED_AT}::test_a_seeded_fault_is_found[knee-half-as-high]"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", case],
+        cwd=ROOT,
+        env=os.environ
+        | {"ANHYST_HELD": held, "ANHYST_HELD_RECORD": str(record), "ANHYST_NO_SKIP": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout.splitlines()[-1].partition(" in ")[0]
+
+
+@pytest.mark.slow
+def test_what_passed_is_recorded_and_skipped_until_it_changes(tmp_path: Path) -> None:
+    record = tmp_path / "held.toml"
+    assert ran(record, "1") == "1 passed"
+    assert not record.exists()  # where it is honoured, nothing is written
+    assert ran(record, "record") == "1 passed"
+    assert ran(record, "record") == "1 passed"  # where it is written, everything runs
+    assert ran(record, "1") == "1 skipped"
+    assert ran(record, "") == "1 passed"  # where nobody asks, everything runs
+    text = record.read_text(encoding="utf-8")
+    (hash_of_it,) = tomllib.loads(text).values()
+    record.write_text(text.replace(hash_of_it, hash_of_it[::-1]), encoding="utf-8")
+    assert ran(record, "1") == "1 passed"
+
+
+def test_a_test_on_record_is_a_case_of_a_file_that_is_there() -> None:
+    recorded = tomllib.loads(RECORD.read_text(encoding="utf-8"))
+    assert all((ROOT / case.partition("::")[0]).is_file() for case in recorded)
