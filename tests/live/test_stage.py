@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -77,6 +78,17 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
     assert after.refused == 0
     assert set(after.values) >= {"scale_1", "scale_2", "width"}
     assert beside.learner.status()["before_m"]["full"] >= before.average_m / 2.0
+
+
+def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
+    found = prepared()
+    slow = found.whole.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    learner = BenchLearner(replace(found.whole, settings=slow), found.magnet, beside.bench)
+    with refused("amplifier-too-slow amplifier.bandwidth_Hz"):
+        learner.turn(True)
+    learner.turn(False)
+    assert not learner.on
+    assert learner.status()["refused"]
 
 
 def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Beside) -> None:
@@ -168,8 +180,9 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
 
 def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.turn(True)  # from the first tick on
     beside.laps(2)
+    assert beside.learner.status()["before_m"]["full"] == beside.learner.laps[0].average_m
     beside.bench.apply({"compensation": 0.0})
     beside.laps(3)
     methods = [one.method for one in beside.learner.laps]

@@ -125,8 +125,9 @@ class BenchLearner:
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
         windows = exposures(error[begin:], lap.motion, slit, dt)
         average, most = max(peak(mean) for mean, _ in windows), peak(error[begin:])
-        learners, on = self._learners, self.on
-        setup = None
+        learners, on, setup = self._learners, self.on, None
+        learner = learners.get(lap.method)
+        untouched = learner is None or not any(learner.applied.values())
         if on and lap.known >= first and end > self._since:
             known = lap.known - first
             columns = dict(zip(_NEEDED, (one[known:] for one in read), strict=True))
@@ -136,7 +137,7 @@ class BenchLearner:
         def act() -> None:
             if learners is not self._learners:
                 return  # it was reverted meanwhile
-            if learner is None or not any(learner.applied.values()):
+            if untouched:
                 self._before[lap.method] = average
             if setup is not None:
                 self._bench.correct(setup)
@@ -162,7 +163,7 @@ class BenchLearner:
             learner.learn(motion)
             learner.step(lap.motion.duration)
             return None if learner.applied == before else learner.stage()
-        except InputError as error:
+        except (InputError, np.linalg.LinAlgError) as error:
             self._trouble, self.on = f"learning ended: {error}", False
             return None
 
