@@ -50,8 +50,8 @@ class Beside:
             ticks -= count
 
     def laps(self, count: int = 1) -> None:
-        seen = self.learner.count
-        while self.learner.count < seen + count:
+        seen = len(self.learner.laps)
+        while len(self.learner.laps) < seen + count:
             self.advance(200)
 
 
@@ -141,12 +141,12 @@ def test_at_rest_no_number_moves_however_long(
     beside.laps(3)
     beside.bench.command(Command.STOP)
     beside.advance(2000)
-    before = beside.learner.laps[-1].values, beside.learner.count
+    before = beside.learner.laps[-1].values, len(beside.learner.laps)
     learner = dict(beside.learner._learners)["full"]
     estimate, applied = dict(learner.values), dict(learner.applied)
     beside.bench.load(5.0)
     beside.advance(1_000_000)
-    assert (beside.learner.laps[-1].values, beside.learner.count) == before
+    assert (beside.learner.laps[-1].values, len(beside.learner.laps)) == before
     assert (learner.values, learner.applied) == (estimate, applied)
     # what its iron remembers is not known any more: the first lap after it teaches nothing
     taken: list[int] = []
@@ -170,7 +170,7 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
     beside.advance(3000)
     beside.bench.command(Command.STOP)
     beside.advance(4000)
-    assert beside.learner.count == 0
+    assert len(beside.learner.laps) == 0
     beside.bench.command(Command.RUN)
     beside.advance(3000)
     beside.bench.advance(200)  # rows that nobody saw
@@ -215,12 +215,12 @@ def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
     order(session, do="command", name="run")()
     learner = session.learner
     assert learner is not None
-    wait_for(lambda: learner.count >= 3 and learner.laps[-1].values)
+    wait_for(lambda: len(learner.laps) >= 3 and learner.laps[-1].values)
     assert session.status()["learn"]["on"] is True
     order(session, do="learn", revert=True)()
     order(session, do="learn", on=False)()
-    count = learner.count
-    wait_for(lambda: learner.count > count + 1)
+    count = len(learner.laps)
+    wait_for(lambda: len(learner.laps) > count + 1)
     assert learner.laps[-1].values == {}
     session.do(lambda: session.stop("test"))
     wait_for(lambda: session.status()["next"] == "press run")

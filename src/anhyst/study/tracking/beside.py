@@ -63,7 +63,6 @@ class BenchLearner:
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         self.on = rig.settings.tracking.calibrate
         self.laps: deque[LearntLap] = deque(maxlen=KEPT)
-        self.count = 0
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._columns = [_place(bench.signals, name) for name in (*_NEEDED, "error_m", "lap")]
         self._learners: dict[MethodName, Learner] = {}
@@ -124,7 +123,8 @@ class BenchLearner:
             return
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
         windows = exposures(error[begin:], lap.motion, slit, dt)
-        average, most = max(peak(mean) for mean, _ in windows), peak(error[begin:])
+        most = peak(error[begin:])
+        average = max((peak(mean) for mean, _ in windows if mean.size), default=most)
         learners, on, setup = self._learners, self.on, None
         learner = learners.get(lap.method)
         untouched = learner is None or not any(learner.applied.values())
@@ -146,7 +146,6 @@ class BenchLearner:
             self.laps.append(
                 LearntLap(end, lap.number, lap.method, average, most, on, refused, values)
             )
-            self.count += 1
 
         do(act)
 
