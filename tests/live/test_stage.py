@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -49,8 +50,8 @@ class Beside:
             ticks -= count
 
     def laps(self, count: int = 1) -> None:
-        seen = self.learner.count
-        while self.learner.count < seen + count:
+        seen = len(self.learner.laps)
+        while len(self.learner.laps) < seen + count:
             self.advance(200)
 
 
@@ -77,6 +78,17 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
     assert after.refused == 0
     assert set(after.values) >= {"scale_1", "scale_2", "width"}
     assert beside.learner.status()["before_m"]["full"] >= before.average_m / 2.0
+
+
+def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
+    found = prepared()
+    slow = found.whole.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
+    learner = BenchLearner(replace(found.whole, settings=slow), found.magnet, beside.bench)
+    with refused("amplifier-too-slow amplifier.bandwidth_Hz"):
+        learner.turn(True)
+    learner.turn(False)
+    assert not learner.on
+    assert learner.status()["refused"]
 
 
 def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Beside) -> None:
@@ -129,12 +141,12 @@ def test_at_rest_no_number_moves_however_long(
     beside.laps(3)
     beside.bench.command(Command.STOP)
     beside.advance(2000)
-    before = beside.learner.laps[-1].values, beside.learner.count
+    before = beside.learner.laps[-1].values, len(beside.learner.laps)
     learner = dict(beside.learner._learners)["full"]
     estimate, applied = dict(learner.values), dict(learner.applied)
     beside.bench.load(5.0)
     beside.advance(1_000_000)
-    assert (beside.learner.laps[-1].values, beside.learner.count) == before
+    assert (beside.learner.laps[-1].values, len(beside.learner.laps)) == before
     assert (learner.values, learner.applied) == (estimate, applied)
     # what its iron remembers is not known any more: the first lap after it teaches nothing
     taken: list[int] = []
@@ -158,7 +170,7 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
     beside.advance(3000)
     beside.bench.command(Command.STOP)
     beside.advance(4000)
-    assert beside.learner.count == 0
+    assert len(beside.learner.laps) == 0
     beside.bench.command(Command.RUN)
     beside.advance(3000)
     beside.bench.advance(200)  # rows that nobody saw
@@ -168,8 +180,9 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
 
 def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
     start(beside)
-    beside.learner.turn(True)
+    beside.learner.turn(True)  # from the first tick on
     beside.laps(2)
+    assert beside.learner.status()["before_m"]["full"] == beside.learner.laps[0].average_m
     beside.bench.apply({"compensation": 0.0})
     beside.laps(3)
     methods = [one.method for one in beside.learner.laps]
@@ -202,12 +215,12 @@ def test_a_session_runs_learns_and_takes_it_back(session: LiveSession) -> None:
     order(session, do="command", name="run")()
     learner = session.learner
     assert learner is not None
-    wait_for(lambda: learner.count >= 3 and learner.laps[-1].values)
+    wait_for(lambda: len(learner.laps) >= 3 and learner.laps[-1].values)
     assert session.status()["learn"]["on"] is True
     order(session, do="learn", revert=True)()
     order(session, do="learn", on=False)()
-    count = learner.count
-    wait_for(lambda: learner.count > count + 1)
+    count = len(learner.laps)
+    wait_for(lambda: len(learner.laps) > count + 1)
     assert learner.laps[-1].values == {}
     session.do(lambda: session.stop("test"))
     wait_for(lambda: session.status()["next"] == "press run")

@@ -248,9 +248,9 @@ class LiveServer:
             client.curves = self.session.curves
             await client.say({"kind": "loops", "loops": loops_of(self.session)})
         learner = self.session.learner
-        if learner is not None and client.learnt < learner.count:
-            laps = list(learner.laps)[client.learnt - learner.count :]
-            client.learnt = learner.count
+        laps = [one for one in tuple(learner.laps) if one.tick > client.learnt] if learner else ()
+        if laps:
+            client.learnt = laps[-1].tick
             await client.say({"kind": "learnt", "laps": [one._asdict() for one in laps]})
         improver = self.session.improver
         if improver is not None and client.results is not improver.results:

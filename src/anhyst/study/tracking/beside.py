@@ -63,7 +63,6 @@ class BenchLearner:
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         self.on = rig.settings.tracking.calibrate
         self.laps: deque[LearntLap] = deque(maxlen=KEPT)
-        self.count = 0
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._columns = [_place(bench.signals, name) for name in (*_NEEDED, "error_m", "lap")]
         self._learners: dict[MethodName, Learner] = {}
@@ -124,9 +123,11 @@ class BenchLearner:
             return
         slit, dt = self._rig.settings.scan.slit_s, self._rig.dt
         windows = exposures(error[begin:], lap.motion, slit, dt)
-        average, most = max(peak(mean) for mean, _ in windows), peak(error[begin:])
-        learners, on = self._learners, self.on
-        setup = None
+        most = peak(error[begin:])
+        average = max((peak(mean) for mean, _ in windows if mean.size), default=most)
+        learners, on, setup = self._learners, self.on, None
+        learner = learners.get(lap.method)
+        untouched = learner is None or not any(learner.applied.values())
         if on and lap.known >= first and end > self._since:
             known = lap.known - first
             columns = dict(zip(_NEEDED, (one[known:] for one in read), strict=True))
@@ -136,7 +137,7 @@ class BenchLearner:
         def act() -> None:
             if learners is not self._learners:
                 return  # it was reverted meanwhile
-            if learner is None or not any(learner.applied.values()):
+            if untouched:
                 self._before[lap.method] = average
             if setup is not None:
                 self._bench.correct(setup)
@@ -145,7 +146,6 @@ class BenchLearner:
             self.laps.append(
                 LearntLap(end, lap.number, lap.method, average, most, on, refused, values)
             )
-            self.count += 1
 
         do(act)
 
@@ -162,7 +162,7 @@ class BenchLearner:
             learner.learn(motion)
             learner.step(lap.motion.duration)
             return None if learner.applied == before else learner.stage()
-        except InputError as error:
+        except (InputError, np.linalg.LinAlgError) as error:
             self._trouble, self.on = f"learning ended: {error}", False
             return None
 
