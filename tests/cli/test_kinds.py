@@ -65,7 +65,7 @@ WORKS = {
     "tune": {"bearing"},
     "force-control": {"force"},
     "excite": {"bearing", "stage", "force"},
-    "live": {"bearing", "force", "compiled"},
+    "live": {"bearing", "stage", "force", "compiled"},
     "xcp": set[str](),
 }
 """What each verb is to take; everything else it refuses."""
