@@ -234,7 +234,7 @@ def short_session(small: Path, program: Program, board: str) -> Session:
 @pytest.mark.slow
 def test_a_single_other_code_is_found(run: ForceControl, small: Path) -> None:
     program = program_of(run, run.out / "end" / "full" / "firmware")
-    session = short_session(small, program, "host")
+    session = short_session(small, program, "library")
     assert ticks_that_differ(program, session) == 0
     drive = session.drive.copy()
     drive[session.first + 30] += 1
