@@ -22,7 +22,7 @@ Q30 = float(1 << 30)
 Q31 = float(1 << 31)
 _RESERVED = -(1 << 31)
 _LEAST, _MOST = _RESERVED + 1, (1 << 31) - 1
-_DRIVE_BYTES = PlantDrive.FIXED.size + 4
+DRIVE_BYTES = PlantDrive.FIXED.size + 4
 _CURRENTS, _DRIVES = (
     [field.name for field in fields(record) if field.name.startswith(signal)]
     for record, signal in ((PlantSample, "current"), (PlantDrive, "drive"))
@@ -61,7 +61,7 @@ def over(connection: socket.socket, timeout: float = 10.0) -> Exchange:
 
     def exchange(sample: bytes) -> bytes:
         connection.sendall(sample)
-        data = connection.recv(_DRIVE_BYTES, socket.MSG_WAITALL)
+        data = connection.recv(DRIVE_BYTES, socket.MSG_WAITALL)
         if not data:
             raise ConnectionError("it hung up")
         return data

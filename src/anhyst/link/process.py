@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from anhyst.link.frames import PlantDrive
-from anhyst.link.plant_bus import Plant, PlantBus, over
+from anhyst.link.plant_bus import DRIVE_BYTES, Plant, PlantBus, over
 from anhyst.link.transport import LinkPort
 from anhyst.support.errors import InputError
 
@@ -82,7 +81,7 @@ class LibraryBoard:
                     f"{program}: cannot be loaded: {error}", code="did-not-start"
                 ) from error
         self._said = ctypes.create_string_buffer(_LINK_MOST)
-        self._drive = ctypes.create_string_buffer(PlantDrive.FIXED.size + 4)
+        self._drive = ctypes.create_string_buffer(DRIVE_BYTES)
         self._rest = b""
         self._board.library_link.restype = ctypes.c_uint16
         self._board.library_start()

@@ -25,17 +25,16 @@ from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import check_values
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage.loop import (
-    STRAY_HZ,
     STRAY_LATE,
     Feedforward,
     StageSetup,
     make_controller,
     pid,
     stage_loss,
+    strayed,
 )
 from anhyst.rig.stage.setpoint import Course, SetPoint, braking, course_of, motion_of
 from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import sine
 from anhyst.support.errors import InputError
 
 PIECE_S = 0.01
@@ -180,6 +179,7 @@ class StageBench:
         # the loop keeps the drives alive
         controller = make_controller(setup, [self._remembering(setup, k) for k in range(2)])
         self._loop = PlantLoop(self._plant, controller, current_loops(setup.rig.bearing))
+        self._names = [column(*signal) for signal in self._loop.signals]
         if len(self._latest):
             self._carried = float(np.mean(self._latest[:, 3] - self._latest[:, 4]))
 
@@ -271,8 +271,8 @@ class StageBench:
 
     def _strayed(self, n: int, late: FloatArray | float) -> FloatArray:
         """Return how far the long stroke is off at the next ticks, m, as a simulated one is."""
-        turns = STRAY_HZ * self.rig.dt * np.arange(self.tick, self.tick + n)
-        return np.asarray(0.25 * self.rig.settings.frame.stray_m * (late + sine(turns)))
+        ticks = np.arange(self.tick, self.tick + n, dtype=np.float64)
+        return strayed(self.rig, late, self.rig.dt * ticks)
 
     def _run(self, n: int) -> FloatArray:
         rig, settings = self.rig, self.rig.settings
@@ -289,8 +289,7 @@ class StageBench:
             np.zeros(n, dtype=np.uint32),
             np.ascontiguousarray(frame),
         )
-        names = [column(*signal) for signal in self._loop.signals]
-        read = dict(zip(names, table.T, strict=True))
+        read = dict(zip(self._names, table.T, strict=True))
         loss = stage_loss(rig, Recording(read), n)
         kept = n if loss is None else min(loss.tick + 1, len(table))
         read = {name: values[:kept] for name, values in read.items()}

@@ -61,8 +61,9 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
-STRAY_HZ, STRAY_LATE = 3.0, 5e-3
-"""Of a long stroke that is off: frequency of what it does by itself, and how late it follows, s."""
+STRAY_LATE = 5e-3
+"""How late a long stroke follows the acceleration, s."""
+_STRAY_HZ = 3.0  # of what it does by itself
 _COMMAND_NONE = 0
 
 
@@ -124,10 +125,17 @@ def pid(rig: StageRig) -> dict[str, float]:
 
 
 def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off, m: half with the acceleration, half by itself."""
+    """Return how far the long stroke is off along a motion, m."""
+    return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
+
+
+def strayed(rig: StageRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
+    """Return how far the long stroke is off, m: half with the acceleration, half by itself.
+
+    The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
+    """
     stray = rig.settings.frame.stray_m
-    late = motion.at(time - STRAY_LATE)[1] / max(motion.peaks)
-    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * STRAY_HZ * time)))
+    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
 
 
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
