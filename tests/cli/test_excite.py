@@ -22,7 +22,7 @@ ALLOWED = {"bearing": 0.005, "solenoid": 0.03}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["bearing", "solenoid"])
+@pytest.mark.parametrize("kind", [pytest.param("bearing", marks=pytest.mark.campaign), "solenoid"])
 def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_path: Path) -> None:
     rig = measured_rig(kind, tmp_path, more=f"\n[excite]\ngaps_m = {GAPS[kind]}\n")
     made = quick("excite", "rig.toml", "--out", "new.csv", "--plot", "new.png", cwd=tmp_path)

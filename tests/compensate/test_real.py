@@ -21,7 +21,7 @@ from anhyst.compilation.floating_source import c_parameters_f32, literal
 from anhyst.model.compilable import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
-from anhyst.support.core_folder import core_folder
+from anhyst.support.folder import core_folder
 from tests.actuators import (
     CURRENTS,
     GAPS,

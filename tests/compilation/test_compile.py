@@ -26,8 +26,8 @@ from anhyst.compilation.output import Compiled, compile_model
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, ValidRange
 from anhyst.model.writer import write_model
-from anhyst.support.core_folder import core_folder
 from anhyst.support.errors import NegativeResult
+from anhyst.support.folder import core_folder
 from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool
 from tests.firmware.build import tool as avr_gcc

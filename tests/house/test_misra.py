@@ -48,6 +48,9 @@ def listed(group: str) -> dict[str, int]:
 
 
 @pytest.mark.slow
+@pytest.mark.depends(
+    "core", "firmware", "tests/firmware", "docs/proofs.md", "src/anhyst/compilation/core.py"
+)
 @pytest.mark.parametrize("group", GROUPS)
 def test_deviations_are_those_listed(group: str) -> None:
     sources, includes = GROUPS[group]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Literal
 
 from anhyst import _core
@@ -14,11 +12,12 @@ from anhyst.compensate.floating import RealBlock, build_real
 from anhyst.compensate.force_controller import Native
 from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.irons import full_kind
-from anhyst.compensate.plan import CompileRequest, Plan, make_plan
+from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Sources
 from anhyst.compensate.twin import Io
 from anhyst.model.compilable import has_layers
 from anhyst.support.errors import InputError
+from anhyst.support.kept import kept
 
 
 @dataclass(frozen=True)
@@ -66,12 +65,6 @@ def simplified_inverse(sources: Sources, number_format: NumberFormat) -> Hystere
     return _compile("simplified", sources, number_format)
 
 
-@lru_cache(maxsize=8)
-def _planned(model: bytes, request: CompileRequest) -> Plan:
-    """Return the plan of a pickled model: every study of a rig asks for the same few."""
-    return make_plan(pickle.loads(model), request, 0)
-
-
 def _compile(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
@@ -86,7 +79,8 @@ def _compile(
     solid = kind == "full" and number_format != "fixed" and has_layers(narrowed)
     narrowed = narrowed if solid else narrowed.at_rest
     io: Io = "f32" if solid else "q31"
-    plan = _planned(pickle.dumps(narrowed), CompileRequest(kind, io, where.rate))
+    request = CompileRequest(kind, io, where.rate)
+    plan = kept("plans", lambda: make_plan(narrowed, request, 0), narrowed, request)
     block = plan.block
     if number_format != "fixed" and not solid:
         law = plan.builder.law if kind == "simplified" else None

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 
 from anhyst.compensate.block import Kind
-from anhyst.support.core_folder import core_folder
+from anhyst.support.folder import core_folder
 
 _COMPENSATOR = ("compensator/block.c", "compensator/compensator.c")
 

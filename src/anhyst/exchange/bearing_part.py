@@ -20,8 +20,8 @@ from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.atomic import PathLike
-from anhyst.support.core_folder import plant_folder
 from anhyst.support.errors import InputError
+from anhyst.support.folder import plant_folder
 
 _FORMATS = ("f32", "f64")
 _CORE = (

@@ -29,6 +29,7 @@ from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.kept import kept
 from anhyst.support.units import MU_0
 
 CELLS = 24
@@ -100,6 +101,10 @@ class FittedPlant:
 
 def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
     """Fit what a rig file leaves out of its magnet; solid iron to loops of several speeds."""
+    return kept("plants", lambda: _fit(loops, table), loops, table)
+
+
+def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
     found = _fit_at_rest(slow_loops(loops), table)
     if table.solid is None:
         return found
@@ -108,13 +113,13 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
     coarse = thinned(loops, COARSE)
-    fit = _Fit(coarse, table)
+    fit = _AtRest(coarse, table)
     found = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda one: one[0])
-    fit = _Fit(thinned(loops, FINE), table)
+    fit = _AtRest(thinned(loops, FINE), table)
     _, at = fit.run(found[1])
     turns = round(fit.turns(at))
     if table.turns is None:
-        fit = _Fit(fit.loops, table.model_copy(update={"turns": turns}))
+        fit = _AtRest(fit.loops, table.model_copy(update={"turns": turns}))
         _, at = fit.run(fit.start(0.0))
     return fit.fitted(at, table)
 
@@ -191,7 +196,7 @@ def _fit_solid(loops: Loops, found: FittedPlant, given: SolidTable) -> SolidTabl
     return table(least_squares(misses, start, max_nfev=TRIES, diff_step=1e-3, xtol=1e-4).x)
 
 
-class _Fit:
+class _AtRest:
     """Least squares of the force, with expectations of what the loops leave open."""
 
     def __init__(self, loops: Loops, table: MagnetTable) -> None:

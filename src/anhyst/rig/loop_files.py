@@ -15,6 +15,7 @@ from anhyst.model.actuator import Model
 from anhyst.rig.measurement_table import LoopsTable
 from anhyst.rig.old_files import rig_error
 from anhyst.support.errors import InputError
+from anhyst.support.kept import kept
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import FileFault
 
@@ -84,6 +85,9 @@ def identify_loops(
     *,
     late: bool = False,
 ) -> Model:
-    """Identify a model as a rig file wants it, at rest but for `late`."""
-    model = identify(loops, **options.searching(gap_map), progress=progress).model
+    """Identify a model as a rig file wants it, at rest but for `late`; once of the same loops."""
+    wanted = options.searching(gap_map)
+    model = kept(
+        "models", lambda: identify(loops, **wanted, progress=progress).model, loops, wanted
+    )
     return model if late else model.at_rest

@@ -10,16 +10,11 @@ import hashlib
 import os
 import pickle
 import shutil
-import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import numpy as np
-import scipy
-
-from anhyst._core import _native
 from anhyst.link.firmware import firmware_folder
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.stage.file import read_stage
@@ -27,8 +22,8 @@ from anhyst.study.bearing.ready import read_files
 from anhyst.study.bench import kind_of_bench, prepare_bench
 from anhyst.study.prepared import Prepared
 from anhyst.support.atomic import PathLike
-from anhyst.support.core_folder import core_folder
-from anhyst.support.folder import cache_folder
+from anhyst.support.folder import cache_folder, core_folder
+from anhyst.support.kept import computed_with, forget, load
 from anhyst.support.kinds import FileKind
 from anhyst.support.progress import Progress
 
@@ -57,18 +52,10 @@ def prepared_once(
 
 def _load(place: Path) -> Prepared | None:
     """Return what is kept at a place, if it is there, whole and one's own."""
-    try:
-        if hasattr(os, "getuid") and place.stat().st_uid != os.getuid():
-            return None
-        content = (place / _PICKLE).read_bytes()
+    prepared: Prepared | None = load(place / _PICKLE)
+    if prepared is not None:
         os.utime(place)
-    except OSError:
-        return None
-    try:
-        prepared: Prepared = pickle.loads(content)
-    except (pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
-        return None
-    return prepared.with_firmware(place / _FIRMWARE)
+    return prepared and prepared.with_firmware(place / _FIRMWARE)
 
 
 def _keep(prepared: Prepared, place: Path) -> None:
@@ -82,18 +69,12 @@ def _keep(prepared: Prepared, place: Path) -> None:
         (folder / _PICKLE).write_bytes(pickle.dumps(prepared))
         shutil.rmtree(place, ignore_errors=True)  # one that could not be read
         folder.rename(place)
-    kept = sorted(
-        (one for one in place.parent.iterdir() if not one.name.startswith(".")),
-        key=lambda one: one.stat().st_mtime,
-    )
-    for old in kept[:-MOST]:
-        shutil.rmtree(old, ignore_errors=True)
+    forget(place.parent, MOST)
 
 
 def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
     """Return a name for all that goes into a bench."""
-    computed_with = f"{sys.version} {np.__version__} {scipy.__version__}"
-    digest = hashlib.sha256(computed_with.encode())
+    digest = hashlib.sha256(computed_with())
     for path in [*_named(rig_path, controller_path), *_sources()]:
         digest.update(f"\0{path}\0{path.resolve()}\0".encode())
         with suppress(OSError):  # whoever reads it says what is wrong
@@ -122,17 +103,11 @@ def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
 
 
 def _sources() -> Iterator[Path]:
-    """Return all that computes: the package, the C that is compiled, its binary, the compiler."""
-    yield Path(_native.__file__)
+    """Return what firmware is made of: the C that is compiled, the compiler."""
     for name in ("cc", "gcc", "clang"):
         if found := shutil.which(name):
             yield Path(found)
-    folders: Iterable[Path] = (
-        Path(__file__).resolve().parents[1],
-        core_folder(),
-        firmware_folder(),
-    )
-    for folder in folders:
+    for folder in (core_folder(), firmware_folder()):
         for path in sorted(folder.rglob("*")):
-            if path.is_file() and path.suffix in {".py", ".c", ".h", ".j2", ".ld", ".toml"}:
+            if path.is_file() and path.suffix in {".c", ".h", ".ld", ".toml"}:
                 yield path

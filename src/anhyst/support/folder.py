@@ -1,4 +1,4 @@
-"""Folders that are written whole or not at all, and that of what is kept."""
+"""Folders: written whole or not at all, that of what is kept, those of the C sources."""
 
 from __future__ import annotations
 
@@ -15,6 +15,33 @@ from anhyst.support.errors import InputError
 def cache_folder(kind: str) -> Path:
     """Return where things of a kind are kept; ``XDG_CACHE_HOME`` says where caches are."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anhyst" / kind
+
+
+def core_folder() -> Path:
+    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
+
+    In a source tree it is the one that is edited, otherwise the copy inside the package.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for place in (package.parents[1] / "core", package / "_core" / "c"):
+        if (place / "include" / "anhyst" / "compensator" / "compensator.h").is_file():
+            return place
+    raise InputError(
+        f"{package}: the C sources of the core are missing; install anhyst again",
+        code="installation-incomplete",
+    )
+
+
+def plant_folder() -> Path:
+    """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`."""
+    package = Path(__file__).resolve().parents[1]
+    for place in (package.parents[1] / "plant", package / "_core" / "plant"):
+        if (place / "include" / "anhyst_plant" / "body.h").is_file():
+            return place
+    raise InputError(
+        f"{package}: the C sources of the plant are missing; install anhyst again",
+        code="installation-incomplete",
+    )
 
 
 @contextmanager

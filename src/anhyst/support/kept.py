@@ -1,0 +1,109 @@
+"""What was computed before from the same inputs, in the user's cache.
+
+It is found by a hash over these inputs, this machine and all that computes: the sources of the
+package, its binary, the libraries underneath. So it is never stale, and the same as if computed anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import scipy
+from pydantic import BaseModel
+
+from anhyst._core import _native
+from anhyst.support.folder import cache_folder
+
+T = TypeVar("T")
+
+MOST = 200
+"""Results of a kind that are kept, of 10 to 100 kilobytes each; those not used for longest go."""
+
+
+def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
+    """Return what `make` makes of these inputs, from the cache where it was made before."""
+    digest = hashlib.sha256(computed_with())
+    _take(digest, inputs)
+    place = cache_folder(kind) / digest.hexdigest()
+    found: T | None = load(place)
+    if found is None:
+        found = make()
+        with suppress(OSError):  # without a cache it is computed each time
+            _keep(place, pickle.dumps(found))
+    return found
+
+
+def load(place: Path) -> Any:
+    """Return what is kept at a place, if it is there, whole and one's own; None otherwise."""
+    try:
+        if hasattr(os, "getuid") and place.stat().st_uid != os.getuid():
+            return None
+        content = place.read_bytes()
+        os.utime(place)
+        return pickle.loads(content)
+    except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
+        return None
+
+
+def forget(folder: Path, most: int) -> None:
+    """Leave those things in a folder that were used last."""
+    known = [one for one in folder.iterdir() if not one.name.startswith(".")]
+    for old in sorted(known, key=lambda one: one.stat().st_mtime)[:-most]:
+        shutil.rmtree(old, ignore_errors=True) if old.is_dir() else old.unlink(missing_ok=True)
+
+
+@lru_cache(maxsize=1)
+def computed_with() -> bytes:
+    """Return a hash of what computes here."""
+    about = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
+    digest = hashlib.sha256(about.encode())
+    package = Path(__file__).resolve().parents[1]
+    sources = (one for one in package.rglob("*.*") if one.suffix in {".py", ".j2", ".toml"})
+    for path in (Path(_native.__file__), *sorted(sources)):
+        digest.update(f"\0{path}\0".encode())
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.digest()
+
+
+def _keep(place: Path, content: bytes) -> None:
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
+        whole = Path(draft) / "whole"
+        whole.write_bytes(content)
+        whole.replace(place)
+    forget(place.parent, MOST)
+
+
+def _take(digest: Any, value: object) -> None:
+    """Let a value count: equal ones alike, whatever else was made of them before."""
+    digest.update(f"\0{type(value).__qualname__}\0".encode())
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype} {value.shape}".encode() + value.tobytes())
+    elif isinstance(value, Enum | str | bytes | int | float | Path | None):
+        digest.update(repr(value).encode())
+    elif isinstance(value, BaseModel):
+        _take(digest, dict(value))
+    elif is_dataclass(value):
+        _take(digest, {one.name: getattr(value, one.name) for one in fields(value)})
+    elif isinstance(value, Mapping):
+        _take(digest, tuple(value.items()))
+    elif isinstance(value, tuple | list):
+        for one in value:
+            _take(digest, one)
+        digest.update(f"\0{len(value)}".encode())
+    else:
+        raise TypeError(f"{type(value).__qualname__} has no contents that could be compared")

@@ -1,0 +1,105 @@
+"""What was computed before of equal inputs comes from the cache, and of others never."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.support import kept as module
+from anhyst.support.arrays import FloatArray
+from anhyst.support.folder import cache_folder
+from anhyst.support.kept import kept
+
+
+@dataclass(frozen=True)
+class Given:
+    """Inputs of a computation."""
+
+    values: FloatArray
+    names: dict[str, float] = field(default_factory=dict)
+
+
+HERE = Given(np.array([1.0, 2.0]), {"gap": 0.5})
+OTHERS = [
+    replace(HERE, values=np.array([1.0, np.nextafter(2.0, 3.0)])),
+    replace(HERE, values=np.array([[1.0, 2.0]])),
+    replace(HERE, values=HERE.values.astype(np.float32)),
+    replace(HERE, names={"gap": 0.25}),
+    replace(HERE, names={"gaps": 0.5}),
+    replace(HERE, names={}),
+]
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+class Computed(Exception):  # noqa: N818 - nothing went wrong
+    """It is computed, and not taken from the cache."""
+
+
+def compute() -> str:
+    raise Computed
+
+
+def test_equal_inputs_are_computed_once() -> None:
+    assert kept("words", lambda: "first", HERE, 1) == "first"
+    again = Given(HERE.values.copy(), dict(HERE.names))
+    assert kept("words", compute, again, 1) == "first"
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_the_last_bit_of_an_input_counts_and_its_shape_its_type_and_its_names(other: Given) -> None:
+    kept("words", lambda: "first", HERE)
+    with pytest.raises(Computed):
+        kept("words", compute, other)
+
+
+def test_the_order_and_nesting_of_inputs_count() -> None:
+    kept("words", lambda: "first", (1, 2), 3)
+    for other in (((1,), 2, 3), ((1, 2, 3),), (3, (1, 2)), ((1, 2), 3.0)):
+        with pytest.raises(Computed):
+            kept("words", compute, *other)
+
+
+def test_other_sources_and_another_kind_are_other_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept("words", lambda: "first", HERE)
+    with pytest.raises(Computed):
+        kept("others", compute, HERE)
+    monkeypatch.setattr(module, "computed_with", lambda: b"other sources")
+    with pytest.raises(Computed):
+        kept("words", compute, HERE)
+
+
+def test_half_a_file_is_computed_anew() -> None:
+    kept("words", lambda: "first", HERE)
+    (place,) = cache_folder("words").iterdir()
+    place.write_bytes(place.read_bytes()[:-3])
+    assert kept("words", lambda: "second", HERE) == "second"
+    assert kept("words", compute, HERE) == "second"
+
+
+def test_without_a_place_it_is_computed_each_time(tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("no folder")
+    assert kept("words", lambda: "first", HERE) == "first"
+    assert kept("words", lambda: "second", HERE) == "second"
+
+
+def test_nobody_else_can_write_there_and_what_was_used_last_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "MOST", 3)
+    for number in range(5):
+        kept("numbers", lambda number=number: number, number)  # type: ignore[misc]
+    folder = cache_folder("numbers")
+    assert folder.stat().st_mode & 0o077 == 0
+    assert len(list(folder.iterdir())) == 3
+
+
+def test_what_has_no_contents_to_compare_is_refused() -> None:
+    with pytest.raises(TypeError):
+        kept("words", compute, object())
