@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-
-from tests.truths import truth
 
 DEMO = Path(__file__).resolve().parents[2] / "examples" / "demo.py"
 
@@ -21,30 +17,9 @@ def share(line: str) -> float:
 
 
 @pytest.mark.slow
-def test_the_demo_models_unseen_gaps_and_compiles_the_model(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_demo_models_unseen_gaps_compiles_and_ends_on_one_table_and_one_picture(
+    tmp_path: Path,
 ) -> None:
-    spec = importlib.util.spec_from_file_location("anhyst_demo", DEMO)
-    assert spec is not None
-    assert spec.loader is not None
-    demo = importlib.util.module_from_spec(spec)
-    sys.modules["anhyst_demo"] = demo
-    spec.loader.exec_module(demo)
-    # What identification finds in these loops is kept.
-    known = SimpleNamespace(model=truth("electromagnet"))
-    monkeypatch.setattr(demo, "identify", lambda loops: known)
-    magnet = demo.electromagnet(tmp_path)
-    assert float(magnet.lines[0].own.split()[0]) <= 0.35
-    for line in magnet.lines:
-        assert share(line.gain) <= 0.1
-    made = demo.compiled(tmp_path / "model.toml", tmp_path / "controller")
-    assert made.lines[0].against.startswith("0 bits")
-    assert (tmp_path / "controller" / "electromagnet_parameters.c").exists()
-    assert (tmp_path / "report.html").exists()
-
-
-@pytest.mark.slow
-def test_the_demo_ends_on_one_table_and_one_picture(tmp_path: Path) -> None:
     command = [sys.executable, str(DEMO), "--out", str(tmp_path / "demo")]
     said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     table = (tmp_path / "demo" / "table.txt").read_text(encoding="utf-8")
@@ -52,10 +27,18 @@ def test_the_demo_ends_on_one_table_and_one_picture(tmp_path: Path) -> None:
     assert "…" not in table  # nothing is cut off at 80 columns
     lines = table.splitlines()
     assert len(lines) <= 10
+    force = [line for line in lines if line.startswith("force")]
+    assert len(force) == 2
+    assert max(map(share, force)) <= 0.1
+    assert float(force[0].split("mean")[1].split()[0]) <= 0.35
+    assert any(line.startswith("16-bit C") and "0 bits unlike" in line for line in lines)
     stage = [line for line in lines if line.startswith("stage")]
     assert share(stage[0]) <= 0.1  # of the best curve without memory
     assert max(map(share, stage)) <= 0.7
     assert any(line.startswith("bearing") for line in lines)
     assert (tmp_path / "demo" / "demo.png").stat().st_size > 10_000
+    magnet = tmp_path / "demo" / "electromagnet"
+    assert (magnet / "controller" / "electromagnet_parameters.c").exists()
+    assert (magnet / "report.html").exists()
     for name in ("bearing", "stage"):
         assert (tmp_path / "demo" / name / "table.txt").exists()
