@@ -62,7 +62,7 @@ WORKS = {
     "verify": {"compiled"},
     "simulate": {"bearing", "stage", "piezo", "force"},
     "calibrate": {"stage"},
-    "tune": {"bearing"},
+    "tune": {"bearing", "stage"},
     "force-control": {"force"},
     "excite": {"bearing", "stage", "force"},
     "live": {"bearing", "stage", "force", "compiled"},

@@ -60,7 +60,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.STAGE,),
-    "tune": (FileKind.BEARING,),
+    "tune": (FileKind.BEARING, FileKind.STAGE),
     "force-control": (FileKind.FORCE,),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
     "live": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE, FileKind.COMPILED),

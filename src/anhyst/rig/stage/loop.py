@@ -93,11 +93,12 @@ class StageSetup:
 def pid(rig: StageRig) -> dict[str, float]:
     """Return the PID as a filter of second order, by the trapezoidal rule.
 
-    Integral to a fifth of the crossover, lead from a third of it to six times it.
+    Where integral and lead end and begin, the rig file says in parts of the crossover.
     """
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
-    low, lead, high = omega / 5.0, omega / 3.0, 6.0 * omega
+    low, lead = omega / table.integral_ratio, omega / table.lead_ratio
+    high = table.rolloff_ratio * omega
 
     def shape(s: complex) -> complex:
         return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
@@ -189,7 +190,7 @@ def track(
     pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     bearing.place([rig.gap], [0.0])
-    loop = PlantLoop(bearing, make_controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
     rows = loop.run(
         np.ascontiguousarray(reference[:n]),
@@ -218,7 +219,7 @@ def _track_axes(
     frame = np.outer(reference + strayed, along)
     wrench = np.outer(forward / file.body.mass_kg, moved @ along) - weight(file)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
-    loop = PlantLoop(bearing, _axes_controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
         np.outer(reference[:n], along).ravel(),
         np.zeros(n),
@@ -339,6 +340,11 @@ def make_controller(
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller
+
+
+def make_loop_controller(setup: StageSetup) -> LoopController:
+    """Return the controller of a body of one or several coordinates, just switched on."""
+    return _axes_controller(setup) if setup.rig.settings.several else make_controller(setup)
 
 
 def _axes_controller(setup: StageSetup) -> LoopController:
