@@ -58,7 +58,7 @@ WORKS = {
     "diff": MODEL,
     "compile": MODEL,
     "watch": MODEL,
-    "export": {"model", "bearing"},
+    "export": {"model", "bearing", "stage"},
     "verify": {"compiled"},
     "simulate": {"bearing", "stage", "piezo", "force"},
     "calibrate": {"stage"},

@@ -56,7 +56,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "diff": _MODEL,
     "compile": _MODEL,
     "watch": _MODEL,
-    "export": (FileKind.MODEL, FileKind.BEARING),
+    "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE),
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
     "calibrate": (FileKind.STAGE,),

@@ -16,7 +16,9 @@ from anhyst._core import (
     TrackingAxes,
     TrackingF32,
 )
+from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.play_map import PlayMap
@@ -389,6 +391,14 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
     }
+
+
+def block_of(setup: StageSetup) -> Block:
+    """Return the parameter block of a compensator of a law in fixed point."""
+    parameters = setup.compensator.parameters
+    assert isinstance(parameters, HysteresisInverse)
+    assert isinstance(parameters.block, Block)
+    return parameters.block
 
 
 def fixed_pid(setup: StageSetup) -> FixedPidd2:
