@@ -16,9 +16,9 @@ import pytest
 import anhyst
 from anhyst.cli import app as cli
 from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import Feedforward, instants, pid, ticks_of, track
+from anhyst.rig.stage.loop import Feedforward, instants, make_stage, pid, ticks_of, track
 from anhyst.rig.stage.setpoint import SetPoint
-from anhyst.study.tuning import search, tuning
+from anhyst.study.tuning import search, stage, tuning
 from anhyst.study.tuning.aims import LOST, Aims
 from anhyst.study.tuning.search import FoundGains, GainSearch
 from anhyst.study.tuning.stage import TRAINING, UNSEEN, StageLoop, linear_stage
@@ -26,6 +26,7 @@ from anhyst.study.tuning.trial import GainTrial, run_trial
 from anhyst.support.errors import Interrupted
 from tests.refusals import refused
 from tests.study import bearings, stages
+from tests.study.test_axes import planar
 
 AIMS = Aims(None)
 
@@ -124,6 +125,23 @@ def test_aims_that_no_gains_reach_end_with_the_best_and_what_would_help() -> Non
     limits = {one.what: one.text for one in loop().limits(aims, reached, 0, 1)}
     assert UNSEEN.text in limits["average_m"]
     assert {"peak_sensitivity", "delay"} <= set(limits)
+
+
+@pytest.mark.slow
+def test_the_gains_of_a_body_of_several_coordinates_are_tuned_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = planar()
+    few = replace(rig, settings=rig.settings.model_copy(update={"noise_seeds": 2}))
+    several = StageLoop(make_stage(few, bearings.knowledge(), "play"), Feedforward(), most=250.0)
+    firmer = several.at(np.array([0.95, 0.3, 0.5, 0.6]))
+    costs = [run_trial(GainTrial(one, (TRAINING,), AIMS)).cost for one in (several, firmer)]
+    assert costs[1] < 0.7 * costs[0]
+    monkeypatch.setattr(stage, "find_gains", lambda *_: Feedforward())
+    reached = firmer.check(1)
+    assert reached.worst.peak_sensitivity == firmer.margin()[0]
+    assert reached.worst.cost < 1e-6
+    assert "plants" not in reached.rows  # they are drawn for one coordinate alone
 
 
 @pytest.fixture
