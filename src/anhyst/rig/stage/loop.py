@@ -217,9 +217,9 @@ def _track_axes(
     of mass, and carries the weight.
     """
     rig, file, n = setup.rig, setup.rig.settings, forward.size
-    along, moved = scan_direction(file), mass_matrix(file)
+    along = scan_direction(file)
     frame = np.outer(reference + strayed, along)
-    wrench = np.outer(forward / file.body.mass_kg, moved @ along) - weight(file)
+    wrench = fed_wrench(rig, forward)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
@@ -231,18 +231,25 @@ def _track_axes(
         frame.ravel(),
     )
     run = Recording.of_table(rows, [column(*signal) for signal in loop.signals])
-    return Recording(_axes_recorded(rig, run, reference, frame), _axes_loss(rig, run, n))
+    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
 
 
-def _axes_recorded(
+def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
+    """Return the wrench of a force that moves the centre of mass along the set-point, with the weight."""
+    file = rig.settings
+    moved = mass_matrix(file) @ scan_direction(file)
+    return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
+
+
+def axes_recorded(
     rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the columns of a recording: along the set-point, of every coordinate, every magnet."""
     file, n = rig.settings, len(run)
     along, free = scan_direction(file), file.body.free
-    poses = np.column_stack([run[name] for name in _of_axes("pose", free)]) + frame[:n]
+    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + frame[:n]
     errors = np.outer(reference[:n], along) - poses
-    demand = np.column_stack([run[name] for name in _of_axes("demand", free, ("N", "N_m"))]) @ along
+    demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
     return {
         "t_s": run["t_s"],
         "reference_m": reference[:n],
@@ -256,24 +263,26 @@ def _axes_recorded(
     }
 
 
-def _of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
+def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
     """Return the columns of a signal of every coordinate, in the loop's own record."""
     return [
         column(signal, units[unit_of(axis) == "rad"], number) for number, axis in enumerate(free, 1)
     ]
 
 
-def _axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     file = rig.settings
     most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
-    for axis, name in zip(file.body.free, _of_axes("pose", file.body.free), strict=True):
+    for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
         end = file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
         bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
     return find_loss(bounds, planned)
 
 
+WRENCH = ("N", "N_m")
+"""Units of a force along a coordinate and about one."""
 READ = ("position_read_m", "gap_read_m")
 PROBES = of_magnets([("flux_read", "T")], 1, MAGNETS)
 """What the controller is given of the body, and of flux probes where there are some."""
@@ -344,12 +353,18 @@ def make_controller(
     return controller
 
 
-def make_loop_controller(setup: StageSetup) -> LoopController:
-    """Return the controller of a body of one or several coordinates, just switched on."""
-    return _axes_controller(setup) if setup.rig.settings.several else make_controller(setup)
+def make_loop_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> LoopController:
+    """Return the controller of a body of one or several coordinates.
+
+    The drives, one a magnet, may remember something; demagnetised ones if left out.
+    """
+    several = setup.rig.settings.several
+    return _axes_controller(setup, drives) if several else make_controller(setup, drives)
 
 
-def _axes_controller(setup: StageSetup) -> LoopController:
+def _axes_controller(setup: StageSetup, drives: Sequence[ForceController]) -> LoopController:
     """Return PIDs, decoupling and allocation in double precision, compensators in their format."""
     file, settings = setup.rig.settings, controller_settings(setup)
     settings.pop("gap_total")
@@ -358,7 +373,7 @@ def _axes_controller(setup: StageSetup) -> LoopController:
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass = file.body.mass_kg
     return TrackingAxes(
-        [setup.compensator.fresh().native for _ in file.placed],
+        [one.native for one in drives or [setup.compensator.fresh() for _ in file.placed]],
         wrench_layout(file, kind, idle),
         {
             "see": np.ascontiguousarray(np.linalg.pinv(head_rows(file))),
