@@ -33,6 +33,7 @@ SLOWEST = 1000.0
 _STRICTER = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is looked at
 _FREQUENCIES = 400
 _LOWEST = 1e-5  # of them, in parts of the rate
+_SAME = 1e-9  # of a mean: less is not noise
 _WORTH = 0.05  # of the moving average: less is not reported
 _NEAR = 0.95  # of the highest crossover: counts as all of it
 _AT = 0.995  # of the force: counts as all of it
@@ -396,7 +397,7 @@ def _means(runs: Sequence[StageFigures | None]) -> tuple[StageFigures, dict[str,
     for name in StageFigures().named():
         interval = mean_interval([getattr(one, name) for one in runs])
         means[name] = interval.mean
-        if interval.half_width > 0.0:
+        if interval.half_width > _SAME * interval.mean:
             widths[name] = interval.half_width
     return StageFigures(**means), widths
 
