@@ -12,9 +12,9 @@ from pathlib import Path
 from anhyst.compensate.interface import MethodName
 from anhyst.study.bearing.plants import bearing_plants
 from anhyst.study.engine.monte_carlo import monte_carlo
-from anhyst.study.tuning.aims import Aims
-from anhyst.study.tuning.search import FoundGains, GainSearch
-from anhyst.study.tuning.trial import default_conditions
+from anhyst.study.tuning.aims import Aims, Figures
+from anhyst.study.tuning.bearing import BearingLoop, default_conditions
+from anhyst.study.tuning.search import GainSearch
 from bearing import IRONS, Iron, make_iron, read
 from rows import Row, Stopwatch
 
@@ -31,9 +31,12 @@ COMPARED: tuple[MethodName, ...] = (
 )
 
 
-def tune(iron: Iron, variant: MethodName) -> FoundGains:
+def tune(iron: Iron, variant: MethodName) -> Figures:
     """Tune one variant over 3 gaps, 4 heights and 2 loads."""
-    return GainSearch(iron.setups[variant], default_conditions(iron.rig), AIMS).run()
+    loop = BearingLoop(iron.setups[variant], default_conditions(iron.rig))
+    found = GainSearch(loop, AIMS).run().figures
+    assert isinstance(found, Figures)
+    return found
 
 
 def rows() -> list[Row]:
@@ -44,10 +47,9 @@ def rows() -> list[Row]:
     for fraction in IRONS:
         iron = make_iron(rig, controller, fraction)
         watch = Stopwatch()
-        best = tune(iron, "full")
+        reached = tune(iron, "full")
         if watch.wall > longest:
             longest, took, seconds = watch.wall, str(watch), watch.processor
-        reached = best.figures
         found.append(
             Row(
                 f"bearing, full tuned for itself, iron {iron.title}",
@@ -84,8 +86,7 @@ def main() -> None:
         iron = make_iron(rig, controller, fraction)
         for variant in COMPARED:
             watch = Stopwatch()
-            best = tune(iron, variant)
-            reached = best.figures
+            reached = tune(iron, variant)
             met = "missed" if AIMS.misses(reached) else "met"
             print(
                 f"| {iron.title} | `{variant}` | {reached.overshoot_percent:.2f} % | "

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
-    from anhyst.study.tuning.verb import tune_bearing as tune
+    from anhyst.study.tuning.tuning import tune
     from anhyst.study.watch.recording import watch
     from anhyst.support.errors import InputError, NegativeResult
     from anhyst.verification.result import Verification
@@ -170,7 +170,7 @@ _PLACES = {
     "read_model": "model.file",
     "report": "reports.model.page:write_report",
     "simulate": "reports.simulate:simulate_rig",
-    "tune": "study.tuning.verb:tune_bearing",
+    "tune": "study.tuning.tuning:tune",
     "verify": "verification.verify",
     "watch": "study.watch.recording",
     "xcp": "link.xcp_bridge",

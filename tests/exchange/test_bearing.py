@@ -1,7 +1,9 @@
-"""A whole virtual bearing as an FMU: what `anhyst simulate` runs, bit for bit."""
+"""A whole virtual bearing, or a stage, as an FMU: what `anhyst simulate` runs, bit for bit."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,20 +12,26 @@ import pytest
 
 import anhyst
 from anhyst.control.states import Phase, State
+from anhyst.exchange import bearing_part
 from anhyst.exchange.fmu_file import export_fmu
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import make_setups
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.recording import Recording
+from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import Feedforward, feed, instants, make_stage, stray, ticks_of, track
+from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.ready import make_ready, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once
 from tests.refusals import refused, says
+from tests.study import bearings, stages
 from tests.truths import truth
 
 pytestmark = [needs_binary, pytest.mark.slow]
 
+ROOT = Path(__file__).resolve().parents[2]
 TICK = 1.0 / 20e3
 INPUTS = ("target_gap", "load", "command")
 AT_THE_TICK = {
@@ -147,3 +155,178 @@ def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
     with refused("solid-not-exported magnet.solid"):
         export_fmu(copied(tmp_path, rig=("turns = 250", solid)), tmp_path / "b.fmu")
     assert not (tmp_path / "b.fmu").exists()
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A motion of a stage as the simulation gives it, and the FMU of the same file."""
+
+    path: Path
+    inputs: dict[str, list[float]]
+    recording: Recording
+
+    def part(self, begin: int, end: int) -> dict[str, list[float]]:
+        return {name: values[begin:end] for name, values in self.inputs.items()}
+
+
+def stage_made(folder: Path) -> None:
+    """Fill a folder with the FMU of the bundled stage, its magnets known."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(bearing_part, "identify_stage", lambda _: bearings.knowledge())
+        for fmi in ("2.0", "3.0"):
+            export_fmu(
+                stages.EXAMPLE / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE]
+            )
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
+    """Follow two turnarounds while the long stroke strays, a load pushes and the sensor is noisy."""
+    folder = made_once(tmp_path_factory, "fmu-stage", stage_made)
+    rig = read_stage(stages.EXAMPLE / "rig.toml")
+    setup = make_stage(rig, bearings.knowledge(), "full")
+    motion = motion_of(rig.settings.scan, [22.0, 12.0])
+    gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
+    time = instants(rig, count + 1)
+    load = 0.5 * np.sin(200.0 * time[:count])
+    noise = np.random.default_rng([rig.settings.seed, 0]).normal(
+        0.0, rig.settings.position_sensor.noise_m, count
+    )
+    reference = motion.at(time)[0]
+    inputs = {
+        "reference": reference[:count],
+        "feedforward": feed(setup, motion, gains),
+        "frame": (reference - rig.gap + stray(rig, motion, time))[1:],
+        "load": load,
+        "position_noise": noise,
+    }
+    recording = track(setup, motion, gains, load=load)
+    listed = {name: values.tolist() for name, values in inputs.items()}
+    return Scan(folder / "2.fmu", listed, recording)
+
+
+def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: Path) -> None:
+    at_the_tick = {
+        "position_read": "position_read_m",
+        "gap_read": "gap_read_m",
+        "demand": "demand_N",
+        "command_current_1": "command_A",
+        "command_current_2": "command_2_A",
+    }
+    after_it = {
+        "position": "position_m",
+        "gap": "gap_m",
+        "force": "force_N",
+        "current_1": "current_A",
+        "current_2": "current_2_A",
+    }
+    names = (*at_the_tick, *after_it)
+    with slave(scan.path, tmp_path) as made:
+        rows = np.array(made.run(scan.inputs, names, TICK))
+    found = dict(zip(names, rows.T, strict=True))
+    assert scan.recording.loss is None
+    for name, column in at_the_tick.items():
+        assert np.array_equal(found[name], scan.recording[column]), name
+    for name, column in after_it.items():
+        assert np.array_equal(found[name][:-1], scan.recording[column][1:]), name
+    assert np.abs(found["demand"]).max() > 100.0
+
+
+def test_a_stage_in_motion_goes_over_to_another_instance(scan: Scan, tmp_path: Path) -> None:
+    rest = scan.part(1500, 1900)
+    with slave(scan.path, tmp_path) as made, slave(scan.path, tmp_path) as other:
+        made.run(scan.part(0, 1500), ["gap"], TICK)
+        state = made.save()
+        there = made.run(rest, ["gap", "current_1"], TICK, 1500 * TICK)
+        other.restore(other.from_bytes(made.to_bytes(state)))
+        made.raw.reset()  # what the other one goes on with is its own
+        assert other.run(rest, ["gap", "current_1"], TICK, 1500 * TICK) == there
+        made.begin()
+        assert made.read("gap", "position") == [0.45e-3, 0.0]
+
+
+GOES_ON = """
+import sys
+from pathlib import Path
+from tests.exchange.slave import slave
+fmu, folder, kept = map(Path, sys.argv[1:])
+with slave(fmu, folder) as made:
+    made.restore(made.from_bytes(kept.read_bytes()))
+    made.raw.doStep(400 * 5e-5, 100 * 5e-5)
+    print(made.read("gap", "current_1"))
+"""
+
+
+@pytest.mark.parametrize("kind", ["bearing", "stage"])
+def test_a_state_goes_on_in_another_process(
+    kind: str, flight: Flight, scan: Scan, tmp_path: Path
+) -> None:
+    path = flight.path if kind == "bearing" else scan.path
+    inputs = flight.inputs(slice(0, 400)) if kind == "bearing" else scan.part(0, 400)
+    with slave(path, tmp_path / "one") as made:
+        made.run(inputs, ["gap"], TICK)
+        (tmp_path / "kept").write_bytes(bytes(made.to_bytes(made.save())))
+        made.raw.doStep(400 * TICK, 100 * TICK)
+        here = made.read("gap", "current_1")
+    given = [sys.executable, "-c", GOES_ON, path, tmp_path / "two", tmp_path / "kept"]
+    done = subprocess.run(
+        list(map(str, given)), cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == str(here)
+
+
+def test_a_stage_at_rest_that_is_given_nothing_stays_there(scan: Scan, tmp_path: Path) -> None:
+    frame = [-0.45e-3] * 200
+    with slave(scan.path, tmp_path) as made:
+        rows = made.run({"frame": frame}, ["position"], TICK)
+        assert max(abs(place) for (place,) in rows) < 1e-7
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            made.run({"reference": [float("nan")]}, ["position"], TICK, 200 * TICK)
+
+
+def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Path) -> None:
+    from fmpy.validation import validate_fmu
+
+    third = scan.path.with_name("3.fmu")
+    assert validate_fmu(str(scan.path)) == []
+    assert validate_fmu(str(third)) == []
+    begin = scan.part(0, 300)
+    with slave(scan.path, tmp_path / "2") as one, slave(third, tmp_path / "3") as other:
+        assert one.run(begin, ["gap", "force"], TICK) == other.run(begin, ["gap", "force"], TICK)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('format = "fixed"', 'format = "f64"', "not-compiled-controller control.format"),
+        (
+            "force_max_N = 240.0",
+            "force_max_N = 240.0\ncalibrate = true",
+            "calibration-not-exported",
+        ),
+        (
+            "turns = 250",
+            "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6 }",
+            "solid-not-exported magnet.solid",
+        ),
+    ],
+)
+def test_what_an_fmu_of_a_stage_cannot_hold_is_refused(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    text = (stages.EXAMPLE / "rig.toml").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    (tmp_path / "rig.toml").write_text(text.replace(old, new), encoding="utf-8")
+    with refused(said):
+        export_fmu(tmp_path / "rig.toml", tmp_path / "s.fmu", platforms=[HERE])
+    assert not (tmp_path / "s.fmu").exists()
+
+
+def test_a_body_of_several_coordinates_and_options_of_a_model_are_refused(tmp_path: Path) -> None:
+    planar = stages.EXAMPLE.parent / "planar" / "rig.toml"
+    with refused("one-coordinate-only body.free"):
+        export_fmu(planar, tmp_path / "p.fmu", platforms=[HERE])
+    with refused("option-not-for-this --rate"):
+        export_fmu(stages.EXAMPLE / "rig.toml", tmp_path / "s.fmu", rate=1e4)
+    assert not list(tmp_path.iterdir())

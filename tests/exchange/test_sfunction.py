@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import anhyst
+from anhyst.exchange import bearing_part
 from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
 from anhyst.exchange.sfunction import export_sfunction
 from anhyst.support.arrays import FloatArray
@@ -20,7 +21,7 @@ from tests.exchange.slave import HERE, RATE, needs_binary, slave
 from tests.exchange.test_actuator import STEP, drives, gaps, magnet
 from tests.exchange.test_fmu import GAP, demands, expected
 from tests.refusals import refused
-from tests.study import bearings
+from tests.study import bearings, stages
 
 INTERFACE = Path(__file__).with_name("simulink")
 """As much of Simulink's interface as is used, and a solver of fixed step."""
@@ -104,15 +105,26 @@ def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path:
 
 @pytest.mark.slow
 @needs_binary
-def test_a_bearing_flies_as_its_fmu_does(tmp_path: Path) -> None:
-    rig = bearings.copy_known(tmp_path)
+@pytest.mark.parametrize("kind", ["bearing", "stage"])
+def test_a_rig_moves_as_its_fmu_does(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if kind == "bearing":
+        rig = bearings.copy_known(tmp_path)
+        inputs = {"target_gap": [0.45e-3] * 400, "load": [120.0] * 400, "command": [1.0] * 400}
+    else:
+        rig = stages.EXAMPLE / "rig.toml"
+        monkeypatch.setattr(bearing_part, "identify_stage", lambda _: bearings.knowledge())
+        away = np.linspace(0.0, 1e-6, 400)
+        columns = (away, 20.0 * away / away[-1], away - 0.45e-3, 0.0 * away, 1e-3 * away)
+        names = ("reference", "feedforward", "frame", "load", "position_noise")
+        inputs = {name: one.tolist() for name, one in zip(names, columns, strict=True)}
     program = built(export_sfunction(rig, tmp_path / "s"))
-    inputs = {"target_gap": [0.45e-3] * 400, "load": [120.0] * 400, "command": [1.0] * 400}
     head, found = simulated(program, beside(*inputs.values()))
-    outputs = int(head.split()[1])
+    outputs, first = int(head.split()[1]), len(inputs) + 1
     with slave(export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE]), tmp_path / "u") as made:
-        names = [name for name, at in made.references.items() if 4 <= at < 4 + outputs]
-        rows = np.array(made.run(inputs, names, float(head.split()[2])))
+        shown = [name for name, at in made.references.items() if first <= at < first + outputs]
+        rows = np.array(made.run(inputs, shown, float(head.split()[2])))
     assert np.array_equal(found[1:], rows[:-1])
 
 

@@ -14,7 +14,7 @@ from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import opened
 from anhyst.rig.bench.stage import StageVariant
-from anhyst.rig.stage.loop import Feedforward
+from anhyst.rig.stage.loop import Feedforward, make_stage
 from anhyst.study.prepared import PreparedStage
 from anhyst.study.tracking.beside import BenchLearner
 from anhyst.study.tracking.calibrate import calibrate
@@ -23,6 +23,7 @@ from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused
 from tests.study import bearings, stages
+from tests.study.test_axes import planar
 
 SUBSTEPS = 4
 WRONG = 3.0
@@ -281,3 +282,18 @@ def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show
     page.keyboard.press("Escape")
     state_is(page, "ready")
     assert page.locator("#next").inner_text() == "press run"
+
+
+def test_a_body_of_several_coordinates_opens_with_nothing_that_learns() -> None:
+    setups = [
+        make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")
+    ]
+    variants = tuple(StageVariant(one, Feedforward()) for one in setups)
+    bench, improver, learner = opened(PreparedStage(planar(), bearings.knowledge(), variants))
+    assert (improver, learner) == (None, None)
+    session = LiveSession(bench)
+    try:
+        with refused("not-for-this-kind learn"):
+            perform(session, "test", {"do": "learn", "on": True})
+    finally:
+        session.close()

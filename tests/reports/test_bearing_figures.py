@@ -302,8 +302,7 @@ def test_nothing_on_the_front_is_beaten() -> None:
         one
         for one in tried
         if any(
-            two.settling <= one.settling and two.peak <= one.peak and two is not one
-            for two in tried
+            two.reached <= one.reached and two.peak <= one.peak and two is not one for two in tried
         )
     ]
     assert {id(one) for one in front} == {id(one) for one in tried} - {id(one) for one in beaten}

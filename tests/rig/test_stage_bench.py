@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.rig.bench.stage import StageBench, StageVariant
-from anhyst.rig.stage.loop import Feedforward, track
+from anhyst.rig.bench import stage
+from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.recording import Loss
+from anhyst.rig.stage.loop import Feedforward, make_stage, track
 from anhyst.support.arrays import FloatArray
 from tests.refusals import refused
-from tests.study import stages
+from tests.study import bearings, stages
+from tests.study.test_axes import planar
 
 SUBSTEPS = 4
 
@@ -183,3 +186,78 @@ def test_a_drawn_plant_is_another_one_and_its_iron_is_demagnetised(bench: StageB
     wrong = error.max()
     assert wrong > 2.0 * np.abs(column(bench, rows, "error")).max()
     assert bench.laps[-1].known == applied
+
+
+@pytest.fixture
+def axes() -> StageBench:
+    setups = [
+        make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")
+    ]
+    return bench_of([StageVariant(one, Feedforward()) for one in setups])
+
+
+@pytest.mark.slow
+def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(
+    axes: StageBench,
+) -> None:
+    rows = going(axes)
+    run = track(axes.variants[1].setup, axes.laps[0].motion, Feedforward())
+    for name in ("error_m", "demand_N", "error_z_m", "error_ry_rad", "gap_5_m", "command_A"):
+        seen = column(axes, rows, name.rpartition("_")[0])
+        assert np.allclose(seen, run[name], rtol=1e-6, atol=1e-3 * np.ptp(run[name])), name
+
+
+@pytest.mark.slow
+def test_another_law_goes_on_with_the_weight_where_the_one_before_held_it(
+    axes: StageBench,
+) -> None:
+    going(axes)
+    axes.command(Command.STOP)
+    axes.advance(2000)
+    due = axes.apply({"compensation": 0.0, "crossover": 100.0})
+    rows = axes.advance(1000)
+    assert due == rows[0, 0]
+    assert axes.laps[-1].method == "full"
+    away = np.abs(column(axes, rows, "error_z"))
+    assert away.max() < 1e-5
+    assert away[-1] < 1e-7
+    assert set(column(axes, rows, "state")) == {float(State.READY)}
+
+
+@pytest.mark.slow
+def test_a_body_that_is_at_rest_stays_there_and_is_braked_from_any_speed(axes: StageBench) -> None:
+    away = np.abs(column(axes, axes.advance(3000), "error_z"))
+    assert away.max() < 3e-6  # until the currents carry the weight
+    assert away[2000:].max() < 1e-9
+    axes.command(Command.RUN)
+    axes.advance(1500)
+    axes.command(Command.STOP)
+    rows = axes.advance(3000)
+    assert np.ptp(column(axes, rows, "reference")[-500:]) == 0.0
+    assert np.abs(column(axes, rows, "error")).max() < 1e-4
+
+
+@pytest.mark.slow
+def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_cleared(
+    axes: StageBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage, "axes_loss", lambda *_: Loss(30, "an end stop was reached"))
+    rows = axes.advance(200)
+    assert len(rows) == 200
+    assert set(column(axes, rows, "state")[31:]) == {float(State.FAULT)}
+    monkeypatch.undo()
+    rows = axes.advance(50)
+    assert np.all(column(axes, rows, "current_7") == 0.0)
+    with refused("wrong-state"):
+        axes.apply({"motion": 0.5})
+    axes.command(Command.CLEAR)
+    rows = axes.advance(500)
+    assert np.abs(column(axes, rows, "error_z")).max() < 3e-6
+
+
+def test_nothing_pushes_at_a_body_of_several_coordinates_and_no_plants_are_drawn(
+    axes: StageBench,
+) -> None:
+    assert axes.load_most == 0.0
+    with refused("unknown-parameter plant"):
+        axes.apply({"plant": 1.0})

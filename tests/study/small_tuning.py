@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from anhyst.rig.bearing.loop import Setup
+from anhyst.study.tuning.bearing import BearingLoop
 from anhyst.study.tuning.trial import Condition
 from tests.study import bearings
 
@@ -21,3 +22,8 @@ LESS = {
 @cache
 def setup() -> Setup:
     return bearings.with_rig(bearings.single("linearised", "fixed"), LESS)
+
+
+def loop(conditions: tuple[Condition, ...] = HERE) -> BearingLoop:
+    """Return it as what is tuned."""
+    return BearingLoop(setup(), conditions)

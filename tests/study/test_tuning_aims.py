@@ -10,7 +10,7 @@ import pytest
 from anhyst.study.tuning.aims import LOST, Aims, Figures, worst_of
 from tests.refusals import refused
 
-GOOD = Figures(1.0, 4e-3, 2.0, 20e-9, 400.0)
+GOOD = Figures(4e-3, 2.0, 20e-9, 400.0, 1.0)
 
 
 def test_gains_that_are_allowed_are_ordered_by_their_settling() -> None:
@@ -39,7 +39,7 @@ def test_not_to_settle_is_a_miss_without_any_limit() -> None:
 
 
 def test_everything_infinite_is_worse_than_a_miss_and_has_a_cost() -> None:
-    nothing = Figures(*[math.inf] * 5)
+    nothing = Figures.lost()
     cost = Aims(standstill_rms_m=1e-8).cost(nothing)
     assert math.isfinite(cost)
     assert cost > Aims().cost(replace(GOOD, overshoot_percent=3.0))

@@ -11,10 +11,11 @@ import pytest
 from anhyst.rig.bearing.loop import with_gains
 from anhyst.study.bearing.responses import SINE_M
 from anhyst.study.bearing.sensitivity import Sensitivity
-from anhyst.study.tuning.aims import LOST, MISSED, Aims
-from anhyst.study.tuning.trial import Condition, GainTrial, default_conditions, peak_of, run_trial
+from anhyst.study.tuning.aims import LOST, MISSED, Aims, Figures
+from anhyst.study.tuning.bearing import BearingLoop, default_conditions, peak_of
+from anhyst.study.tuning.trial import Condition, GainTrial, run_trial
 from tests.study import bearings
-from tests.study.small_tuning import HERE, setup
+from tests.study.small_tuning import HERE, loop, setup
 
 
 def test_conditions_are_all_gaps_with_two_loads() -> None:
@@ -24,10 +25,11 @@ def test_conditions_are_all_gaps_with_two_loads() -> None:
 
 
 def test_the_gains_of_the_example_hold_and_have_figures() -> None:
-    outcome = run_trial(GainTrial(setup(), HERE, Aims()))
+    outcome = run_trial(GainTrial(loop(), HERE, Aims()))
     assert outcome.complete
     assert set(outcome.figures) == set(HERE)
     worst = outcome.worst
+    assert isinstance(worst, Figures)
     assert 0.0 < worst.overshoot_percent < 10.0
     assert 3e-3 < worst.settling_time_s < 15e-3
     assert 1.2 < worst.peak_sensitivity < 2.5
@@ -36,8 +38,8 @@ def test_the_gains_of_the_example_hold_and_have_figures() -> None:
 
 
 def test_gains_above_the_ceiling_are_given_up_with_a_bound_of_their_cost() -> None:
-    whole = run_trial(GainTrial(setup(), HERE, Aims(overshoot_percent=0.01)))
-    early = run_trial(GainTrial(setup(), HERE, Aims(overshoot_percent=0.01), ceiling=1e-3))
+    whole = run_trial(GainTrial(loop(), HERE, Aims(overshoot_percent=0.01)))
+    early = run_trial(GainTrial(loop(), HERE, Aims(overshoot_percent=0.01), ceiling=1e-3))
     assert not early.complete
     assert len(early.figures) == 1
     assert MISSED < early.cost <= whole.cost
@@ -49,7 +51,7 @@ def test_gains_that_do_not_hold_cost_more_than_any_others() -> None:
     weak = controller.design.model_copy(update={"bandwidth_Hz": 12.0})
     ratio = bearings.with_rig(bearings.single("ratio"), {})
     lost = with_gains(ratio, controller.model_copy(update={"design": weak}))
-    outcome = run_trial(GainTrial(lost, HERE, Aims()))
+    outcome = run_trial(GainTrial(BearingLoop(lost, HERE), HERE, Aims()))
     assert not outcome.complete
     assert outcome.cost > LOST
 
@@ -60,7 +62,9 @@ def test_gains_that_fixed_point_cannot_hold_count_as_lost() -> None:
     stiff = controller.design.model_copy(update={"bandwidth_Hz": 6000.0})
     outcome = run_trial(
         GainTrial(
-            with_gains(setup(), controller.model_copy(update={"design": stiff})), HERE, Aims()
+            BearingLoop(with_gains(setup(), controller.model_copy(update={"design": stiff})), HERE),
+            HERE,
+            Aims(),
         )
     )
     assert outcome.cost > LOST
@@ -83,9 +87,9 @@ def test_a_peak_between_frequencies_is_seen() -> None:
 
 
 def test_another_noise_changes_little_but_something() -> None:
-    first = run_trial(GainTrial(setup(), HERE[:1], Aims())).worst
-    other = run_trial(GainTrial(setup(), HERE[:1], Aims(), seed=1)).worst
-    again = run_trial(GainTrial(setup(), HERE[:1], Aims())).worst
+    first = run_trial(GainTrial(loop(), HERE[:1], Aims())).worst
+    other = run_trial(GainTrial(loop(), HERE[:1], Aims(), seed=1)).worst
+    again = run_trial(GainTrial(loop(), HERE[:1], Aims())).worst
     assert first == again
     assert first != other
     assert replace(first).peak_sensitivity == pytest.approx(other.peak_sensitivity, rel=0.1)

@@ -7,17 +7,17 @@ from typing import Any
 
 import pytest
 
+from anhyst.study.tuning.aims import Figures
 from anhyst.study.tuning.output import worth
 from anhyst.support.pays import FEEDBACK
 
 
 def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: bool = True) -> Any:
-    cell = Plain(figures={"settling_time_s": Plain(half_width=1e-3 * half_width)})
     return Plain(
         variant=variant,
-        figures=Plain(settling_time_s=1e-3 * settling),
+        figures=Figures(1e-3 * settling),
         misses={} if meets else {"overshoot_percent": 0.5},
-        found=Plain(check=Plain(cell=lambda _: cell)),
+        found=Plain(check=Plain(widths={"settling_time_s": 1e-3 * half_width})),
     )
 
 

@@ -19,15 +19,18 @@ if TYPE_CHECKING:
 
 def tune(
     rig: Annotated[
-        Path, typer.Argument(metavar="RIG", help="Rig file of a bearing.", callback=of_its_kind)
+        Path,
+        typer.Argument(
+            metavar="RIG", help="Rig file of a bearing or a stage.", callback=of_its_kind
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     controller: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Controller file to begin with; 'controller.toml' beside the rig file if left "
-            "out.",
+            help="Controller file of a bearing to begin with; 'controller.toml' beside the rig file "
+            "if left out.",
         ),
     ] = None,
     all_variants: Annotated[
@@ -37,21 +40,51 @@ def tune(
         ),
     ] = False,
     overshoot: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Largest overshoot of any step.")
-    ] = 2.0,
+        float | None,
+        typer.Option(
+            metavar="PERCENT",
+            help="Largest overshoot of any step of a bearing; 2 if left out.",
+        ),
+    ] = None,
     peak: Annotated[
         float, typer.Option(metavar="RATIO", help="Largest peak of the sensitivity.")
     ] = 3.0,
     settling: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Longest settling time; the least is sought anyway."),
+        typer.Option(
+            metavar="SECONDS",
+            help="Longest settling time, of a stage into 50 nm; of a bearing the least is sought "
+            "anyway.",
+        ),
+    ] = None,
+    average: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="Largest moving average of a stage; the least is sought anyway.",
+        ),
+    ] = None,
+    error: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Largest error of a stage.")
     ] = None,
     standstill: Annotated[
-        float | None, typer.Option(metavar="METRES", help="Largest rms of the gap at standstill.")
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="Largest rms at standstill, of the gap of a bearing, of the error of a stage.",
+        ),
     ] = None,
     effort: Annotated[
         float | None,
-        typer.Option(metavar="A/S", help="Largest rms rate of change of the current in a step."),
+        typer.Option(metavar="A/S", help="Largest rms rate of change of the current."),
+    ] = None,
+    crossover: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HERTZ",
+            help="Highest crossover of a stage, below its resonances, which no virtual one has; a "
+            "twentieth of the controller's rate if left out.",
+        ),
     ] = None,
     budget: Annotated[
         int, typer.Option(metavar="N", help="Sets of gains to try in the nonlinear loop.")
@@ -60,15 +93,22 @@ def tune(
     scheduler: Scheduler = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the gains of a magnetic bearing for stated aims, and say what limits them.
+    """Find the gains of a bearing or a stage for stated aims, and say what limits them.
 
-    All gaps and steps of the rig file are tried, with its load and two thirds of it, at once: first
-    in linear loops, then in the nonlinear one with hysteresis, noise, delay and limits; the winner
-    with every noise seed and a swept sine. Written are the new controller file, tuning.json,
-    tuning.md and pareto.png. Exit code 1 where no gains meet the aims. Ctrl-C keeps the best so
-    far.
+    Of a bearing, all gaps and steps of the rig file are tried, with its load and two thirds of it,
+    at once: first in linear loops, then in the nonlinear one with hysteresis, noise, delay and
+    limits; the winner with every noise seed and a swept sine. What is made small is the settling
+    time. Written are the new controller file, tuning.json, tuning.md and pareto.png.
+
+    Of a stage, the corners of its PID are found on the training set-point, so that the moving
+    average is least; the winner is judged on the test set-point and on plants drawn as [spread]
+    says. Written is a new rig file instead of a controller file.
+
+    Exit code 1 where no gains meet the aims. Ctrl-C keeps the best so far.
 
     Example: anhyst tune examples/bearing/rig.toml --out tuned
+
+    Example: anhyst tune examples/stage/rig.toml --out tuned --peak 2
     """
     from anhyst.reports.bearing.tuning import write_pareto
     from anhyst.study.tuning.output import figures_of, shortfall
@@ -82,15 +122,18 @@ def tune(
             overshoot=overshoot,
             peak=peak,
             settling=settling,
+            average=average,
+            error=error,
             standstill=standstill,
             effort=effort,
+            crossover=crossover,
             budget=budget,
             seed=seed,
             scheduler=scheduler,
             progress=progress,
         )
         write_pareto(found, out)
-    for text in found.plant.warnings:
+    for text in found.plant.warnings if found.plant else ():
         warn(text)
     if as_json:
         print_json(figures_of(found))
@@ -107,8 +150,8 @@ def tune(
 def _show(found: Tuning, out: Path) -> None:
     from anhyst.study.tuning.output import aims_text, heads, rows, worth
 
-    head = heads()[:-1]
-    drawn = table(f"tuned for {aims_text(found.aims)}; then the least settling time", head)
+    head = heads(found)[:-1]
+    drawn = table(f"tuned for {aims_text(found)}", head)
     for row in rows(found):
         drawn.add_row(*row[: len(head)])
     limits = [
@@ -116,13 +159,15 @@ def _show(found: Tuning, out: Path) -> None:
         for name, tuned in found.tuned.items()
         for one in tuned.limits
     ]
+    checks = [(name, one.found.check) for name, one in found.tuned.items()]
     show(
         drawn,
-        f"worst of {len(found.conditions)} gaps and loads and of all steps, mean of "
-        f"{found.rig.settings.noise_seeds} noise seeds with its 95 % interval",
+        f"worst of all conditions, mean of {found.rig.settings.noise_seeds} noise seeds with its "
+        "95 % interval",
         *limits,
+        *(f"'{name}': {text}" for name, one in checks if one for text in one.notes),
         f"verdict: {worth(found)}",
-        *found.plant.lines,
+        *(found.plant.lines if found.plant else ()),
         f"{found.seconds:.0f} s, {found.cpu_seconds:.0f} s of processor time",
         *(f"written: {place}" for place in found.written.values()),
         f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}",

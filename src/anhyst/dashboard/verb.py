@@ -214,6 +214,8 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
     """Open what was prepared, with what improves or calibrates it."""
     if isinstance(prepared, PreparedStage):
         stage = prepared.open()
+        if prepared.whole.settings.several:
+            return stage, None, None  # what one coordinate teaches is known of no others
         return stage, None, BenchLearner(prepared.whole, prepared.magnet, stage)
     bench = prepared.open()
     return bench, Improver(prepared, bench), None

@@ -1,4 +1,4 @@
-"""A whole virtual bearing as a component: the plant of ``anhyst simulate`` and the compiled controller."""
+"""A whole virtual bearing or stage as a component: the plant of ``anhyst simulate`` and its controller."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from anhyst.compilation.core import core_files
+from anhyst.compilation.core import SOURCES, core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
@@ -18,6 +18,15 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import circuit_numbers
+from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.loop import (
+    StageSetup,
+    block_of,
+    controller_settings,
+    identify_stage,
+    make_stage,
+    pid,
+)
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -36,6 +45,17 @@ _CORE = (
     *("compensator/force_controller_real.c", "control/pidd2_real.c", "control/position_real.c"),
 )
 """What the plant and its adapters name beyond a compiled controller."""
+_CORE_OF_STAGE = (
+    *(name for name in _CORE if not name.startswith("control/")),
+    *(name for kind in SOURCES.values() for name in kind),
+    *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
+    *(
+        f"control/{name}{of}.c"
+        for name in ("allocation", "biquad", "tracking")
+        for of in ("", "_real")
+    ),
+)
+"""What the plant of a stage and its tracking controller name."""
 
 
 def bearing_part(rig_path: PathLike) -> Part:
@@ -45,8 +65,15 @@ def bearing_part(rig_path: PathLike) -> Part:
     """
     rig, controller = read_files(rig_path, None)
     ready = make_ready(rig, controller)
-    _refuse(ready.rig, controller)
     wanted = controller.settings.compensation
+    if wanted.variant not in {"full", "simplified"} or wanted.format != "fixed":
+        raise InputError(
+            f"{controller.path}: an FMU holds the compiled controller: variant full or simplified "
+            f"in format fixed, not {wanted.variant} in {wanted.format}; change [compensation]",
+            code="not-compiled-controller",
+            key="compensation",
+        )
+    _refuse_plant(ready.rig)
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
@@ -64,8 +91,13 @@ def bearing_part(rig_path: PathLike) -> Part:
         ]
         sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
     sources |= {path: text.encode() for path, text in core_files(_CORE).items()}
-    sources |= _plant_sources()
-    for own_file in ("bearing.c", "bearing_controller.c", "bearing_controller.h"):
+    sources |= _plant_sources("tracking|piezo")
+    for own_file in (
+        "bearing.c",
+        "bearing_controller.c",
+        "bearing_controller.h",
+        "virtual_plant.h",
+    ):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
     sources["bearing_numbers.h"] = _numbers(ready.rig).encode()
     sources["controller_numbers.h"] = _names(name).encode()
@@ -75,36 +107,102 @@ def bearing_part(rig_path: PathLike) -> Part:
     return Part(title, text, rate, _variables(ready.rig, controller, manifest), sources)
 
 
-def _refuse(rig: BearingRig, controller: ControllerFile) -> None:
-    wanted = controller.settings.compensation
-    if wanted.variant not in {"full", "simplified"} or wanted.format != "fixed":
+def stage_part(rig_path: PathLike) -> Part:
+    """Return a stage with its tracking controller: set-point and feedforward in; position, force out.
+
+    It ticks at the rate of the controller; the compensator is ``full``, as the rig file has it.
+    """
+    rig = read_stage(rig_path)
+    _refuse_stage(rig)
+    _refuse_plant(rig.bearing)
+    setup = make_stage(rig, identify_stage(rig), "full")
+    sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE).items()}
+    sources |= _plant_sources("piezo|position|axes")
+    for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
+        sources[own_file] = (WRAPPER / own_file).read_bytes()
+    sources["bearing_numbers.h"] = _numbers(rig.bearing).encode()
+    sources["stage_numbers.h"] = _controller_numbers(setup).encode()
+    title = rig.settings.name
+    text = f"{title}, led by PID and feedforward, full in fixed point"
+    return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
+
+
+def _refuse_stage(rig: StageRig) -> None:
+    control = rig.settings.tracking
+    if rig.settings.several:
         raise InputError(
-            f"{controller.path}: an FMU holds the compiled controller: variant full or simplified "
-            f"in format fixed, not {wanted.variant} in {wanted.format}; change [compensation]",
-            code="not-compiled-controller",
-            key="compensation",
+            f"{rig.path}: body.free: an FMU of a stage has one coordinate; leave body.free out",
+            code="one-coordinate-only",
+            key="body.free",
         )
+    if control.format != "fixed":
+        raise InputError(
+            f'{rig.path}: an FMU holds compensators in fixed point; write format = "fixed"',
+            code="not-compiled-controller",
+            key="control.format",
+        )
+    for key in ("calibrate", "calibration"):
+        if getattr(control, key):
+            raise InputError(
+                f"{rig.path}: control.{key}: an FMU of a stage corrects nothing; leave it out",
+                code="calibration-not-exported",
+                key=f"control.{key}",
+            )
+
+
+def _controller_numbers(setup: StageSetup) -> str:
+    """Return the controller of a stage as structures, and the words of its compensators."""
+    block, settings = block_of(setup), controller_settings(setup)
+    numbers = {name: repr(float(value)) for name, value in settings.items()}
+    forward, back = (list(pid(setup.rig).values())[part] for part in (slice(3), slice(3, None)))
+    scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
+    defined = {
+        "STAGE_DRIVES": len(setup.rig.bearing.magnets),
+        "STAGE_KERNEL": f"anhyst_kernel_{block.kind}",
+        "STAGE_GAP_TOTAL": numbers["gap_total"],
+        "STAGE_SCALES": _fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
+        "STAGE_SETTINGS": _fields(
+            {
+                "pid": {"forward": row(forward), "back": row(back)},
+                "allocation": {"idle": numbers["idle"], "kind": int(settings["allocation"])},
+                **{
+                    f"current_{name}": numbers[f"current_{name}"]
+                    for name in ("low", "high", "step")
+                },
+            }
+        ),
+    }
+    words = ", ".join(map(str, block.words.tolist()))
+    return header(
+        "stage_numbers",
+        defined,
+        f"#include <stdint.h>\n\nstatic const int16_t stage_words[] = {{{words}}};\n\n",
+    )
+
+
+def _refuse_plant(rig: BearingRig) -> None:
     if rig.settings.magnet.solid is not None:
         raise InputError(
-            f"{rig.path}: an FMU of a bearing has no solid iron; take magnet.solid out",
+            f"{rig.path}: an FMU of a rig has no solid iron; take magnet.solid out",
             code="solid-not-exported",
             key="magnet.solid",
         )
     if rig.settings.magnet.kind == "law" or not isinstance(rig.settings.steel.steel(), CellSteel):
         raise InputError(
-            f'{rig.path}: an FMU of a bearing knows an iron of cells; give force = "cells" with '
+            f'{rig.path}: an FMU of a rig knows an iron of cells; give force = "cells" with '
             "[[iron]]",
             code="not-iron-of-cells",
             key="iron",
         )
 
 
-def _plant_sources() -> dict[str, bytes]:
+def _plant_sources(others: str) -> dict[str, bytes]:
+    """Return all of the plant but what moves other rigs."""
     folder = plant_folder()
     found = {}
     for path in sorted(folder.rglob("*.[ch]")):
         place = path.relative_to(folder).as_posix()
-        if path.name != "bus.c" and not re.search("tracking|piezo", place):
+        if path.name != "bus.c" and not re.search(others, place):
             found[place.replace("src/", "plant/", 1)] = path.read_bytes()
     return found
 
@@ -203,7 +301,33 @@ def _variables(
         Variable("velocity", "output", "m/s", "of the armature; the gap opens"),
         Variable("force", "output", "N", "of the magnets, net"),
     ]
-    for number in range(1, manifest["controller"]["magnets"] + 1):
+    return found + _of_magnets(manifest["controller"]["magnets"])
+
+
+def _stage_variables(rig: StageRig) -> list[Variable]:
+    begin, gap = -rig.gap, "gap of the first magnet"
+    found = [
+        Variable("reference", "input", "m", "wanted position"),
+        Variable("feedforward", "input", "N", "net force that is fed forward"),
+        Variable(
+            "frame", "input", "m", "of the long stroke at the end of the tick; begins here", begin
+        ),
+        Variable("load", "input", "N", "pushes the body towards larger positions"),
+        Variable("position_noise", "input", "m", "added to the position that is read"),
+        Variable("position", "output", "m", "true position"),
+        Variable("position_read", "output", "m", "as the controller had it at the last tick"),
+        Variable("gap_read", "output", "m", f"{gap}, as its sensor said at the last tick"),
+        Variable("demand", "output", "N", "wanted net force; the first magnet pulls along it"),
+        Variable("gap", "output", "m", f"true {gap}"),
+        Variable("velocity", "output", "m/s", "of the body"),
+        Variable("force", "output", "N", "of the magnets, net, with the sign of the demand"),
+    ]
+    return found + _of_magnets(len(rig.bearing.magnets))
+
+
+def _of_magnets(count: int) -> list[Variable]:
+    found = []
+    for number in range(1, count + 1):
         which = f"of magnet {number}"
         found += [
             Variable(f"current_{number}", "output", "A", which),

@@ -14,7 +14,7 @@ from typing import Literal
 
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.exchange.actuator_part import actuator_part
-from anhyst.exchange.bearing_part import bearing_part
+from anhyst.exchange.bearing_part import bearing_part, stage_part
 from anhyst.exchange.compensator_part import Kind, compensator_part
 from anhyst.exchange.description import MODEL, FmiVersion, build_description, model_description
 from anhyst.exchange.part import WRAPPER, Part
@@ -116,13 +116,14 @@ def export_fmu(
     platforms: Sequence[str] = PLATFORMS_ALL,
     progress: Progress | None = None,
 ) -> Path:
-    """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a bearing.
+    """Write an FMU for co-simulation: a model's compensator, the actuator itself, or a whole rig.
 
     A compensator (demand and gap in, current out) computes at its own rate what the compiled
     fixed-point C computes on a controller, bit for bit; between ticks inputs and outputs are held.
     An actuator (current and gap in, force out) takes each step of the tool as one sample, as the
-    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) is plant
-    and controller of ``anhyst simulate``. States can be read, set and serialised.
+    model's stepper does. A bearing (wanted gap and load in; gap, force and currents out) or a stage
+    (set-point and feedforward in) is plant and controller of ``anhyst simulate``. States can be
+    read, set and serialised.
     """
     path = Path(out)
     if path.suffix != ".fmu":
@@ -153,15 +154,16 @@ def export_fmu(
 
 def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Kind | None) -> Part:
     """Return the part of a model that is asked for."""
-    if not isinstance(model, Model) and take_kind(model, TAKES["export"]) is FileKind.BEARING:
+    file = FileKind.MODEL if isinstance(model, Model) else take_kind(model, TAKES["export"])
+    if not isinstance(model, Model) and file is not FileKind.MODEL:
         for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
             if given is not None:
                 raise InputError(
-                    f"{name}: is of a model; the files of a bearing say it, leave it out",
+                    f"{name}: is of a model; the files of a rig say it, leave it out",
                     code="option-not-for-this",
                     key=name,
                 )
-        return bearing_part(model)
+        return bearing_part(model) if file is FileKind.BEARING else stage_part(model)
     if of == "actuator":
         for name, given in (("--rate", rate), ("--kind", kind)):
             if given is not None:

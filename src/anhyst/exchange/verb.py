@@ -1,4 +1,4 @@
-"""The verb ``export``: a model or the rig file of a bearing, in any form that other tools read."""
+"""The verb ``export``: a model or a rig file, in any form that other tools read."""
 
 from __future__ import annotations
 
@@ -98,7 +98,8 @@ def export(
     Parameters
     ----------
     model : Model or path-like
-        The model, its file, or the rig file of a bearing, for plant and controller in one.
+        The model, its file, or the rig file of a bearing or a stage, for plant and controller in
+        one.
     out : path-like
         ``.fmu``, a folder for Simulink, ``.csv`` or ``.json``.
     as_ : str

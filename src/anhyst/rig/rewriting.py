@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from anhyst.rig.file import RigFile
@@ -14,8 +16,13 @@ from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
 
 
-def rewrite_rig(source: PathLike, out: PathLike) -> None:
-    """Write a rig file in the format of today."""
+def rewrite_rig(
+    source: PathLike, out: PathLike, changes: Mapping[KeyPath, Any] | None = None, note: str = ""
+) -> None:
+    """Write a rig file in the format of today, some keys changed, with a note before all others.
+
+    With changes it may lie in another folder: what it names is named as seen from there.
+    """
     check_writable(out, [source])
     file = TomlFile(source)
     text = file.text.splitlines()
@@ -23,8 +30,26 @@ def rewrite_rig(source: PathLike, out: PathLike) -> None:
     last = {line: key for key, line in file.lines.items()}  # on a line with an inline table
     notes = {key: parts_of(text[line - 1]) for line, key in last.items()}
     head = [line for line in _head(text) if line.startswith("#")]
+    given = {**_moved(file, Path(source), Path(out)), **changes} if changes else {}
+    for path, value in given.items():
+        file.content[str(path[0])][str(path[1])] = value
+    head = [*(f"# {line}".rstrip() for line in [*note.splitlines(), ""] if note), *head]
     with atomic_writer(out) as stream:
         stream.write("\n".join([*head, *_lines(file.content, notes)]) + "\n")
+
+
+def _moved(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
+    """Return the keys that name files, as seen from where a rig file goes."""
+
+    def seen(name: str) -> str:
+        return Path(os.path.relpath(source.parent / name, out.parent)).as_posix()
+
+    found: dict[KeyPath, Any] = {}
+    for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):
+        named = file.content.get(path[0], {}).get(path[1])
+        if named is not None:
+            found[path] = [seen(one) for one in named] if isinstance(named, list) else seen(named)
+    return found
 
 
 def _head(text: list[str]) -> Iterator[str]:

@@ -25,6 +25,7 @@ from anhyst.support.toml_file import (
 )
 
 Spread = Annotated[float, Field(ge=0.0, le=30.0)]
+Ratio = Annotated[float, Field(gt=0.0, le=1000.0)]
 
 
 class TimingTable(Table):
@@ -281,6 +282,10 @@ class TrackingTable(Table):
     bias_N: Positive
     format: NumberFormat = "fixed"
     crossover_Hz: Positive
+    # corner frequencies of the PID, in parts of the crossover or the crossover in parts of them
+    integral_ratio: Ratio = 5.0  # crossover over the corner of the integral
+    lead_ratio: Ratio = 3.0  # crossover over where the lead begins
+    rolloff_ratio: Ratio = 6.0  # where the lead ends over the crossover
     force_max_N: Positive
     force_min_N: NotNegative = 0.5  # of a magnet without another against it
     calibration: str | None = None  # file of anhyst calibrate

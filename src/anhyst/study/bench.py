@@ -195,12 +195,6 @@ def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
     """Identify the magnets of a stage, and find the gains of both variants."""
     parts = in_parts(progress, (2.0, 1.0))
     rig = read_stage(rig_path)
-    if rig.settings.several:
-        raise InputError(
-            f"{rig.path}: body.free: a stage of one coordinate alone has a virtual bench; simulate it",
-            code="one-coordinate-only",
-            key="body.free",
-        )
     check_calibration(rig)
     magnet = identify_stage(rig)
     next(parts)(1, 1)

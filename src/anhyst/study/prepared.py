@@ -19,7 +19,7 @@ from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
-from anhyst.rig.bench.stage import StageBench, StageVariant
+from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.modelling import find_model, loops_at
 from anhyst.rig.force.programs import Program
@@ -215,7 +215,7 @@ class PreparedStage:
 
     def open(self) -> StageBench:
         """Switch on; at rest, before its first tick. To be closed."""
-        return StageBench(self.variants)
+        return bench_of(self.variants)
 
 
 Prepared = PreparedBearing | PreparedForce | PreparedStage

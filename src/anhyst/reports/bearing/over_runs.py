@@ -133,7 +133,7 @@ class GainsPoint:
     """A set of gains that tuning looked at."""
 
     variant: MethodName  # what it was tried with
-    settling: float  # longest, s; infinite if it does not
+    reached: float  # longest settling, s, or what else was made small; infinite if it has none
     peak: float  # of the sensitivity
     kept: bool  # whether it keeps the other aims (overshoot, noise, effort)
 
@@ -144,22 +144,25 @@ class TuningPicture:
 
     candidates: tuple[GainsPoint, ...]  # all that were looked at
     chosen: Mapping[MethodName, GainsPoint]  # of every variant
-    settling_limit: float | None  # aims, if they were given. s, and a ratio
+    limit: float | None  # aims, if they were given: of what was made small, and of the peak
     peak_limit: float | None
+    title: str = "settling time"  # of what was made small
+    unit: str = "ms"
+    factor: float = 1e3  # from SI
 
 
 @styled
 def figure_pareto(tuning: TuningPicture) -> Figure:
-    """Draw settling against peak sensitivity: candidates, fronts, what was chosen."""
+    """Draw what was made small against peak sensitivity: candidates, fronts, what was chosen."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
-    settled = [one for one in tuning.candidates if math.isfinite(one.settling)]
+    settled = [one for one in tuning.candidates if math.isfinite(one.reached)]
     for name in ordered(one.variant for one in settled):
         mine = [one for one in settled if one.variant == name]
         for kept, alpha in ((False, 0.25), (True, 0.8)):
             some = [one for one in mine if one.kept is kept]
             ax.scatter(
-                [1e3 * one.settling for one in some],
+                [tuning.factor * one.reached for one in some],
                 [one.peak for one in some],
                 s=9.0,
                 marker="o" if kept else "x",
@@ -168,19 +171,19 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
                 lw=0.8,
             )
         front = pareto_front([one for one in mine if one.kept])
-        times, peaks = [1e3 * one.settling for one in front], [one.peak for one in front]
-        ax.plot(times, peaks, **line_of(name), drawstyle="steps-post", label=f"front, {name}")
+        values, peaks = [tuning.factor * one.reached for one in front], [one.peak for one in front]
+        ax.plot(values, peaks, **line_of(name), drawstyle="steps-post", label=f"front, {name}")
         if (best := tuning.chosen.get(name)) is not None:
-            place = ([1e3 * best.settling], [best.peak])
-            label = f"chosen, {name}: {1e3 * best.settling:.2f} ms, peak {best.peak:.2f}"
+            place = ([tuning.factor * best.reached], [best.peak])
+            label = f"chosen, {name}: {tuning.factor * best.reached:.2f} {tuning.unit}, peak {best.peak:.2f}"
             ax.plot(*place, "*", ms=13.0, mfc=COLOURS[name], mec=INK, mew=0.7, label=label)
-    if tuning.settling_limit is not None:
-        ax.axvline(1e3 * tuning.settling_limit, color=ALARM, lw=0.9, ls="--", label="aims")
+    if tuning.limit is not None:
+        ax.axvline(tuning.factor * tuning.limit, color=ALARM, lw=0.9, ls="--", label="aims")
     if tuning.peak_limit is not None:
         ax.axhline(tuning.peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
     peaks = [one.peak for one in settled]
     ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
-    ax.set_xlabel("settling time (ms)")
+    ax.set_xlabel(f"{tuning.title} ({tuning.unit})")
     ax.set_ylabel("peak sensitivity")
     legend_below(figure, ax, columns=2)
     return figure
@@ -189,7 +192,7 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
     """Return those that no other one beats in both settling and peak, the fastest first."""
     front: list[GainsPoint] = []
-    for one in sorted(candidates, key=lambda each: (each.settling, each.peak)):
+    for one in sorted(candidates, key=lambda each: (each.reached, each.peak)):
         if not front or one.peak < front[-1].peak:
             front.append(one)
     return front

@@ -8,9 +8,8 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from anhyst.compensate.interface import MethodName
-from anhyst.reports.bearing.over_runs import GainsPoint, figure_pareto
-from anhyst.reports.bearing.over_runs import TuningPicture as Picture
-from anhyst.study.tuning.aims import Aims, Figures
+from anhyst.reports.bearing.over_runs import GainsPoint, TuningPicture, figure_pareto
+from anhyst.study.tuning.aims import TITLES, Aims, GainFigures
 from anhyst.study.tuning.output import RESULTS, keeps_others
 from anhyst.study.tuning.result import Tuning
 from anhyst.support.page.style import write_png
@@ -22,12 +21,12 @@ def write_pareto(tuning: Tuning, folder: Path) -> None:
 
 
 def pareto(tuning: Tuning) -> Figure:
-    """Draw settling against peak sensitivity of everything that was tried."""
+    """Draw what was made small against peak sensitivity of everything that was tried."""
 
-    def candidate(variant: MethodName, aims: Aims, figures: Figures) -> GainsPoint:
+    def candidate(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
         return GainsPoint(
             variant=variant,
-            settling=figures.settling_time_s,
+            reached=figures.cost,
             peak=figures.peak_sensitivity,
             kept=keeps_others(aims, figures),
         )
@@ -40,10 +39,17 @@ def pareto(tuning: Tuning) -> Figure:
     chosen = {
         name: candidate(name, tuned.aims, tuned.figures)
         for name, tuned in tuning.tuned.items()
-        if math.isfinite(tuned.figures.settling_time_s)
+        if math.isfinite(tuned.figures.cost)
     }
+    least = next(iter(tuning.tuned.values())).figures.least
     return figure_pareto(
-        Picture(
-            tuple(candidates), chosen, tuning.aims.settling_time_s, tuning.aims.peak_sensitivity
+        TuningPicture(
+            tuple(candidates),
+            chosen,
+            getattr(tuning.aims, least),
+            tuning.aims.peak_sensitivity,
+            TITLES[least].title,
+            TITLES[least].unit,
+            TITLES[least].factor,
         )
     )

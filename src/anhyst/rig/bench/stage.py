@@ -23,12 +23,18 @@ from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import check_values
-from anhyst.rig.recording import Recording, column
+from anhyst.rig.recording import Loss, Recording, column
+from anhyst.rig.stage.file import scan_direction, unit_of
 from anhyst.rig.stage.loop import (
     STRAY_LATE,
+    WRENCH,
     Feedforward,
     StageSetup,
-    make_controller,
+    axes_loss,
+    axes_recorded,
+    fed_wrench,
+    make_loop_controller,
+    of_axes,
     pid,
     stage_loss,
     strayed,
@@ -114,6 +120,7 @@ class StageBench:
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         rig = variants[0].setup.rig
         self.rig, self.rate = rig, 1.0 / rig.dt
+        self._magnets = len(rig.settings.magnets)
         self.tick = 0
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
         file, self._peak = rig.settings, max(rig.settings.scan.test_m_per_s2)
@@ -158,15 +165,19 @@ class StageBench:
         drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
         self._cable = drift.cable
         self._plant = drifted_stage(self.rig.bearing, drift, noise)
-        self._plant.place([self.rig.gap - float(self._strayed(1, 0.0)[0])], [0.0])
+        self._place_body(float(self._strayed(1, 0.0)[0]))
         self._course: Course | None = None
         self._at, self._place = 0, 0.0
         self._past = np.zeros(round(STRAY_LATE / self.rig.dt))  # accelerations
         self._flowed: deque[FloatArray] = deque()
-        self._latest = np.zeros((0, 5))
-        self._carried = 0.0
+        free = len(self.rig.settings.body.free)
+        self._latest = np.zeros((0, 2 * (self._magnets + free)))
+        self._carried = np.zeros(free)
         self._known = self.tick + 1
         self._control()
+
+    def _place_body(self, stray: float) -> None:
+        self._plant.place([self.rig.gap - stray], [0.0])
 
     def _control(self) -> None:
         """Put a controller in force that remembers what flowed, and goes on with the integral.
@@ -177,11 +188,13 @@ class StageBench:
         settings = rig.settings.changed({"control.crossover_Hz": self._values["crossover"]})
         setup = replace(self._setup, rig=replace(rig, settings=settings))
         # the loop keeps the drives alive
-        controller = make_controller(setup, [self._remembering(setup, k) for k in range(2)])
+        drives = [self._remembering(setup, k) for k in range(self._magnets)]
+        controller = make_loop_controller(setup, drives)
         self._loop = PlantLoop(self._plant, controller, current_loops(setup.rig.bearing))
         self._names = [column(*signal) for signal in self._loop.signals]
         if len(self._latest):
-            self._carried = float(np.mean(self._latest[:, 3] - self._latest[:, 4]))
+            wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
+            self._carried = np.array([np.mean(one) for one in (wanted - fed).T])
 
     def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
         """Return a compensator that has followed what flowed in a magnet."""
@@ -189,10 +202,7 @@ class StageBench:
         path = np.concatenate([*self._flowed, self._latest[-1:]])
         if len(path):
             scale, zero = (1.0, 0.0) if setup.correction is None else setup.correction[magnet, :2]
-            gap = path[:, 2]
-            if magnet:
-                gap = (self.rig.settings.gap_total_m or 0.0) - gap
-            drive.follow(scale * path[:, magnet], gap - zero)
+            drive.follow(scale * path[:, magnet], path[:, self._magnets + magnet] - zero)
         return drive
 
     def advance(self, ticks: int) -> FloatArray:
@@ -275,10 +285,31 @@ class StageBench:
         return strayed(self.rig, late, self.rig.dt * ticks)
 
     def _run(self, n: int) -> FloatArray:
-        rig, settings = self.rig, self.rig.settings
         place, accelerations, forward = self._fed(n)
         past = np.concatenate([self._past, accelerations])
-        frame = place - rig.gap + self._strayed(n + 1, past[: n + 1] / self._peak)
+        stray = self._strayed(n + 1, past[: n + 1] / self._peak)
+        of_loop, flowed, loss = self._step(place, stray, forward)
+        kept = len(flowed)
+        rows = self._rows(kept, *of_loop)
+        self._past, self._at = past[kept : kept + self._past.size], self._at + kept
+        if self._course is not None:
+            self._flowed.append(flowed)
+        carried = round(CARRIED_S / self.rig.dt)
+        self._latest = np.concatenate([self._latest, flowed])[-carried:]
+        if loss is not None:
+            self._state, self._fault, self._lap = State.FAULT, Fault.POSITION_RANGE, 0
+        return rows
+
+    def _step(
+        self, place: FloatArray, stray: FloatArray, forward: FloatArray
+    ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
+        """Return what is read of some ticks, signal by signal; what flowed; and whether it was lost.
+
+        What flowed: of each magnet the current and the gap as the controller knows it, then what
+        was demanded along each coordinate, and what was fed forward.
+        """
+        rig, settings, n = self.rig, self.rig.settings, forward.size
+        frame = place - rig.gap + stray
         noise = self._rng.normal(0.0, settings.position_sensor.noise_m, n)
         reference = place[:n] + self._offset
         table = self._loop.run(
@@ -294,24 +325,17 @@ class StageBench:
         kept = n if loss is None else min(loss.tick + 1, len(table))
         read = {name: values[:kept] for name, values in read.items()}
         position = read["gap_m"] + frame[:kept]
-        rows = self._rows(
-            kept,
+        of_loop = [
             reference[:kept],
             position,
             position + noise[:kept],
             reference[:kept] - position,
             *(read[name] for name in _READ),
-        )
-        self._past, self._at = past[kept : kept + self._past.size], self._at + kept
-        seen = [read[name] for name in ("command_A", "command_2_A", "gap_read_m", "demand_N")]
-        flowed = np.column_stack([*seen, -forward[:kept]])
-        if self._course is not None:
-            self._flowed.append(flowed)
-        carried = round(CARRIED_S / rig.dt)
-        self._latest = np.concatenate([self._latest, flowed])[-carried:]
-        if loss is not None:
-            self._state, self._fault, self._lap = State.FAULT, Fault.POSITION_RANGE, 0
-        return rows
+        ]
+        gap = read["gap_read_m"]
+        gaps = [gap, (settings.gap_total_m or 0.0) - gap]
+        seen = [read["command_A"], read["command_2_A"], *gaps, read["demand_N"]]
+        return of_loop, np.column_stack([*seen, -forward[:kept]]), loss
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
@@ -436,3 +460,72 @@ class StageBench:
 
     def close(self) -> None:
         """Nothing runs beside it."""
+
+
+class AxesBench(StageBench):
+    """The same of a body of several coordinates: nothing pushes at it, and no plants are drawn."""
+
+    def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
+        file = variants[0].setup.rig.settings
+        errors = [
+            Signal(f"error_{axis}", unit_of(axis), f"error along {axis}, or about it")
+            for axis in file.body.free
+        ]
+        magnets = [
+            Signal(f"{name}{f'_{number}' if number > 1 else ''}", unit, f"{text} {one.name}")
+            for number, one in enumerate(file.placed, 1)
+            for name, unit, text in (
+                ("gap", "m", "true gap of magnet"),
+                ("command", "A", "current asked for, of magnet"),
+                ("current", "A", "true current of magnet"),
+            )
+        ]
+        forces = [
+            Signal("demand", "N", "force that the controller wants along the set-point"),
+            Signal("force", "N", "true force of the magnets"),
+        ]
+        along = [_OF_BENCH[0], _OF_BENCH[1], _OF_BENCH[3]]
+        self.signals = (*along, *forces, *errors, *magnets, *_OF_BENCH[4:])
+        super().__init__(variants, seed)
+        self.load_most = 0.0
+
+    def _place_body(self, stray: float) -> None:
+        along = scan_direction(self.rig.settings)
+        self._plant.place((-stray * along).tolist(), [0.0] * along.size)
+
+    def _step(
+        self, place: FloatArray, stray: FloatArray, forward: FloatArray
+    ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
+        rig, file, n = self.rig, self.rig.settings, forward.size
+        along, reference = scan_direction(file), place[:n] + self._offset
+        frame, fed = np.outer(place + stray, along), fed_wrench(rig, forward)
+        table = self._loop.run(
+            np.outer(reference, along).ravel(),
+            np.zeros(n),
+            np.zeros(n * along.size),
+            (fed + self._carried).ravel(),
+            np.zeros(n, dtype=np.uint32),
+            frame.ravel(),
+        )
+        loss = axes_loss(rig, Recording.of_table(table, self._names), n)
+        kept = n if loss is None else min(loss.tick + 1, len(table))
+        run = Recording.of_table(table[:kept], self._names)
+        seen = axes_recorded(rig, run, reference, frame)
+        count = range(1, self._magnets + 1)
+        flowed = [run[column("command", "A", number)] for number in count]
+        flowed += [run[column("gap_read", "m", number)] for number in count]
+        flowed += [run[name] for name in of_axes("demand", file.body.free, WRENCH)]
+        of_loop = [
+            seen["_".join((one.name, one.unit))] for one in self.signals[: -len(_OF_BENCH[4:])]
+        ]
+        return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed; no other plant can be put in force."""
+        return tuple(one for one in super().parameters() if one.name != "plant")
+
+
+def bench_of(variants: Sequence[StageVariant]) -> StageBench:
+    """Return the bench of a body of one or several coordinates."""
+    several = variants[0].setup.rig.settings.several
+    return AxesBench(variants) if several else StageBench(variants)

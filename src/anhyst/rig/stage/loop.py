@@ -16,7 +16,9 @@ from anhyst._core import (
     TrackingAxes,
     TrackingF32,
 )
+from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.play_map import PlayMap
@@ -93,11 +95,12 @@ class StageSetup:
 def pid(rig: StageRig) -> dict[str, float]:
     """Return the PID as a filter of second order, by the trapezoidal rule.
 
-    Integral to a fifth of the crossover, lead from a third of it to six times it.
+    Where integral and lead end and begin, the rig file says in parts of the crossover.
     """
     table, dt = rig.settings.tracking, rig.dt
     omega = 2.0 * math.pi * table.crossover_Hz
-    low, lead, high = omega / 5.0, omega / 3.0, 6.0 * omega
+    low, lead = omega / table.integral_ratio, omega / table.lead_ratio
+    high = table.rolloff_ratio * omega
 
     def shape(s: complex) -> complex:
         return (s + low) / s * (1.0 + s / lead) / (1.0 + s / high)
@@ -189,7 +192,7 @@ def track(
     pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     bearing.place([rig.gap], [0.0])
-    loop = PlantLoop(bearing, make_controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
     rows = loop.run(
         np.ascontiguousarray(reference[:n]),
@@ -214,11 +217,11 @@ def _track_axes(
     of mass, and carries the weight.
     """
     rig, file, n = setup.rig, setup.rig.settings, forward.size
-    along, moved = scan_direction(file), mass_matrix(file)
+    along = scan_direction(file)
     frame = np.outer(reference + strayed, along)
-    wrench = np.outer(forward / file.body.mass_kg, moved @ along) - weight(file)
+    wrench = fed_wrench(rig, forward)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
-    loop = PlantLoop(bearing, _axes_controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
         np.outer(reference[:n], along).ravel(),
         np.zeros(n),
@@ -228,18 +231,25 @@ def _track_axes(
         frame.ravel(),
     )
     run = Recording.of_table(rows, [column(*signal) for signal in loop.signals])
-    return Recording(_axes_recorded(rig, run, reference, frame), _axes_loss(rig, run, n))
+    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
 
 
-def _axes_recorded(
+def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
+    """Return the wrench of a force that moves the centre of mass along the set-point, with the weight."""
+    file = rig.settings
+    moved = mass_matrix(file) @ scan_direction(file)
+    return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
+
+
+def axes_recorded(
     rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
 ) -> dict[str, FloatArray]:
     """Return the columns of a recording: along the set-point, of every coordinate, every magnet."""
     file, n = rig.settings, len(run)
     along, free = scan_direction(file), file.body.free
-    poses = np.column_stack([run[name] for name in _of_axes("pose", free)]) + frame[:n]
+    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + frame[:n]
     errors = np.outer(reference[:n], along) - poses
-    demand = np.column_stack([run[name] for name in _of_axes("demand", free, ("N", "N_m"))]) @ along
+    demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
     return {
         "t_s": run["t_s"],
         "reference_m": reference[:n],
@@ -253,24 +263,26 @@ def _axes_recorded(
     }
 
 
-def _of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
+def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "rad")) -> list[str]:
     """Return the columns of a signal of every coordinate, in the loop's own record."""
     return [
         column(signal, units[unit_of(axis) == "rad"], number) for number, axis in enumerate(free, 1)
     ]
 
 
-def _axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     file = rig.settings
     most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
-    for axis, name in zip(file.body.free, _of_axes("pose", file.body.free), strict=True):
+    for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
         end = file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
         bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
     return find_loss(bounds, planned)
 
 
+WRENCH = ("N", "N_m")
+"""Units of a force along a coordinate and about one."""
 READ = ("position_read_m", "gap_read_m")
 PROBES = of_magnets([("flux_read", "T")], 1, MAGNETS)
 """What the controller is given of the body, and of flux probes where there are some."""
@@ -341,7 +353,18 @@ def make_controller(
     return controller
 
 
-def _axes_controller(setup: StageSetup) -> LoopController:
+def make_loop_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> LoopController:
+    """Return the controller of a body of one or several coordinates.
+
+    The drives, one a magnet, may remember something; demagnetised ones if left out.
+    """
+    several = setup.rig.settings.several
+    return _axes_controller(setup, drives) if several else make_controller(setup, drives)
+
+
+def _axes_controller(setup: StageSetup, drives: Sequence[ForceController]) -> LoopController:
     """Return PIDs, decoupling and allocation in double precision, compensators in their format."""
     file, settings = setup.rig.settings, controller_settings(setup)
     settings.pop("gap_total")
@@ -350,7 +373,7 @@ def _axes_controller(setup: StageSetup) -> LoopController:
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass = file.body.mass_kg
     return TrackingAxes(
-        [setup.compensator.fresh().native for _ in file.placed],
+        [one.native for one in drives or [setup.compensator.fresh() for _ in file.placed]],
         wrench_layout(file, kind, idle),
         {
             "see": np.ascontiguousarray(np.linalg.pinv(head_rows(file))),
@@ -383,6 +406,14 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
     }
+
+
+def block_of(setup: StageSetup) -> Block:
+    """Return the parameter block of a compensator of a law in fixed point."""
+    parameters = setup.compensator.parameters
+    assert isinstance(parameters, HysteresisInverse)
+    assert isinstance(parameters.block, Block)
+    return parameters.block
 
 
 def fixed_pid(setup: StageSetup) -> FixedPidd2:

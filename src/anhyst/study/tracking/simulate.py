@@ -345,7 +345,7 @@ def try_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> TriedVariant:
         shown=runs[0],
         small=measure(track(setup, small, gains, 1), small, table.slit_s),
         repeated=measure(track(setup, motion, here, 1), motion, table.slit_s),
-        standstill_m=_standing(setup, gains),
+        standstill_m=standing(setup, gains),
         trials_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
         crossed=_cross_talks(setup.rig.settings, runs, motion),
         learnt=None if learner is None else learner.found,
@@ -370,11 +370,11 @@ def _cross_talks(
     return {axis: tuple(one[axis] for one in found) for axis in found[0]}
 
 
-def _standing(setup: StageSetup, gains: Feedforward) -> float:
+def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> float:
     """Return the error of a mass that has moved and now stands still, rms, m."""
     table = setup.rig.settings.scan
     moved = replace(motion_of(table, table.test_m_per_s2[:2]), cruise=_STILL_S, speed=0.0)
-    run = track(setup, moved, gains, 1)
+    run = track(setup, moved, gains, seed)
     if run.loss is not None:
         return math.inf
     return rms(np.concatenate([run["error_m"][part] for part in cruises(moved, run.dt)]))

@@ -1,7 +1,8 @@
 """What gains are wanted for, and how far from it they are.
 
-Gains that miss no aim are compared by their settling time; those that miss some, by how far they
-miss them. So the search first finds gains that are allowed, and then the fastest of them.
+Gains that miss no aim are compared by one figure: of a bearing the settling time, of a stage the
+moving average. Those that miss some are compared by how far they miss them. So the search first
+finds gains that are allowed, and then the best of them.
 """
 
 # ruff: noqa: N815 - figures carry units
@@ -10,64 +11,115 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import reduce
+from typing import ClassVar, NamedTuple, Self, TypeVar
 
 from anhyst.support.errors import InputError
 
 MISSED = 1e3
-"""Cost of gains that miss an aim, in seconds; what they miss is added."""
+"""Cost of gains that miss an aim, in SI units; what they miss is added."""
 
 _MOST = 100.0
 """By which an aim is missed at most: what is infinite must have a cost too."""
 
 LOST = 1e6
-"""Cost of gains that do not hold the armature in the air."""
+"""Cost of gains that do not hold the body."""
 
 
 @dataclass(frozen=True)
-class Figures:
+class GainFigures:
     """What gains reach, as the worst of everything that was tried."""
 
-    overshoot_percent: float  # of the height of a step; of both directions, the larger one
-    settling_time_s: float  # until the gap stays within 2 % of the height; mean of both directions
-    peak_sensitivity: float  # measured with a sine that is added to the position sensor
-    standstill_rms_m: float  # of the gap, after a step has settled
-    current_rate_rms_A_per_s: float  # rate of change of the current over a step and its hold
+    least: ClassVar[str]  # figure by which gains that miss no aim are ordered
+    settling_time_s: float = 0.0
+    peak_sensitivity: float = 0.0
+    standstill_rms_m: float = 0.0
+    current_rate_rms_A_per_s: float = 0.0  # rate of change of a current, the largest
 
-    def worse(self, other: Figures) -> Figures:
+    def named(self) -> dict[str, float]:
+        """Return them by name, in the order of every table."""
+        return {name: getattr(self, name) for name in TITLES if hasattr(self, name)}
+
+    def worse(self, other: Self) -> Self:
         """Return the worse of each."""
-        mine, theirs = asdict(self), asdict(other)
-        return Figures(**{name: max(mine[name], theirs[name]) for name in mine})
+        theirs = other.named()
+        return type(self)(**{name: max(one, theirs[name]) for name, one in self.named().items()})
+
+    @property
+    def cost(self) -> float:
+        """The figure by which gains that miss no aim are ordered."""
+        return float(getattr(self, self.least))
+
+    @classmethod
+    def lost(cls) -> Self:
+        """Return the figures of gains that do not hold the body."""
+        return cls(*[math.inf] * len(fields(cls)))
 
 
-NOTHING = Figures(0.0, 0.0, 0.0, 0.0, 0.0)
+@dataclass(frozen=True)
+class Figures(GainFigures):
+    """Of a bearing.
 
-TITLES: Mapping[str, tuple[str, float, str]] = {
-    "overshoot_percent": ("overshoot", 1.0, "%"),
-    "settling_time_s": ("settling time", 1e3, "ms"),
-    "peak_sensitivity": ("peak sensitivity", 1.0, ""),
-    "standstill_rms_m": ("rms at standstill", 1e9, "nm"),
-    "current_rate_rms_A_per_s": ("rms rate of the current", 1.0, "A/s"),
+    The settling time is that until the gap stays within 2 % of the height of a step, mean of both
+    directions; the sensitivity is measured with a sine that is added to the position sensor.
+    """
+
+    least = "settling_time_s"
+    overshoot_percent: float = 0.0  # of the height of a step; of both directions, the larger one
+
+
+@dataclass(frozen=True)
+class StageFigures(GainFigures):
+    """Of a stage on its set-points.
+
+    The settling time is that from the end of an acceleration until the error stays within 50 nm;
+    the sensitivity is that of the linear loop.
+    """
+
+    least = "average_m"
+    average_m: float = 0.0  # largest moving average over the slit
+    error_peak_m: float = 0.0  # largest error
+
+
+class FigureTitle(NamedTuple):
+    """How a figure is written."""
+
+    title: str
+    factor: float  # that an SI value is multiplied by
+    unit: str  # then
+    digits: int  # behind the point, in tables
+
+
+TITLES: Mapping[str, FigureTitle] = {
+    "overshoot_percent": FigureTitle("overshoot", 1.0, "%", 2),
+    "average_m": FigureTitle("moving average", 1e9, "nm", 2),
+    "error_peak_m": FigureTitle("peak error", 1e9, "nm", 1),
+    "settling_time_s": FigureTitle("settling time", 1e3, "ms", 2),
+    "peak_sensitivity": FigureTitle("peak sensitivity", 1.0, "", 2),
+    "standstill_rms_m": FigureTitle("rms at standstill", 1e9, "nm", 1),
+    "current_rate_rms_A_per_s": FigureTitle("rms rate of the current", 1.0, "A/s", 0),
 }
-"""Of every figure: its name, what an SI value is multiplied by, and the unit then."""
 
 
 def text_of(name: str, value: float) -> str:
     """Write a figure with its unit."""
-    title, factor, unit = TITLES[name]
+    title, factor, unit, _ = TITLES[name]
     number = f"{factor * value:.3g}" if math.isfinite(value) else "unlimited"
     return f"{title} {number} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
 class Aims:
-    """Upper limits of the figures; the settling time is made as small as they allow."""
+    """Upper limits of the figures; one of them is made as small as they allow."""
 
-    overshoot_percent: float = 2.0
+    overshoot_percent: float | None = 2.0  # none: no limit
     peak_sensitivity: float = 3.0
-    settling_time_s: float | None = None  # none: no limit
+    settling_time_s: float | None = None
     standstill_rms_m: float | None = None
     current_rate_rms_A_per_s: float | None = None
+    error_peak_m: float | None = None
+    average_m: float | None = None
 
     def __post_init__(self) -> None:
         for name, limit in self.limits.items():
@@ -79,7 +131,7 @@ class Aims:
                 )
         if self.peak_sensitivity <= 1.0:
             raise InputError(
-                f"aim peak_sensitivity: {self.peak_sensitivity:g} is not above 1, and no bearing "
+                f"aim peak_sensitivity: {self.peak_sensitivity:g} is not above 1, and no loop "
                 "with delay stays below; give 1.5 to 5",
                 code="out-of-range",
                 key="peak_sensitivity",
@@ -94,35 +146,36 @@ class Aims:
             if (limit := getattr(self, field.name)) is not None
         }
 
-    def misses(self, figures: Figures) -> dict[str, float]:
+    def misses(self, figures: GainFigures) -> dict[str, float]:
         """Return by how much of its limit every missed aim is missed.
 
-        Not to settle is a miss even without a limit, by the whole of what was allowed.
+        To have no settling time, or no moving average, is a miss even without a limit, by the whole
+        of what was allowed.
         """
         found = {
             name: float(getattr(figures, name)) / limit - 1.0 for name, limit in self.limits.items()
         }
-        if not math.isfinite(figures.settling_time_s):
-            found.setdefault("settling_time_s", 1.0)
+        if not math.isfinite(figures.cost):
+            found.setdefault(figures.least, 1.0)
         return {name: over for name, over in found.items() if over > 0.0}
 
-    def cost(self, figures: Figures) -> float:
-        """Return what is to be made small; gains that miss no aim cost their settling time, s."""
+    def cost(self, figures: GainFigures) -> float:
+        """Return what is to be made small; gains that miss no aim cost the figure that orders them."""
         misses = self.misses(figures).values()
         if misses:
             return MISSED + sum(min(over, _MOST) for over in misses)
-        return figures.settling_time_s
+        return figures.cost
 
     def tightened(self, factors: Mapping[str, float]) -> Aims:
         """Return aims whose limits are those of this one times some factors."""
         limits = {name: limit * factors.get(name, 1.0) for name, limit in self.limits.items()}
         limits["peak_sensitivity"] = max(limits["peak_sensitivity"], 1.01)
-        return Aims(**limits)
+        return replace(self, **limits)
 
 
-def worst_of(figures: Iterable[Figures]) -> Figures:
+F = TypeVar("F", bound=GainFigures)
+
+
+def worst_of(figures: Iterable[F]) -> F:
     """Return the worst of each figure."""
-    found = NOTHING
-    for one in figures:
-        found = found.worse(one)
-    return found
+    return reduce(lambda one, other: one.worse(other), figures)

@@ -9,24 +9,25 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.compensate.methods import BASELINES, MODELS
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.study.bearing.responses import as_rows
 from anhyst.study.engine.verdict import Interval, compare
-from anhyst.study.tuning.aims import TITLES, Aims, Figures, text_of
+from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.result import Tuned, Tuning
-from anhyst.study.tuning.trial import Condition
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.json_text import json_text
-from anhyst.support.pays import FEEDBACK
+from anhyst.support.pays import FEEDBACK, STAGE
 from anhyst.support.version import running_version
 
-_SETTLING = "settling_time_s"
+_WORDS = {
+    "settling_time_s": ("settles in", "in", "settling time", FEEDBACK),
+    "average_m": ("leaves a moving average of", "one of", "moving average", STAGE),
+}
+"""Of what is made small: what a variant does, and another one; its name; where it would pay."""
 
 
 def worth(tuning: Tuning) -> str:
     """Say in a sentence whether it is, against which baseline, and how measured flux does.
 
-    What counts is the settling time of those whose gains meet the aims.
+    What counts is the settling time of those whose gains meet the aims, or the moving average.
     """
     models = [one for name, one in tuning.tuned.items() if name in MODELS]
     baselines = [one for name, one in tuning.tuned.items() if name in BASELINES]
@@ -42,40 +43,41 @@ def worth(tuning: Tuning) -> str:
 
 def _best(ones: Sequence[Tuned]) -> Tuned:
     """Return the one that settles first of those that meet the aims."""
-    return min(ones, key=lambda one: (bool(one.misses), one.figures.settling_time_s))
+    return min(ones, key=lambda one: (bool(one.misses), one.figures.cost))
 
 
 def _judged(mine: Tuned, other: Tuned) -> str:
     named = f"the strongest baseline without hysteresis model ('{other.variant}')"
-    both = f"'{mine.variant}' settles in {_time(mine)}, {named} in {_time(other)}"
+    does, other_does, noun, pays = _WORDS[mine.figures.least]
+    both = f"'{mine.variant}' {does} {_value(mine)}, {named} {other_does} {_value(other)}"
     if mine.misses:
-        met = "misses them too" if other.misses else f"meets them, settling in {_time(other)}"
-        return f"not worth it here: '{mine.variant}' misses the aims, {named} {met}; {FEEDBACK}"
+        met = "misses them too" if other.misses else f"meets them, with a {noun} of {_value(other)}"
+        return f"not worth it here: '{mine.variant}' misses the aims, {named} {met}; {pays}"
     if other.misses:
         return f"worth it: '{mine.variant}' meets the aims, {named} misses them"
-    mine_s, other_s = _settling(mine), _settling(other)
-    found = compare("settling", other.variant, mine_s, other_s)
+    found = compare(noun, other.variant, _interval(mine), _interval(other))
     if found.less:
         return f"worth it: {both}, {100.0 * (1.0 - found.ratio):.2g} % less"
     rest = "certainly less" if found.more else "the same within the noise"
-    return f"not worth it here: {both}, {rest}; {FEEDBACK}"
+    return f"not worth it here: {both}, {rest}; {pays}"
 
 
 def _flux(tuning: Tuning) -> str:
     flux = tuning.tuned.get("flux")
     if flux is None:
         return ""
-    return f"; measured flux: {'misses the aims' if flux.misses else _time(flux)}"
+    return f"; measured flux: {'misses the aims' if flux.misses else _value(flux)}"
 
 
-def _time(one: Tuned) -> str:
-    return f"{1e3 * one.figures.settling_time_s:.2f} ms"
+def _value(one: Tuned) -> str:
+    _, factor, unit, _ = TITLES[one.figures.least]
+    return f"{factor * one.figures.cost:.2f} {unit}"
 
 
-def _settling(one: Tuned) -> Interval:
-    check, mean = one.found.check, one.figures.settling_time_s
-    width = 0.0 if check is None else check.cell(_SETTLING).figures[_SETTLING].half_width
-    return Interval(mean, width, 1)
+def _interval(one: Tuned) -> Interval:
+    check = one.found.check
+    width = 0.0 if check is None else check.widths.get(one.figures.least, 0.0)
+    return Interval(one.figures.cost, width, 1)
 
 
 RESULTS = ("tuning.json", "tuning.md", "pareto.png")
@@ -83,17 +85,6 @@ RESULTS = ("tuning.json", "tuning.md", "pareto.png")
 
 _NOTES = 3
 """Things that limit, of each kind, which a note or a line names; all stand in ``tuning.json``."""
-
-_HEADS = (
-    "variant",
-    "overshoot, %",
-    "settling, ms",
-    "peak sensitivity",
-    "standstill, nm rms",
-    "rate of current, A/s rms",
-    "aims",
-    "what limits",
-)
 
 
 def verdict(tuned: Tuned) -> str:
@@ -103,7 +94,7 @@ def verdict(tuned: Tuned) -> str:
     for name in tuned.misses:
         text = text_of(name, getattr(tuned.figures, name))
         if name in limits:
-            _, factor, unit = TITLES[name]
+            _, factor, unit, _ = TITLES[name]
             text += f" (aim {factor * limits[name]:g} {unit}".rstrip() + ")"
         texts.append(text)
     others = [one.text for one in tuned.limits if one.what not in tuned.misses]
@@ -115,17 +106,13 @@ def verdict(tuned: Tuned) -> str:
 
 def shortfall(tuning: Tuning) -> str | None:
     """Say why the aims are not met, in a line; None if they are, by the file's own variant."""
-    own = tuning.tuned.get(tuning.controller.settings.compensation.variant)
+    own = tuning.tuned.get(tuning.own)
     return verdict(own) if own is not None and own.misses else None
 
 
-def file_note(
-    tuned: Tuned, rig: BearingRig, conditions: Sequence[Condition], budget: int, seed: int
-) -> str:
-    """Return the comment at the head of a tuned controller file."""
+def file_note(tuned: Tuned, tuning: Tuning) -> str:
+    """Return the comment at the head of a tuned file."""
     found = tuned.found
-    numbers = found.numbers
-    steps = ", ".join(f"{1e6 * height:g}" for height in rig.settings.step.heights_m)
     if found.check is None:
         reached = "Reached with one noise seed (the search was interrupted):"
     else:
@@ -133,28 +120,31 @@ def file_note(
     missed = ["It MISSES its aims."] if tuned.misses else []
     lines = [
         f"Made by anhyst {running_version()} tune for variant '{tuned.variant}' on the rig "
-        f"'{rig.settings.name}'.",
-        f"Aims: {aims_text(tuned.aims)}; then the least settling time.",
-        f"Tried at {'; '.join(one.text for one in conditions)};",
-        f"steps of {steps} um up and down; {budget} sets of gains, seed {seed}.",
+        f"'{tuning.rig.settings.name}'.",
+        f"Aims: {aims_text(tuning)}.",
+        f"Tried at {'; '.join(one.text for one in found.loop.conditions)};",
+        f"{found.loop.tried}; {tuning.budget} sets of gains, seed {tuning.seed}.",
         reached,
-        f"{', '.join(text_of(name, value) for name, value in asdict(tuned.figures).items())}.",
+        f"{', '.join(text_of(name, value) for name, value in tuned.figures.named().items())}.",
         *missed,
-        f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "
-        f"{numbers['damping']:.3g}, real one at "
-        f"{numbers['bandwidth_Hz'] * numbers['real_pole']:.4g} Hz;",
-        f"virtual mass {100.0 * numbers['virtual_mass']:.3g} % of the mass.",
+        *found.loop.told(found.numbers),
+        *(f"{one}." for one in (found.check.notes if found.check else ())),
         *(f"What limits: {one.text}." for one in tuned.limits[:_NOTES]),
     ]
     return "\n".join(lines)
 
 
-def aims_text(aims: Aims) -> str:
+def aims_text(tuning: Tuning) -> str:
     """Write aims in a line."""
-    return ", ".join(
-        f"{TITLES[name][0]} <= {TITLES[name][1] * limit:g} {TITLES[name][2]}".rstrip()
-        for name, limit in aims.limits.items()
+    limits = ", ".join(
+        f"{TITLES[name].title} <= {TITLES[name].factor * limit:g} {TITLES[name].unit}".rstrip()
+        for name, limit in tuning.aims.limits.items()
     )
+    return f"{limits}; then the least {TITLES[_first(tuning).figures.least].title}"
+
+
+def _first(tuning: Tuning) -> Tuned:
+    return next(iter(tuning.tuned.values()))
 
 
 def write_results(tuning: Tuning, folder: Path) -> None:
@@ -167,84 +157,77 @@ def write_results(tuning: Tuning, folder: Path) -> None:
 
 
 def rows(tuning: Tuning) -> list[list[str]]:
-    """Return the table of all variants, the fastest that meets its aims first."""
-    ordered = sorted(
-        tuning.tuned.values(), key=lambda each: (bool(each.misses), each.figures.settling_time_s)
-    )
+    """Return the table of all variants, the best that meets its aims first."""
+    ordered = sorted(tuning.tuned.values(), key=lambda each: (bool(each.misses), each.figures.cost))
     return [_row(one) for one in ordered]
 
 
 def _row(tuned: Tuned) -> list[str]:
-    check, figures = tuned.found.check, tuned.figures
+    check = tuned.found.check
 
-    def with_interval(name: str, factor: float) -> str:
-        value = factor * float(getattr(figures, name))
-        if check is None or not math.isfinite(value):
-            return f"{value:.2f}"
-        width = factor * check.cell(name).figures[name].half_width
-        return f"{value:.2f} ± {width:.2f}"
+    def with_interval(name: str, value: float) -> str:
+        _, factor, _, digits = TITLES[name]
+        text = f"{factor * value:.{digits}f}"
+        if check is None or name not in check.widths or not math.isfinite(value):
+            return text
+        return f"{text} ± {factor * check.widths[name]:.{digits}f}"
 
     missed = ", ".join(TITLES[name][0] for name in tuned.misses)
     limiting = list(dict.fromkeys(one.what for one in tuned.limits))
     words = [TITLES[name][0] if name in TITLES else name for name in limiting]
     return [
         tuned.variant,
-        with_interval("overshoot_percent", 1.0),
-        with_interval("settling_time_s", 1e3),
-        f"{figures.peak_sensitivity:.2f}",
-        f"{1e9 * figures.standstill_rms_m:.0f}",
-        f"{figures.current_rate_rms_A_per_s:.0f}",
+        *(with_interval(name, value) for name, value in tuned.figures.named().items()),
         f"misses {missed}" if missed else "met",
         ", ".join(words),
     ]
 
 
-def heads() -> tuple[str, ...]:
+def heads(tuning: Tuning) -> list[str]:
     """Return the heads of the columns of :func:`rows`."""
-    return _HEADS
+    titles = [TITLES[name] for name in _first(tuning).figures.named()]
+    figures = [f"{one.title}, {one.unit}" if one.unit else one.title for one in titles]
+    return ["variant", *figures, "aims", "what limits"]
 
 
 def markdown(tuning: Tuning) -> str:
     """Return the table and what limits as Markdown."""
-    seeds = tuning.rig.settings.noise_seeds
-    steps = ", ".join(f"{1e6 * one:g}" for one in tuning.rig.settings.step.heights_m)
+    seeds, loop = tuning.rig.settings.noise_seeds, _first(tuning).found.loop
+    head = heads(tuning)
     lines = [
-        f"Rig: {tuning.rig.settings.name}. Aims: {aims_text(tuning.aims)}; then the least "
-        "settling time.",
-        f"Worst of {len(tuning.conditions)} conditions "
-        f"({'; '.join(one.text for one in tuning.conditions)}), steps of {steps} um up and down; "
+        f"Rig: {tuning.rig.settings.name}. Aims: {aims_text(tuning)}.",
+        f"Worst of {len(loop.conditions)} conditions "
+        f"({'; '.join(one.text for one in loop.conditions)}), {loop.tried}; "
         f"means of {seeds} noise seeds with 95 % intervals. Each variant was tuned for itself: "
         f"{tuning.budget} sets of gains, seed {tuning.seed}.",
         "",
-        f"| {' | '.join(_HEADS)} |",
-        f"| {' | '.join('---' for _ in _HEADS)} |",
+        f"| {' | '.join(head)} |",
+        f"| {' | '.join('---' for _ in head)} |",
         *(f"| {' | '.join(row)} |" for row in rows(tuning)),
         "",
         f"Verdict: {worth(tuning)}.",
         "",
-        "What limits:",
+        "What limits, and what was found besides:",
         "",
     ]
     for name, tuned in tuning.tuned.items():
-        lines += [f"- {name}: {one.text}" for one in tuned.limits]
+        notes = tuned.found.check.notes if tuned.found.check else ()
+        lines += [f"- {name}: {text}" for text in (*(one.text for one in tuned.limits), *notes)]
     return "\n".join(lines) + "\n"
 
 
 def figures_of(tuning: Tuning) -> dict[str, Any]:
     """Return what ``tuning.json`` holds; the same for the same input and seed."""
-    rig = tuning.rig.settings
+    rig, loop = tuning.rig.settings, _first(tuning).found.loop
     return {
         "format": "anhyst-tuning",
         "rig": rig.name,
-        "controller": tuning.controller.settings.name,
-        "number_format": tuning.controller.settings.compensation.format,
+        **loop.facts(),
         "rate_Hz": rig.timing.rate_Hz,
         "delay_ticks": rig.timing.delay_ticks,
-        "plant": tuning.plant.as_dict(),
-        "supply_V": rig.amplifier.supply_V,
+        **({"plant": tuning.plant.as_dict()} if tuning.plant else {}),
         "aims": tuning.aims.limits,
-        "conditions": [{"gap_m": one.gap, "load_N": one.load} for one in tuning.conditions],
-        "steps_m": list(rig.step.heights_m),
+        "conditions": [one.as_dict() for one in loop.conditions],
         "noise_seeds": rig.noise_seeds,
         "budget": tuning.budget,
         "seed": tuning.seed,
@@ -255,39 +238,26 @@ def figures_of(tuning: Tuning) -> dict[str, Any]:
 
 def _of_variant(tuned: Tuned) -> dict[str, Any]:
     found, check = tuned.found, tuned.found.check
-    pidd2 = found.setup.controller.pidd2()
+    least = tuned.figures.least
+    checked = [] if check is None else check.figures.items()
     return {
         "met": not tuned.misses,
         "misses": list(tuned.misses),
-        "figures": asdict(tuned.figures),
-        "before": asdict(found.before.worst) if found.before.complete else None,
-        "gains": {
-            "K_p_N_per_m": pidd2.K_p,
-            "K_i_N_per_m_s": pidd2.K_i,
-            "K_d_N_s_per_m": pidd2.K_d,
-            "K_dd_N_s2_per_m": pidd2.K_dd,
-            "cutoff_Hz": pidd2.cutoff,
-            "cutoff_2_Hz": pidd2.cutoff_2,
-            "set_point_weight": pidd2.weight,
-        },
+        "figures": tuned.figures.named(),
+        "before": found.before.worst.named() if found.before.complete else None,
+        "gains": found.loop.gains(),
         "searched": dict(found.numbers),
         "limits": [asdict(one) for one in tuned.limits],
         "conditions": [
-            {
-                "gap_m": condition.gap,
-                "load_N": condition.load,
-                **asdict(figures),
-                "peak_Hz": check.peaks[condition],
-            }
-            for condition, figures in check.figures.items()
-        ]
-        if check is not None
-        else [],
-        "steps": [] if check is None else as_rows(check.cells),
+            {**condition.as_dict(), **figures.named(), "peak_Hz": check.peaks[condition]}
+            for condition, figures in checked
+            if check is not None
+        ],
+        **({} if check is None else check.rows),
         "tried": found.tried,
         "candidates": [
             {
-                "settling_time_s": one.outcome.worst.settling_time_s,
+                least: one.outcome.worst.cost,
                 "peak_sensitivity": one.outcome.worst.peak_sensitivity,
                 "meets_other_aims": keeps_others(tuned.aims, one.outcome.worst),
             }
@@ -296,6 +266,6 @@ def _of_variant(tuned: Tuned) -> dict[str, Any]:
     }
 
 
-def keeps_others(aims: Aims, figures: Figures) -> bool:
-    """Return whether the aims other than settling time and peak sensitivity are met."""
-    return not set(aims.misses(figures)) - {"settling_time_s", "peak_sensitivity"}
+def keeps_others(aims: Aims, figures: GainFigures) -> bool:
+    """Return whether the aims other than what is made small and peak sensitivity are met."""
+    return not set(aims.misses(figures)) - {figures.least, "peak_sensitivity"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,10 @@ from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.distance import PlantCheck
-from anhyst.study.tuning.aims import Aims, Figures
-from anhyst.study.tuning.limits import Limit
+from anhyst.rig.stage.file import StageRig
+from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
-from anhyst.study.tuning.trial import Condition
+from anhyst.study.tuning.trial import Limit
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Tuned:
     aims: Aims
 
     @property
-    def figures(self) -> Figures:
+    def figures(self) -> GainFigures:
         """What the gains reach, worst of all conditions."""
         return self.found.figures
 
@@ -47,29 +47,30 @@ class Tuning(Result):
 
     Parameters
     ----------
-    rig : BearingRig
-    controller : ControllerFile
-        As it was.
-    plant : PlantCheck
-        What the loops say about the plant.
+    rig : BearingRig or StageRig
+    controller : ControllerFile or None
+        As it was; None of a stage.
+    plant : PlantCheck or None
+        What the loops say about the plant of a bearing.
+    own : str
+        The variant that the files name; of a stage ``full``.
     aims : Aims
-    conditions : tuple of Condition
     budget, seed : int
     tuned : mapping of str to Tuned
         By variant.
     written : mapping of str to Path
-        Controller file of every variant.
+        Controller or rig file of every variant.
     interrupted : bool
         Whether ctrl-C ended it.
     seconds, cpu_seconds : float
         By the clock, and of all processes.
     """
 
-    rig: BearingRig
-    controller: ControllerFile
-    plant: PlantCheck
+    rig: BearingRig | StageRig
+    controller: ControllerFile | None
+    plant: PlantCheck | None
+    own: MethodName
     aims: Aims
-    conditions: tuple[Condition, ...]
     budget: int
     seed: int
     tuned: Mapping[MethodName, Tuned]
@@ -82,26 +83,25 @@ class Tuning(Result):
         """Return what the gains of every variant reach, and the aims that they miss."""
         told = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, one in self.tuned.items():
-            told[name] = (
-                f"overshoot {one.figures.overshoot_percent:.2f} %, settling "
-                f"{1e3 * one.figures.settling_time_s:.2f} ms, "
-                + (f"misses {', '.join(one.misses)}" if one.misses else "meets its aims")
-            )
+            reached = [text_of(title, value) for title, value in one.figures.named().items()]
+            met = f"misses {', '.join(one.misses)}" if one.misses else "meets its aims"
+            told[name] = ", ".join([*reached, met])
         return told
 
     def to_columns(self) -> dict[str, Any]:
         """Return what the gains of every variant reach, worst of all conditions."""
         return columns_of(
             [
-                {"variant": name, **asdict(one.figures), "met": not one.misses}
+                {"variant": name, **one.figures.named(), "met": not one.misses}
                 for name, one in self.tuned.items()
             ]
         )
 
     def draw(self, ax: Axes) -> None:
-        """Draw overshoot over settling time of every variant."""
+        """Draw the peak of the sensitivity of every variant over what was made small."""
         for name, one in self.tuned.items():
-            at = 1e3 * one.figures.settling_time_s, one.figures.overshoot_percent
+            title = TITLES[one.figures.least]
+            at = title.factor * one.figures.cost, one.figures.peak_sensitivity
             ax.plot(*at, "o", label=name)
-        ax.set_xlabel("settling time [ms]")
-        ax.set_ylabel("overshoot [%]")
+            ax.set_xlabel(f"{title.title} [{title.unit}]")
+        ax.set_ylabel("peak sensitivity")

@@ -6,20 +6,18 @@ asks for is known. It finds where a search should begin.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from cmaes import CMA
 
-from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
-from anhyst.study.tuning.space import GainSpace
 from anhyst.study.tuning.trial import Condition
 from anhyst.support.arrays import FloatArray
 
@@ -193,19 +191,9 @@ def spread_over(size: int, seed: int) -> FloatArray:
     return places
 
 
-def refine(
-    screen: Screen,
-    space: GainSpace,
-    like: ControllerTable,
-    aims: Aims,
-    places: FloatArray,
-    seed: int,
-) -> FloatArray:
-    """Return the place that linear loops like best, beginning at the best of some places."""
-
-    def costs(tried: FloatArray) -> FloatArray:
-        return screen.look(space.per_tick(tried, like)).costs(aims, screen.horizon)
-
+def refine(costs: Callable[[FloatArray], FloatArray], size: int, seed: int) -> FloatArray:
+    """Return the place of a box that costs least, beginning at the best of many places."""
+    places = spread_over(size, seed)
     found = costs(places)
     best: FloatArray = places[int(np.argmin(found))]
     least = float(np.min(found))

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
-from itertools import product
+from dataclasses import dataclass, field
+from operator import call
+from typing import Any
 
 import numpy as np
 
-from anhyst.control.controller_file import ControllerTable
-from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.loop import Setup, with_gains
-from anhyst.study.tuning.aims import Aims, Figures
-from anhyst.study.tuning.limits import Check, check
-from anhyst.study.tuning.screen import FIRMNESS, Screen, Strategy, make_screen, refine, spread_over
-from anhyst.study.tuning.space import GainSpace
-from anhyst.study.tuning.trial import Condition, GainOutcome, GainTrial, run_trial
+from anhyst.study.tuning.aims import Aims, GainFigures
+from anhyst.study.tuning.screen import Strategy
+from anhyst.study.tuning.trial import Check, GainOutcome, GainTrial, Tunable, run_trial
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
 from anhyst.support.jobs import all_of
@@ -29,11 +24,7 @@ BUDGET = 240
 CHILDREN = 10
 """Of a generation of the search; even, so that two cores are busy."""
 
-HOLD_S = 0.03
-"""Longest time for which a position is held in the search, s; checks hold as the rig file says."""
-
 _SIGMA = 0.1  # of the box: first step of the search
-_BOUNDS = (0.55, 0.7, 1.0)  # parts of the aimed peak: where the front is looked at
 _STARTS = 2  # of which the search goes on with the better one after a third of the budget each
 _CLOSE = 0.15  # of the box: starts are farther apart than that
 _CHECKED = 2  # of the best, after every round
@@ -48,7 +39,7 @@ _WORK_AFTER = 40.0  # finding out what limits the best gains
 class TriedGains:
     """Gains that were tried, and what they gave."""
 
-    place: FloatArray  # in the box that is searched; shape (7,)
+    place: FloatArray  # in the box that is searched
     outcome: GainOutcome  # with one noise seed
 
 
@@ -56,7 +47,7 @@ class TriedGains:
 class FoundGains:
     """What a search found."""
 
-    setup: Setup  # with the best gains
+    loop: Tunable  # with the best gains
     numbers: dict[str, float]  # the best place in the box, by name
     check: Check | None  # of the best; None if the search was interrupted before
     before: GainOutcome  # of the gains as they were, one noise seed
@@ -66,7 +57,7 @@ class FoundGains:
     interrupted: bool  # whether ctrl-C ended the search
 
     @property
-    def figures(self) -> Figures:
+    def figures(self) -> GainFigures:
         """What the best gains reach, as far as it was checked."""
         if self.check is not None:
             return self.check.worst
@@ -75,34 +66,27 @@ class FoundGains:
 
 @dataclass
 class GainSearch:
-    """A search for the gains of one setup."""
+    """A search for the gains of one variant."""
 
-    setup: Setup  # of the variant; all of its controller but the gains is kept
-    conditions: tuple[Condition, ...]
+    loop: Tunable  # all of its controller but the gains is kept
     aims: Aims
     budget: int = BUDGET  # sets of gains tried in the nonlinear loop before the first check
     seed: int = 0  # of everything random in the search, and of the noise in it
     progress: Progress | None = None  # called with what is done and what there is in all
     jobs: int | None = None  # processes; as many as there are cores if left out
-    _space: GainSpace = field(init=False)
-    _brief: Setup = field(init=False)
+    _brief: Tunable = field(init=False)
     _candidates: list[TriedGains] = field(init=False, default_factory=list)
     _tried: int = field(init=False, default=0)
     _done: float = field(init=False, default=0.0)
     _whole: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
-        rig = self.setup.rig
-        plant = rig.settings
-        self._space = GainSpace(plant.timing.rate_Hz, plant.body.mass_kg)
-        hold = min(plant.step.hold_s, HOLD_S)
-        self._brief = replace(self.setup, rig=changed(rig, {"step.hold_s": hold}))
-        front = 2.0 * len(_BOUNDS) * len(FIRMNESS)
-        self._whole = front + self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
+        self._brief = self.loop.brief()
+        self._whole = self.budget + _CHECKED * _WORK_OF_CHECK + _WORK_AFTER
 
     def run(self) -> FoundGains:
         """Search."""
-        before = run_trial(GainTrial(self._brief, self.conditions, self.aims, seed=self.seed))
+        before = run_trial(GainTrial(self._brief, self.loop.conditions, self.aims, seed=self.seed))
         checked: list[tuple[float, TriedGains, Check]] = []
         interrupted = False
         try:
@@ -118,8 +102,8 @@ class GainSearch:
             best, reached = self._best(self.aims)[0], None
         others = [one for one in self._candidates if one is not best]
         return FoundGains(
-            setup=self._at(best.place),
-            numbers=self._space.numbers(best.place),
+            loop=self.loop.at(best.place),
+            numbers=self.loop.space.numbers(best.place),
             check=reached,
             before=before,
             candidates=(best, *others),
@@ -137,7 +121,7 @@ class GainSearch:
             self._search(aims, generations if round_ == 0 else _BACK, round_)
             seen = [one for _, one, _ in checked]
             for candidate in [one for one in self._best(aims) if one not in seen][:_CHECKED]:
-                found = check(self._at(candidate.place), self.conditions, self.jobs)
+                found = self.loop.at(candidate.place).check(self.jobs)
                 checked.append((self.aims.cost(found.worst), candidate, found))
                 self._report(_WORK_OF_CHECK)
             _, _, best = min(checked, key=lambda each: each[0])
@@ -149,18 +133,16 @@ class GainSearch:
             )
 
     def _look_at_front(self) -> None:
-        """Try what linear loops like best, for several peaks of the sensitivity and softnesses."""
-        screens = [make_screen(self.setup, self.conditions, one) for one in FIRMNESS]
-        stricter = [self.aims.tightened({"peak_sensitivity": bound}) for bound in _BOUNDS]
-        work = partial(_refine, self._space, self.setup.controller, self.seed)
-        tasks = list(product(screens, stricter))
-        places = all_of(work, tasks, lambda *_: self._report(1.0), self.jobs)
-        self._try(np.array(places), self.conditions, self.aims, math.inf)
+        """Try what linear loops like best."""
+        tasks = list(self.loop.starts(self.aims, self.seed))
+        self._whole += 2.0 * len(tasks)
+        places = all_of(call, tasks, lambda *_: self._report(1.0), self.jobs)
+        self._try(np.array(places), self.loop.conditions, self.aims, math.inf)
         if not self._candidates:
             raise NegativeResult(
-                f"none of {len(places)} sets of gains that linear loops like best holds the "
-                "armature at every gap, load and step; 'anhyst simulate' reports how levitation is "
-                "lost: look at [lift_off], [limits] and the load",
+                f"none of {len(places)} sets of gains that linear loops like best holds the body "
+                "wherever it is tried; 'anhyst simulate' reports how it is lost: look at the limits "
+                "and the load",
                 code="no-gains-hold",
             )
 
@@ -181,7 +163,7 @@ class GainSearch:
 
     def _generations(self, path: _Path, aims: Aims, count: int) -> None:
         for _ in range(count):
-            order = _hardest_first(self._best(aims)[0].outcome, self.conditions, aims)
+            order = _hardest_first(self._best(aims)[0].outcome, self.loop.conditions, aims)
             places = path.strategy.ask()
             costs = np.array([one.cost for one in self._try(places, order, aims, path.ceiling)])
             path.strategy.tell(costs)
@@ -197,16 +179,10 @@ class GainSearch:
         return chosen[:count]
 
     def _try(
-        self, places: FloatArray, order: Sequence[Condition], aims: Aims, ceiling: float
+        self, places: FloatArray, order: Sequence[Any], aims: Aims, ceiling: float
     ) -> list[GainOutcome]:
         trials = [
-            GainTrial(
-                with_gains(self._brief, self._controller(place)),
-                tuple(order),
-                aims,
-                ceiling,
-                self.seed,
-            )
+            GainTrial(self._brief.at(place), tuple(order), aims, ceiling, self.seed)
             for place in places
         ]
         outcomes = all_of(run_trial, trials, lambda *_: self._report(1.0), self.jobs)
@@ -217,12 +193,6 @@ class GainSearch:
             if outcome.complete
         ]
         return outcomes
-
-    def _at(self, place: FloatArray) -> Setup:
-        return with_gains(self.setup, self._controller(place))
-
-    def _controller(self, place: FloatArray) -> ControllerTable:
-        return self._space.controller(place, self.setup.controller)
 
     def _best(self, aims: Aims) -> list[TriedGains]:
         """Return what was tried at every condition, the best first."""
@@ -243,16 +213,7 @@ class _Path:
     least: float = math.inf
 
 
-def _refine(
-    space: GainSpace, like: ControllerTable, seed: int, task: tuple[Screen, Aims]
-) -> FloatArray:
-    screen, aims = task
-    return refine(screen, space, like, aims, spread_over(space.size, seed), seed)
-
-
-def _hardest_first(
-    outcome: GainOutcome, conditions: Sequence[Condition], aims: Aims
-) -> list[Condition]:
+def _hardest_first(outcome: GainOutcome, conditions: Sequence[Any], aims: Aims) -> list[Any]:
     """Order conditions so that gains which are no good are given up early."""
     return sorted(
         conditions, key=lambda each: -aims.cost(outcome.figures[each]) if outcome.complete else 0.0

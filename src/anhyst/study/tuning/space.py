@@ -1,4 +1,4 @@
-"""What is searched: a box of seven numbers, and the controller that each place in it stands for.
+"""What is searched: a box of numbers; of a bearing, seven, and the controller that a place stands for.
 
 With the mass m that moves, the poles of the design rule lie at the distance w from the origin; here
 the real one may lie elsewhere, at a w, so that every set of gains can be reached::
@@ -30,9 +30,33 @@ class Axis(NamedTuple):
     ratio: bool
 
 
-@dataclass(frozen=True)
-class GainSpace:
+class Box:
     """The box that is searched."""
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """Every number by name."""
+        raise NotImplementedError
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        return len(self.axes)
+
+    def numbers(self, place: FloatArray) -> dict[str, float]:
+        """Return the numbers at a place of the unit box."""
+        found = {}
+        for (name, axis), part in zip(self.axes.items(), place.tolist(), strict=True):
+            if axis.ratio:
+                found[name] = axis.low * (axis.high / axis.low) ** part
+            else:
+                found[name] = axis.low + (axis.high - axis.low) * part
+        return found
+
+
+@dataclass(frozen=True)
+class GainSpace(Box):
+    """What is searched of a bearing."""
 
     rate: float  # of the controller, Hz; frequencies are searched in parts of it
     mass: float  # what moves, kg
@@ -51,34 +75,19 @@ class GainSpace:
             "cutoff_2_Hz": Axis(rate / 100.0, 0.45 * rate, True),
         }
 
-    @property
-    def size(self) -> int:
-        """How many numbers there are."""
-        return len(self.axes)
-
-    def numbers(self, place: FloatArray) -> dict[str, float]:
-        """Return the numbers at a place of the unit box."""
-        found = {}
-        for (name, axis), part in zip(self.axes.items(), place.tolist(), strict=True):
-            if axis.ratio:
-                found[name] = axis.low * (axis.high / axis.low) ** part
-            else:
-                found[name] = axis.low + (axis.high - axis.low) * part
-        return found
-
     def controller(self, place: FloatArray, like: ControllerTable) -> ControllerTable:
         """Return the controller at a place of the unit box; what is not searched stays as it is."""
         at = self.numbers(place)
         w, z, a = 2.0 * math.pi * at["bandwidth_Hz"], at["damping"], at["real_pole"]
         total = self.mass * (1.0 + at["virtual_mass"])
         gains = GainsTable(
-            K_p_N_per_m=_rounded(total * (1.0 + 2.0 * z * a) * w**2),
-            K_i_N_per_m_s=_rounded(total * a * w**3),
-            K_d_N_s_per_m=_rounded(total * (2.0 * z + a) * w),
-            K_dd_N_s2_per_m=_rounded(self.mass * at["virtual_mass"]),
+            K_p_N_per_m=rounded(total * (1.0 + 2.0 * z * a) * w**2),
+            K_i_N_per_m_s=rounded(total * a * w**3),
+            K_d_N_s_per_m=rounded(total * (2.0 * z + a) * w),
+            K_dd_N_s2_per_m=rounded(self.mass * at["virtual_mass"]),
         )
         filters = FilterTable(
-            cutoff_Hz=_rounded(at["cutoff_Hz"]), cutoff_2_Hz=_rounded(at["cutoff_2_Hz"])
+            cutoff_Hz=rounded(at["cutoff_Hz"]), cutoff_2_Hz=rounded(at["cutoff_2_Hz"])
         )
         return like.model_copy(
             update={
@@ -95,5 +104,6 @@ class GainSpace:
         return np.array([one.per_tick for one in found])
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
+    """Return a gain as files hold it."""
     return float(f"{value:.{_DIGITS}g}")

@@ -1,22 +1,19 @@
-"""One set of gains in the nonlinear loop: steps and a swept sine at every gap and load."""
+"""What is tuned, and one set of gains of it in the nonlinear loop."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
 
-import numpy as np
-
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Setup, make_position
-from anhyst.study.bearing.responses import StepResult, StepRun, run_steps, sweep
-from anhyst.study.bearing.sensitivity import Sensitivity
-from anhyst.study.tuning.aims import LOST, Aims, Figures, worst_of
+from anhyst.compensate.interface import MethodName
+from anhyst.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
+from anhyst.study.tuning.space import Box
 from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import spaced
 from anhyst.support.errors import InputError
+
+_NEAR = 0.9  # of a limit: from here on it is said to bind
 
 
 @dataclass(frozen=True)
@@ -31,23 +28,118 @@ class Condition:
         """Both with their units."""
         return f"{1e3 * self.gap:.3g} mm and {self.load:.3g} N"
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return both by name."""
+        return {"gap_m": self.gap, "load_N": self.load}
 
-def default_conditions(rig: BearingRig) -> tuple[Condition, ...]:
-    """Return all gaps of a rig file with its load and with two thirds of it."""
-    tried, load = rig.settings, rig.settings.load.force_N
-    return tuple(
-        Condition(gap, force)
-        for gap in dict.fromkeys(tried.step_gaps_m)
-        for force in dict.fromkeys([load, load * 2.0 / 3.0])
-    )
+
+@dataclass(frozen=True)
+class Limit:
+    """One thing that limits."""
+
+    # name of a figure, or ``noise``, ``force``, ``voltage``, ``current``, ``delay``,
+    # ``amplifier``, ``pinning``
+    what: str
+    text: str  # A sentence for a person, with numbers
+
+
+@dataclass(frozen=True)
+class Check:
+    """What gains reach over all noise seeds."""
+
+    # means over the seeds, worst of all heights; all infinite where the body was lost
+    figures: Mapping[Any, GainFigures]
+    peaks: Mapping[Any, float]  # frequency of the peak of the sensitivity, Hz
+    seeds: int  # noise seeds behind every mean
+    widths: Mapping[str, float]  # of the 95 % interval of the worst of a figure, half of it
+    places: Mapping[str, str]  # where that is, beside the condition
+    rows: Mapping[str, Any]  # what else was found, for tuning.json
+    notes: tuple[str, ...] = ()  # the same, for a person
+
+    @property
+    def worst(self) -> GainFigures:
+        """The worst of each figure."""
+        return worst_of(self.figures.values())
+
+    def near(self, aims: Aims) -> list[Limit]:
+        """Return the aims that are missed or nearly so, and where."""
+        found = []
+        for name, limit in aims.limits.items():
+            value = float(getattr(self.worst, name))
+            if value < _NEAR * limit:
+                continue
+            at = max(self.figures, key=lambda each: float(getattr(self.figures[each], name)))
+            where = f"at {at.text}"
+            if name == "peak_sensitivity":
+                where += f", around {self.peaks[at]:.0f} Hz"
+            elif name in self.places:
+                where += f", {self.places[name]}"
+            title = TITLES[name]
+            verb = "misses" if value > limit else "nearly takes"
+            bound = f"{title.factor * limit:g} {title.unit}".rstrip()
+            found.append(Limit(name, f"{text_of(name, value)} {verb} its limit of {bound} {where}"))
+        return found
+
+
+class Tunable(Protocol):
+    """One variant in its loop, with gains that can be changed; goes to other processes."""
+
+    @property
+    def conditions(self) -> tuple[Any, ...]:
+        """All at which gains are to do well; each has ``text`` and ``as_dict()``."""
+
+    @property
+    def variant(self) -> MethodName:
+        """The kind of compensation."""
+
+    @property
+    def space(self) -> Box:
+        """The box that is searched."""
+
+    def at(self, place: FloatArray) -> Tunable:
+        """Return the same with the gains at a place of the box."""
+
+    def brief(self) -> Tunable:
+        """Return the same as it is tried in the search; what is checked takes longer."""
+
+    def make(self) -> None:
+        """Make the controller; InputError where fixed point cannot hold its gains."""
+
+    def figures(self, condition: Any, aims: Aims, ceiling: float, seed: int) -> GainFigures | None:
+        """Try the gains at one condition; None if the body was not held.
+
+        What cannot lower a cost that is above the ceiling need not be tried.
+        """
+
+    def starts(self, aims: Aims, seed: int) -> Sequence[Callable[[], FloatArray]]:
+        """Return what finds the places that linear loops like best."""
+
+    def check(self, jobs: int | None) -> Check:
+        """Try the gains with all noise seeds."""
+
+    def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None) -> list[Limit]:
+        """Return what limits gains that were checked."""
+
+    def gains(self) -> dict[str, float]:
+        """Return the gains as files hold them."""
+
+    @property
+    def tried(self) -> str:
+        """What is tried at every condition."""
+
+    def facts(self) -> dict[str, Any]:
+        """Return what tuning.json says of the rig."""
+
+    def told(self, numbers: Mapping[str, float]) -> list[str]:
+        """Return lines that say what the numbers of a place mean."""
 
 
 @dataclass(frozen=True)
 class GainTrial:
     """Gains to be tried."""
 
-    setup: Setup  # with these gains
-    conditions: tuple[Condition, ...]  # tried one after the other
+    loop: Tunable  # with these gains
+    conditions: tuple[Any, ...]  # of the loop, tried one after the other
     aims: Aims
     # cost from which on gains are given up: the rest of the conditions is not tried
     ceiling: float = math.inf
@@ -59,12 +151,12 @@ class GainOutcome:
     """What a trial gave."""
 
     cost: float  # by :meth:`Aims.cost`; a lower bound of it where the trial was given up
-    # of what was tried before it was given up, or levitation lost
-    figures: dict[Condition, Figures]
+    # of what was tried before it was given up, or the body lost
+    figures: dict[Any, GainFigures]
     complete: bool  # whether everything was tried
 
     @property
-    def worst(self) -> Figures:
+    def worst(self) -> GainFigures:
         """The worst of each figure."""
         return worst_of(self.figures.values())
 
@@ -74,14 +166,14 @@ def run_trial(trial: GainTrial) -> GainOutcome:
 
     An iron that pins, noise and limits are in it; only the noise seed is one.
     """
-    figures: dict[Condition, Figures] = {}
+    figures: dict[Any, GainFigures] = {}
     cost = 0.0
     try:
-        make_position(trial.setup)
+        trial.loop.make()
     except InputError:  # gains that fixed point cannot hold
         return GainOutcome(LOST + len(trial.conditions), figures, complete=False)
     for place, condition in enumerate(trial.conditions):
-        found = _figures(trial, condition)
+        found = trial.loop.figures(condition, trial.aims, trial.ceiling, trial.seed)
         if found is None:
             return GainOutcome(LOST + len(trial.conditions) - place, figures, complete=False)
         figures[condition] = found
@@ -89,66 +181,3 @@ def run_trial(trial: GainTrial) -> GainOutcome:
         if cost > trial.ceiling and place + 1 < len(trial.conditions):
             return GainOutcome(cost, figures, complete=False)
     return GainOutcome(cost, figures, complete=True)
-
-
-def _figures(trial: GainTrial, condition: Condition) -> Figures | None:
-    """Run steps and sine at one condition; None if the armature was not held."""
-    setup = trial.setup
-    tried = setup.rig.settings
-    steps, lost = run_steps(
-        StepRun(setup, condition.gap, tuple(tried.step.heights_m), condition.load, trial.seed)
-    )
-    if lost is not None:
-        return None
-    found = of_steps(steps)
-    if trial.aims.cost(found) > trial.ceiling:
-        return found  # a sine cannot make it better
-    measured = sweep(
-        setup, condition.gap, condition.load, search_frequencies(setup.rig), trial.seed
-    )
-    if measured is None:
-        return None
-    return replace(found, peak_sensitivity=peak_of(measured))
-
-
-def of_steps(steps: Sequence[StepResult]) -> Figures:
-    """Sum up the steps of a run; the peak sensitivity is left at 0."""
-    by_height: dict[float, list[StepResult]] = defaultdict(list)
-    for step in steps:
-        by_height[step.height].append(step)
-
-    def worst(name: str) -> float:
-        return max(
-            float(np.mean([one.figures[name] for one in both])) for both in by_height.values()
-        )
-
-    return Figures(
-        overshoot_percent=max(one.figures["overshoot_percent"] for one in steps),
-        settling_time_s=worst("settling_time_s"),
-        peak_sensitivity=0.0,
-        standstill_rms_m=worst("standstill_rms_m"),
-        current_rate_rms_A_per_s=worst("current_rate_rms_A_per_s"),
-    )
-
-
-def search_frequencies(rig: BearingRig) -> FloatArray:
-    """Return the few frequencies of a search, Hz: where a loop that is fast enough has its peak."""
-    rate = rig.settings.timing.rate_Hz
-    return spaced(rate / 160.0, rate / 10.0, 11)
-
-
-def check_frequencies(rig: BearingRig) -> FloatArray:
-    """Return the frequencies of a check, Hz."""
-    rate = rig.settings.timing.rate_Hz
-    return spaced(rate / 500.0, rate / 8.0, 40)
-
-
-def peak_of(measured: Sensitivity) -> float:
-    """Return the peak, between frequencies too: of a parabola through the three largest values."""
-    size = np.log(measured.magnitude)
-    at = int(np.argmax(size))
-    if not 0 < at < size.size - 1:
-        return measured.peak
-    left, middle, right = size[at - 1 : at + 2].tolist()
-    bend = left - 2.0 * middle + right
-    return math.exp(middle - (right - left) ** 2 / (8.0 * bend)) if bend < 0.0 else measured.peak

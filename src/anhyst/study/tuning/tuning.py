@@ -1,112 +1,304 @@
-"""Tune the controller of a bearing for one variant or for all: what ``anhyst tune`` does."""
+"""Tune the controller of a rig for one variant or for all: what ``anhyst tune`` does."""
 
 from __future__ import annotations
 
+import math
 import os
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import check_plant, make_setups
+from anhyst.rig.distance import PlantCheck
+from anhyst.rig.rewriting import rewrite_rig
+from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.loop import identify_stage
+from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.study.bearing.simulate import compared
+from anhyst.study.tracking.simulate import (
+    COMPARED,
+    OF_AXES,
+    OWN,
+    check_calibration,
+    find_gains,
+    make_variants,
+)
 from anhyst.study.tuning.aims import Aims
-from anhyst.study.tuning.limits import Limit, find_limits
+from anhyst.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst.study.tuning.output import RESULTS, file_note, write_results
 from anhyst.study.tuning.result import Tuned, Tuning
-from anhyst.study.tuning.search import BUDGET, FoundGains, GainSearch
-from anhyst.study.tuning.trial import Condition, default_conditions
+from anhyst.study.tuning.search import BUDGET, GainSearch
+from anhyst.study.tuning.stage import SLOWEST, StageLoop
+from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, Interrupted
+from anhyst.support.jobs import all_of, workers_of
+from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.progress import Progress
+from anhyst.support.toml_file import take_kind
+from anhyst.support.toml_text import Path as KeyPath
 
 
 def tune(
-    rig_path: PathLike,
+    rig: PathLike,
     out: PathLike,
-    controller_path: PathLike | None = None,
+    controller: PathLike | None = None,
     *,
-    aims: Aims | None = None,
     all_variants: bool = False,
+    overshoot: float | None = None,
+    peak: float = 3.0,
+    settling: float | None = None,
+    average: float | None = None,
+    error: float | None = None,
+    standstill: float | None = None,
+    effort: float | None = None,
+    crossover: float | None = None,
     budget: int = BUDGET,
     seed: int = 0,
-    progress: Progress | None = None,
+    scheduler: str | None = None,
     jobs: int | None = None,
+    progress: Progress | None = None,
 ) -> Tuning:
-    """Find gains for stated aims over gaps, step heights and loads at once; write the files."""
+    """Find gains for stated aims over all that a rig file names at once; write the files.
+
+    Parameters
+    ----------
+    rig : path-like
+        Rig file. Of a bearing its gaps, steps and load are the test cases, and two thirds of that
+        load; of a stage the training set-point, judged on the test set-point and on drawn plants.
+    out : path-like
+        Folder to write to: ``controller.toml``, of a stage ``rig.toml`` (with `all_variants`, one
+        for each: ``controller-full.toml``), ``tuning.json`` and ``tuning.md``.
+    controller : path-like, optional
+        Controller file of a bearing to begin with; ``controller.toml`` beside the rig file if left
+        out. Everything but the gains, filters and set-point weight is kept.
+    all_variants : bool
+        Tune every kind of compensation for itself, and compare.
+    overshoot : float, optional
+        Largest overshoot of any step of a bearing, per cent; 2 if left out.
+    peak : float
+        Largest peak of the sensitivity.
+    settling : float, optional
+        Longest settling time, s; of a bearing the least is sought anyway.
+    average : float, optional
+        Largest moving average of a stage, m; the least is sought anyway.
+    error : float, optional
+        Largest error of a stage, m.
+    standstill : float, optional
+        Largest rms of the gap, or of the error of a stage, at standstill, m.
+    effort : float, optional
+        Largest rms rate of change of the current, A/s: of a bearing in a step.
+    crossover : float, optional
+        Highest crossover of a stage, Hz; a twentieth of the controller's rate if left out. A
+        virtual stage has no resonances, a real one has.
+    budget : int
+        Sets of gains that are tried in the nonlinear loop, for each kind.
+    seed : int
+        The same seed gives the same result on any number of cores.
+    scheduler : str, optional
+        Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
+    jobs : int, optional
+        Processes of this machine; as many as there are cores if left out.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Tuning
+        Written even if aims are missed.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read, written, or does not fit the others; an option that is not for
+        this kind of rig.
+    NegativeResult
+        No gains hold the body.
+    Interrupted
+        Ctrl-C, too early for any gains.
+    """
     if budget < 10:
         raise InputError(
             f"--budget: {budget} sets of gains are too few; give 10 or more",
             code="out-of-range",
             key="--budget",
         )
-    begin, used = time.perf_counter(), _processor_time()
-    rig, controller = read_files(rig_path, controller_path)
-    own = controller.settings.compensation.variant
-    variants = compared(rig, own) if all_variants else (own,)
-    folder = Path(out)
-    places = _places(folder, variants, rig, controller)
-    ready = make_ready(rig, controller)
-    rig = ready.rig
-    knowledge = ready.knowledge()
-    setups = make_setups(rig, controller, knowledge, variants)
-    task = _Task(default_conditions(rig), aims or Aims(), budget, seed, jobs)
-    tuned, interrupted = task.run(setups, progress)
-    written = {name: places[name] for name in tuned}
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, one in tuned.items():
-        settings = _portable(one.found.setup.controller, controller, folder)
-        write_controller(
-            written[name],
-            settings.model_copy(update={"name": f"tuned, {name}"}),
-            file_note(one, rig, task.conditions, budget, seed),
+    kind = take_kind(rig, TAKES["tune"])
+    stage = kind is FileKind.STAGE
+    others = {"--controller": controller, "--overshoot": overshoot} if stage else {}
+    others |= {} if stage else {"--average": average, "--error": error, "--crossover": crossover}
+    if refused := [name for name, value in others.items() if value is not None]:
+        raise InputError(
+            f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
+            code="option-not-for-this",
+            key=refused[0],
         )
+    overshoot = 2.0 if overshoot is None and not stage else overshoot
+    aims = Aims(overshoot, peak, settling, standstill, effort, error, average)
+    begin, used = time.perf_counter(), _processor_time()
+    task = _Task(aims, budget, seed, jobs)
+    with workers_of(scheduler):
+        subject: _Subject = (
+            _Stage(read_stage(rig), crossover) if stage else _Bearing(*read_files(rig, controller))
+        )
+        names = subject.names() if all_variants else (subject.own,)
+        places = subject.places(Path(out), names)
+        tuned, interrupted = task.run(subject.loops(names, jobs), progress)
+    Path(out).mkdir(parents=True, exist_ok=True)
     result = Tuning(
-        rig=rig,
-        controller=controller,
-        plant=check_plant(rig, knowledge),
-        aims=task.aims,
-        conditions=task.conditions,
+        rig=subject.rig,
+        controller=subject.controller,
+        plant=subject.plant,
+        own=subject.own,
+        aims=aims,
         budget=budget,
         seed=seed,
         tuned=tuned,
-        written=written,
+        written={name: places[name] for name in tuned},
         interrupted=interrupted,
         seconds=time.perf_counter() - begin,
         cpu_seconds=_processor_time() - used,
     )
-    write_results(result, folder)
+    for name, place in result.written.items():
+        subject.write(tuned[name], place, file_note(tuned[name], result))
+    write_results(result, Path(out))
     return result
+
+
+class _Subject(ABC):
+    """A rig and what is written for it."""
+
+    stem: str  # of the files that are written
+    rig: BearingRig | StageRig
+    controller: ControllerFile | None = None
+    plant: PlantCheck | None = None  # what the loops say about it
+    own: MethodName  # what is tuned where not all variants are
+
+    @abstractmethod
+    def names(self) -> Sequence[MethodName]:
+        """Return all variants."""
+
+    @abstractmethod
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        """Read what is known, and make variants; some may not be possible."""
+
+    @abstractmethod
+    def write(self, tuned: Tuned, place: Path, note: str) -> None:
+        """Write what a simulation takes."""
+
+    def places(self, folder: Path, names: Sequence[MethodName]) -> dict[MethodName, Path]:
+        """Return where the files go; find out first whether they can be written."""
+        files = {name: f"{self.stem}{f'-{name}' if len(names) > 1 else ''}.toml" for name in names}
+        reads = [self.rig.path, *self.rig.measured.files]
+        reads += [self.controller.path] if self.controller else []
+        if folder.is_dir():
+            for name in (*files.values(), *RESULTS):
+                check_writable(folder / name, reads=reads)
+        elif folder.exists():
+            raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
+        else:
+            # A file of that name could be made there, and so could the folder.
+            above = next(one for one in folder.absolute().parents if one.exists())
+            check_writable(above / folder.name)
+        return {name: folder / file for name, file in files.items()}
+
+
+class _Bearing(_Subject):
+    stem = "controller"
+    rig: BearingRig
+    controller: ControllerFile
+
+    def __init__(self, rig: BearingRig, controller: ControllerFile) -> None:
+        self.rig, self.controller = rig, controller
+        self.own = controller.settings.compensation.variant
+
+    def names(self) -> Sequence[MethodName]:
+        return compared(self.rig, self.own)
+
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        ready = make_ready(self.rig, self.controller)
+        self.rig, knowledge = ready.rig, ready.knowledge()
+        self.plant = check_plant(ready.rig, knowledge)
+        setups = make_setups(ready.rig, self.controller, knowledge, tuple(names))
+        conditions = default_conditions(ready.rig)
+        return {name: BearingLoop(setup, conditions) for name, setup in setups.items()}
+
+    def write(self, tuned: Tuned, place: Path, note: str) -> None:
+        assert isinstance(tuned.found.loop, BearingLoop)
+        settings = _portable(tuned.found.loop.setup.controller, self.controller, place.parent)
+        named = settings.model_copy(update={"name": f"tuned, {tuned.variant}"})
+        write_controller(place, named, note)
+
+
+class _Stage(_Subject):
+    stem = "rig"
+    own = OWN
+    rig: StageRig
+
+    def __init__(self, rig: StageRig, crossover: float | None) -> None:
+        check_calibration(rig)
+        self.rig = rig
+        self.most = math.inf if crossover is None else crossover
+        least = rig.settings.timing.rate_Hz / SLOWEST
+        if not self.most > least:
+            raise InputError(
+                f"--crossover: {self.most:g} Hz is not above {least:g} Hz, a thousandth of the "
+                "controller's rate; give a higher one",
+                code="out-of-range",
+                key="--crossover",
+            )
+
+    def names(self) -> Sequence[MethodName]:
+        names = OF_AXES if self.rig.settings.several else COMPARED
+        return [one for one in names if one != "flux" or self.rig.settings.hall_probe is not None]
+
+    def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
+        made, _ = make_variants(self.rig, identify_stage(self.rig), names)
+        scan = self.rig.settings.scan
+        work = partial(find_gains, motion=motion_of(scan, scan.train_m_per_s2))
+        found = all_of(work, list(made.values()), jobs=jobs)
+        return {
+            name: StageLoop(setup, gains, self.most)
+            for (name, setup), gains in zip(made.items(), found, strict=True)
+        }
+
+    def write(self, tuned: Tuned, place: Path, note: str) -> None:
+        gains = tuned.found.loop.gains().items()
+        changes: dict[KeyPath, Any] = {("control", name): one for name, one in gains}
+        rewrite_rig(self.rig.path, place, changes, note)
 
 
 @dataclass(frozen=True)
 class _Task:
     """What is the same for every variant."""
 
-    conditions: tuple[Condition, ...]
     aims: Aims
     budget: int
     seed: int
     jobs: int | None
 
     def run(
-        self, setups: Mapping[MethodName, Setup], progress: Progress | None
+        self, loops: Mapping[MethodName, Tunable], progress: Progress | None
     ) -> tuple[dict[MethodName, Tuned], bool]:
         """Tune one after the other; ctrl-C ends it and keeps what there is."""
         tuned: dict[MethodName, Tuned] = {}
-        for place, (name, setup) in enumerate(setups.items()):
-            part = _part(progress, place, len(setups))
-            search = GainSearch(
-                setup, self.conditions, self.aims, self.budget, self.seed, part, self.jobs
-            )
+        for place, (name, loop) in enumerate(loops.items()):
+            part = _part(progress, place, len(loops))
+            search = GainSearch(loop, self.aims, self.budget, self.seed, part, self.jobs)
             try:
                 found = search.run()
-                limits = self._limits(found)
+                reached = found.check
+                limits = (
+                    found.loop.limits(self.aims, reached, self.seed, self.jobs) if reached else []
+                )
                 if part is not None:
                     part(1, 1)
             except KeyboardInterrupt:
@@ -117,33 +309,6 @@ class _Task:
             if found.interrupted:
                 return tuned, True
         return tuned, False
-
-    def _limits(self, found: FoundGains) -> Sequence[Limit]:
-        if found.check is None:
-            return ()
-        return find_limits(
-            found.setup, self.conditions, self.aims, found.check, self.seed, self.jobs
-        )
-
-
-def _places(
-    folder: Path, variants: Sequence[MethodName], rig: BearingRig, controller: ControllerFile
-) -> dict[MethodName, Path]:
-    """Return where the controller files go; find out first whether they can be written."""
-    names = {
-        name: "controller.toml" if len(variants) == 1 else f"controller-{name}.toml"
-        for name in variants
-    }
-    if folder.is_dir():
-        for name in (*names.values(), *RESULTS):
-            check_writable(folder / name, reads=[rig.path, controller.path, *rig.measured.files])
-    elif folder.exists():
-        raise InputError(f"{folder}: is a file; name a folder", code="is-a-file")
-    else:
-        # A file of that name could be made there, and so could the folder.
-        above = next(one for one in folder.absolute().parents if one.exists())
-        check_writable(above / folder.name)
-    return {name: folder / file for name, file in names.items()}
 
 
 def _portable(

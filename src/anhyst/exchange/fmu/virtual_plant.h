@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The virtual plant in a component, whatever controls it. Its numbers are constants. */
+#ifndef ANHYST_VIRTUAL_PLANT_H
+#define ANHYST_VIRTUAL_PLANT_H
+
+#include "anhyst_plant/loop.h"
+#include "bearing_numbers.h"
+#include "part.h"
+
+/* Numbers of a row of what is recorded at most. */
+#define RECORDED (ANHYST_LOOP_SIGNALS * (BEARING_MAGNETS + BEARING_HEADS))
+
+typedef struct {
+  anhyst_plant_state plant;
+  anhyst_plant_actuator_state actuator[BEARING_MAGNETS];
+  anhyst_plant_head_state head[BEARING_HEADS];
+  anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
+  uint64_t ticks;
+} virtual_plant;
+
+static int build(void *tables)
+{
+  (void)tables;
+  return 0;
+}
+
+static void drop(void *tables) { (void)tables; }
+
+static void link_plant(virtual_plant *now)
+{
+  now->plant.actuator = now->actuator;
+  now->plant.head = now->head;
+}
+
+/* As anhyst_plant_start. */
+static int start_plant(virtual_plant *now)
+{
+  static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
+  int i;
+  for (i = 0; i < BEARING_MAGNETS; i++) {
+    now->current_loop[i] = current_loops[i];
+  }
+  return anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
+}
+
+/* One tick; record has room for a row. */
+static void run_plant(virtual_plant *now, anhyst_loop_controller controller,
+                      const anhyst_plant_events *events, double *record)
+{
+  double room[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
+  anhyst_plant_loop loop = {&bearing, &now->plant, controller, now->current_loop, room, now->ticks};
+  (void)anhyst_plant_loop_run(&loop, events, 1, record);
+  now->ticks = loop.ticks;
+}
+
+/* The first number of a signal in a row. */
+static const double *recorded(const double *record, anhyst_plant_signal signal)
+{
+  return record + anhyst_plant_signal_column(&bearing, signal);
+}
+
+/* What is true at the end of a tick: gap, velocity, force, then current and flux density of each
+   magnet, a third number between them left as it is. */
+static void show_plant(const anhyst_plant_state *plant, double *values)
+{
+  int i;
+  values[0] = plant->actuator[0].gap;
+  values[1] = plant->velocity[0];
+  values[2] = plant->force;
+  for (i = 0; i < BEARING_MAGNETS; i++) {
+    values[3 + 3 * i] = plant->actuator[i].coil.current;
+    values[4 + 3 * i] = plant->actuator[i].coil.density;
+  }
+}
+
+/* What was wanted of each magnet, to the numbers that were left. */
+static void show_commands(const double *record, double *values)
+{
+  int i;
+  for (i = 0; i < BEARING_MAGNETS; i++) {
+    values[5 + 3 * i] = recorded(record, ANHYST_LOOP_COMMAND)[i];
+  }
+}
+
+#endif
