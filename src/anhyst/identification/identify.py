@@ -22,7 +22,7 @@ from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
-from anhyst.identification.default import FoundModel, follow
+from anhyst.identification.default import TO_END, FoundModel, follow
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
@@ -395,7 +395,7 @@ def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.found
     assert start is not None
-    found = follow(start.on(run.records).space, start.theta, tie=start.tie)
+    found = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
     return replace(
         before, model=model_of(found, loops), uncertainty=assess(found, loops), found=found
     )
