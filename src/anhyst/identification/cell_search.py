@@ -35,7 +35,7 @@ _ROUGH, COARSE, FINE = 16, 40, 100
 come to their end, at most."""
 
 _LEAST = {COARSE: 24, FINE: 50}
-_LOOPS = 8
+_LOOPS = 12
 """Loops from which on there are fewer samples of each, and how many at least."""
 
 _NEAR = 1e-8

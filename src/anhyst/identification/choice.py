@@ -130,7 +130,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     return ModelChoice(
         *_finished(run, loopset, contest.fits[best].found, why),
         {name: error for name, error in maps.items() if np.isfinite(error)},
-        _promised(contest, loopset),
+        run.timed("left out", partial(_promised, contest, loopset)),
         candidates,
         why_law,
         apart,
@@ -167,7 +167,7 @@ def _compared_maps(
     usable = [one for one in fits if _is_usable(fits[one].found, loopset)]
     contest = Contest(usable or list(fits), fits, {}, inner(run.searched.gaps))
     if contest.places:
-        run.step(partial(_leave_out, contest, loopset, contest.entrants))
+        run.step("left out", partial(_leave_out, contest, loopset, contest.entrants))
     return contest
 
 
@@ -191,7 +191,7 @@ def _compare_cells(
         contest.places = places
         contest.by = by
         contest.entrants[:] = [base]
-        _leave_out(contest, loopset, [base])
+        run.timed("left out", partial(_leave_out, contest, loopset, [base]))
     new = cell_candidates(cell_map(base, maps), run.cells)
     leaves = partial(_leaves_something, loopset=loopset)
     may_be_chosen = partial(_is_usable, loopset=loopset)
@@ -205,21 +205,22 @@ def _compare_cells(
                 found |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
         return found
 
-    contest.fits.update(run.step(search))
+    contest.fits.update(run.step("play cells", search))
     new = [one for one in (*simpler, *new) if one in contest.fits]
-    run.step(partial(_leave_out, contest, loopset, new))
+    run.step("left out", partial(_leave_out, contest, loopset, new))
     best = replace(contest, entrants=new).winner()
     others = [under(best, one) for one in maps if best.gap_map != one.gap_map != "free"]
     for one in others:
-        contest.fits[one] = remapped(contest.fits[best].wide, one, run.searched)
-    _leave_out(contest, loopset, others)
+        again = partial(remapped, contest.fits[best].wide, one, run.searched)
+        contest.fits[one] = run.timed("play cells", again)
+    run.timed("left out", partial(_leave_out, contest, loopset, others))
     new += others
     if contest.places and base.gap_map != "free" and _bears_weights(contest.fits[best].found):
         best = min(new, key=lambda one: contest.error(one) or 0.0)
         further = polished(best)
-        found = run.step(partial(polish, contest.fits[best].found, run.searched))
+        found = run.step("play cells", partial(polish, contest.fits[best].found, run.searched))
         contest.fits[further] = Fits(found, found)
-        run.step(partial(_leave_out, contest, loopset, [further]))
+        run.step("left out", partial(_leave_out, contest, loopset, [further]))
         new.append(further)
     else:
         run.total -= 2
@@ -375,7 +376,8 @@ def _finished(
     elif run.dead_band:
         found, dead_band = _with_dead_band(run, loopset, found)
     start = exact(found)
-    end = run.step(lambda: follow(start.on(run.records).space, start.theta, *TO_END, start.tie))
+    last = partial(follow, start.on(run.records).space, start.theta, *TO_END, start.tie)
+    end = run.step("last steps", last)
     # The last steps gain little, and may not lead to where nothing would have been chosen.
     left = _is_usable(start, loopset) and not _is_usable(end, loopset)
     return start.on(run.records) if left else end, why, dead_band
@@ -389,7 +391,7 @@ def _with_dead_band(run: SearchRun, loopset: Loops, found: FoundModel) -> tuple[
         matters = usable(found)
         return add_dead_band(found, lambda one: not matters or usable(one))
 
-    after = run.step(work)
+    after = run.step("dead band", work)
     return after, why_dead_band(found, after)
 
 
@@ -397,7 +399,7 @@ def _known(run: SearchRun) -> tuple[Fits, list[Local]]:
     """Fit the gap that shows most; give sets there: its optimum, then others worth a try."""
     home = run.searched.at(reference_gap(run.searched))
     fits = run.step(
-        lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
+        "one gap", lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
     )
     if run.searched.gaps == 1:
         run.best = fits.found
@@ -420,7 +422,7 @@ def _joined(
             return join_circuit(series, one.gap_map, one.common)
         return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
 
-    fits = run.step(lambda: _pair(search()))
+    fits = run.step("gap maps", lambda: _pair(search()))
     if run.best is None or (one.rank == 0 and fits.found.cost < run.best.cost):
         run.best = fits.found
     return fits

@@ -121,7 +121,8 @@ def identify(
     KeyboardInterrupt
         Ctrl-C before there was any model.
     """
-    began = time.perf_counter()
+    began, worked = time.perf_counter(), time.process_time()
+    spent: dict[str, float] = {}
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
 
@@ -142,6 +143,7 @@ def identify(
             held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
             progress=progress,
+            spent=spent,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = _go_on(run, some, before) if before else _search(run, some, gap_map, search)
@@ -187,6 +189,7 @@ def identify(
     figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
+    spent["all else"] = time.process_time() - worked - sum(spent.values())
     return IdentifyResult(
         model=model,
         loops=loops,
@@ -196,6 +199,7 @@ def identify(
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
         seconds=time.perf_counter() - began,
+        stages=spent,
         evaluations=outcome.evaluations,
         interrupted=outcome.interrupted,
     )
