@@ -34,10 +34,6 @@ _ROUGH, COARSE, FINE = 16, 40, 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones
 come to their end, at most."""
 
-_LEAST = {COARSE: 24, FINE: 50}
-_LOOPS = 12
-"""Loops from which on there are fewer samples of each, and how many at least."""
-
 _NEAR = 1e-8
 """Error of the tables that fits are compared with, in parts of the saturation."""
 
@@ -222,14 +218,9 @@ def _levels(
 ) -> _Levels:
     rough, coarse, fine = (
         CoordinateSpace(one.gap_map, some, form, one.held, one.common)
-        for some in (records.thinned(_ROUGH), _few(records, COARSE), _few(records, FINE))
+        for some in map(records.thinned, (_ROUGH, COARSE, FINE))
     )
     return _Levels(rough, coarse, fine, TIE * base.cost if one.gap_map in TIED else 0.0)
-
-
-def _few(records: FitRecords, most: int) -> FitRecords:
-    """Take so many samples of a loop; of many loops fewer."""
-    return records.thinned(min(most, max(_LEAST[most], most * _LOOPS // len(records.loops))))
 
 
 def exact(found: FoundModel) -> FoundModel:
@@ -390,7 +381,7 @@ def _with_population(local: Local, power: int, how: tuple[float, float, float]) 
 def remapped(found: FoundModel, one: ModelCandidate, records: FitRecords) -> Fits:
     """Fit the same cells under another gap map, from where they are."""
     space = CoordinateSpace(
-        one.gap_map, _few(records, FINE), found.space.form, one.held, one.common
+        one.gap_map, records.thinned(FINE), found.space.form, one.held, one.common
     )
     tie = TIE * found.cost if one.gap_map in TIED else 0.0
     wide = follow(space, space.pack(found.sets), _CLOSE, _TO_END, tie)
@@ -405,6 +396,6 @@ def polish(found: FoundModel, records: FitRecords) -> FoundModel:
     law = tuple(kernel.populations.weights.ravel().tolist())
     sets = [replace(local, law=law) for local in found.sets]
     space = replace(
-        found.space, records=_few(records, FINE), form=replace(form, law=form.law, cells=kernel)
+        found.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
     )
     return follow(space, space.pack(sets), _CLOSE, _POLISHED, found.tie)
