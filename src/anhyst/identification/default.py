@@ -31,7 +31,7 @@ TIED = frozenset({"circuit", "free"})
 TIE = 3e-3
 """Weight of the ties of such a map, relative to the cost of the fit without them."""
 
-COMPARED = (1e-7, 60)
+COMPARED = (1e-7, 200)
 """Tolerance and evaluations, at most, of a fit that is compared with others."""
 
 TO_END = (1e-8, 50)
