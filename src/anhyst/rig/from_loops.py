@@ -106,9 +106,8 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
     found = _fit_at_rest(slow_loops(loops), table)
-    if table.solid is None:
-        return found
-    return replace(found, solid=_fit_solid(loops, found, table.solid))
+    solid = table.solid and _fit_solid(loops, found, table.solid)
+    return replace(found, solid=solid)
 
 
 def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:

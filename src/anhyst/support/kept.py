@@ -43,7 +43,11 @@ def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
     if found is None:
         found = make()
         with suppress(OSError):  # without a cache it is computed each time
-            _keep(place, pickle.dumps(found))
+            place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
+                Path(draft, "whole").write_bytes(pickle.dumps(found))
+                Path(draft, "whole").replace(place)
+            forget(place.parent, MOST)
     return found
 
 
@@ -77,15 +81,6 @@ def computed_with() -> bytes:
         digest.update(f"\0{path}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.digest()
-
-
-def _keep(place: Path, content: bytes) -> None:
-    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
-        whole = Path(draft) / "whole"
-        whole.write_bytes(content)
-        whole.replace(place)
-    forget(place.parent, MOST)
 
 
 def _take(digest: Any, value: object) -> None:
