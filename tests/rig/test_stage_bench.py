@@ -248,6 +248,11 @@ def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_c
     monkeypatch.undo()
     rows = axes.advance(50)
     assert np.all(column(axes, rows, "current_7") == 0.0)
+    # its weight pulls it away from the magnets above it, and those beside it are where they were
+    read = {one.name: rows[-1, 1 + place] for place, one in enumerate(axes.signals)}
+    gaps = [read["gap"], *(read[f"gap_{number}"] for number in range(2, 11))]
+    assert gaps == pytest.approx([0.45e-3] * 6 + [0.55e-3] * 4)
+    assert [read["error_z"], read["error"], read["error_rx"]] == pytest.approx([0.1e-3, 0.0, 0.0])
     with refused("wrong-state"):
         axes.apply({"motion": 0.5})
     axes.command(Command.CLEAR)

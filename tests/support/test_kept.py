@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -81,6 +82,34 @@ def test_half_a_file_is_computed_anew() -> None:
     place.write_bytes(place.read_bytes()[:-3])
     assert kept("words", lambda: "second", HERE) == "second"
     assert kept("words", compute, HERE) == "second"
+
+
+@pytest.mark.parametrize("place_of_bit", [0, 40, -8, -2])
+def test_a_bit_that_fell_over_is_never_a_result(place_of_bit: int) -> None:
+    kept("numbers", lambda: [0.5, {"gap": 0.25}], HERE)
+    (place,) = cache_folder("numbers").iterdir()
+    content = bytearray(place.read_bytes())
+    content[place_of_bit] ^= 1
+    place.write_bytes(bytes(content))
+    assert kept("numbers", lambda: "anew", HERE) == "anew"
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
+def test_what_others_may_put_there_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept("words", lambda: "first", HERE)
+    monkeypatch.setattr(os, "getuid", lambda: -1)
+    with pytest.raises(Computed):
+        kept("words", compute, HERE)
+
+
+def test_who_has_no_home_computes_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(Path, "home", homeless)
+    assert kept("words", lambda: "first", HERE) == "first"
+    assert kept("words", lambda: "second", HERE) == "second"
 
 
 def test_without_a_place_it_is_computed_each_time(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -23,7 +22,7 @@ from anhyst.study.bench import kind_of_bench, prepare_bench
 from anhyst.study.prepared import Prepared
 from anhyst.support.atomic import PathLike
 from anhyst.support.folder import cache_folder, core_folder
-from anhyst.support.kept import computed_with, forget, load
+from anhyst.support.kept import computed_with, forget, load, sealed
 from anhyst.support.kinds import FileKind
 from anhyst.support.progress import Progress
 
@@ -66,7 +65,7 @@ def _keep(prepared: Prepared, place: Path) -> None:
         folder.mkdir()
         if prepared.firmware is not None:
             shutil.copy2(prepared.firmware, folder / _FIRMWARE)
-        (folder / _PICKLE).write_bytes(pickle.dumps(prepared))
+        (folder / _PICKLE).write_bytes(sealed(prepared))
         shutil.rmtree(place, ignore_errors=True)  # one that could not be read
         folder.rename(place)
     forget(place.parent, MOST)

@@ -13,8 +13,15 @@ from anhyst.support.errors import InputError
 
 
 def cache_folder(kind: str) -> Path:
-    """Return where things of a kind are kept; ``XDG_CACHE_HOME`` says where caches are."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anhyst" / kind
+    """Return where things of a kind are kept; ``XDG_CACHE_HOME`` says where caches are.
+
+    A user without a home has none: below the null device nothing is found or made.
+    """
+    try:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:
+        caches = Path(os.devnull)
+    return caches / "anhyst" / kind
 
 
 def core_folder() -> Path:

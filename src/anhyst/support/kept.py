@@ -33,6 +33,8 @@ T = TypeVar("T")
 MOST = 200
 """Results of a kind that are kept, of 10 to 100 kilobytes each; those not used for longest go."""
 
+_SEAL = hashlib.sha256().digest_size
+
 
 def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
     """Return what `make` makes of these inputs, from the cache where it was made before."""
@@ -45,21 +47,30 @@ def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
         with suppress(OSError):  # without a cache it is computed each time
             place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
-                Path(draft, "whole").write_bytes(pickle.dumps(found))
+                Path(draft, "whole").write_bytes(sealed(found))
                 Path(draft, "whole").replace(place)
             forget(place.parent, MOST)
     return found
 
 
+def sealed(value: object) -> bytes:
+    """Return what is written of a value: a hash first, so that damage shows."""
+    content = pickle.dumps(value)
+    return hashlib.sha256(content).digest() + content
+
+
 def load(place: Path) -> Any:
-    """Return what is kept at a place, if it is there, whole and one's own; None otherwise."""
+    """Return what is kept at a place, if it is there, undamaged and one's own; None otherwise."""
     try:
-        if hasattr(os, "getuid") and place.stat().st_uid != os.getuid():
-            return None
+        if hasattr(os, "getuid"):
+            owners = {one.stat().st_uid for one in (place, place.parent)}
+            if owners != {os.getuid()}:
+                return None
         content = place.read_bytes()
         os.utime(place)
-        return pickle.loads(content)
-    except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError):
+        seal, content = content[:_SEAL], content[_SEAL:]
+        return pickle.loads(content) if hashlib.sha256(content).digest() == seal else None
+    except (OSError, MemoryError, pickle.UnpicklingError, AttributeError, ImportError, ValueError):
         return None
 
 

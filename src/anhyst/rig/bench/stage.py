@@ -20,11 +20,12 @@ from anhyst.compensate.interface import MethodName
 from anhyst.control.permitted import Standing, refusal
 from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
+from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import check_values
 from anhyst.rig.recording import Loss, Recording, column
-from anhyst.rig.stage.file import scan_direction, unit_of
+from anhyst.rig.stage.file import axes_of, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
     STRAY_LATE,
     WRENCH,
@@ -345,12 +346,16 @@ class StageBench:
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
+        values = self._lying()
+        names = [signal.name for signal in self.signals[: -len(_OF_BENCH[4:])]]
+        return self._rows(n, *(np.full(n, values.get(name, 0.0)) for name in names))
+
+    def _lying(self) -> dict[str, float]:
+        """Return what is read of a body that lies on a stop, but for zeros."""
         stop, place = self.rig.settings.body.stop_low_m, self._place
         position = place + stop - self.rig.gap
         values = {"reference": place, "position": position, "position_read": position}
-        values |= {"error": place - position, "gap": stop, "gap_read": stop}
-        names = [signal.name for signal in self.signals[: -len(_OF_BENCH[4:])]]
-        return self._rows(n, *(np.full(n, values.get(name, 0.0)) for name in names))
+        return values | {"error": place - position, "gap": stop, "gap_read": stop}
 
     def news(self) -> Sequence[str]:
         """Return nothing: what runs in process is not lost."""
@@ -519,6 +524,22 @@ class AxesBench(StageBench):
             seen["_".join((one.name, one.unit))] for one in self.signals[: -len(_OF_BENCH[4:])]
         ]
         return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
+
+    def _lying(self) -> dict[str, float]:
+        """Return the same where weight pulls the body down, or at the low end of its way."""
+        file, place, free = self.rig.settings, self._place, self.rig.settings.body.free
+        along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
+        falls = file.body.gravity_m_per_s2 > 0.0 and down.any()
+        off = -travel_m(file) * (down if falls else along)
+        way = float(off @ along)
+        values = {"reference": place, "position": place + way, "error": -way}
+        values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
+        for number, one in enumerate(file.placed, 1):
+            pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
+            values[f"gap_{number}" if number > 1 else "gap"] = (one.gap_m or 0.0) - float(
+                pulls @ off
+            )
+        return values
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed; no other plant can be put in force."""
