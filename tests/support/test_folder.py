@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.folder import whole_folder, write_texts
+from anhyst.support.folder import seen_from, whole_folder, write_texts
 from anhyst.support.json_text import json_text
 from tests.refusals import refused
 
@@ -75,3 +75,17 @@ def test_json_has_null_for_what_is_no_finite_number() -> None:
     assert json_text({"a": [1.5, float("inf")], "b": ({"c": float("nan")},)}) == (
         '{\n  "a": [\n    1.5,\n    null\n  ],\n  "b": [\n    {\n      "c": null\n    }\n  ]\n}\n'
     )
+
+
+def test_a_file_is_named_as_the_system_finds_it_from_a_folder_behind_a_link(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "rig").mkdir()
+    (tmp_path / "rig" / "loops.csv").write_text("measured")
+    far = tmp_path / "other" / "disk" / "tuned"
+    far.mkdir(parents=True)
+    link = tmp_path / "rig" / "tuned"
+    link.symlink_to(far)
+    named = seen_from(link, tmp_path / "rig" / "loops.csv")
+    assert (link / named).read_text() == "measured"
+    assert seen_from(tmp_path / "rig", tmp_path / "rig" / "loops.csv") == "loops.csv"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 from anhyst.rig.file import RigFile
 from anhyst.rig.old_files import modernise
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.folder import seen_from
 from anhyst.support.toml_file import TomlFile
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
@@ -42,7 +42,7 @@ def _moved(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
     """Return the keys that name files, as seen from where a rig file goes."""
 
     def seen(name: str) -> str:
-        return Path(os.path.relpath(source.parent / name, out.parent)).as_posix()
+        return seen_from(out.parent, source.parent / name)
 
     found: dict[KeyPath, Any] = {}
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):

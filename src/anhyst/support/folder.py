@@ -24,6 +24,12 @@ def cache_folder(kind: str) -> Path:
     return caches / "anhyst" / kind
 
 
+def seen_from(folder: Path, place: Path) -> str:
+    """Return how a file is named in another folder; past a link to a folder ".." leads elsewhere."""
+    whole = os.path.join(os.path.realpath(place.parent), place.name)
+    return Path(os.path.relpath(whole, os.path.realpath(folder))).as_posix()
+
+
 def core_folder() -> Path:
     """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
 

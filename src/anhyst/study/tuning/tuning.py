@@ -40,6 +40,7 @@ from anhyst.study.tuning.stage import SLOWEST, StageLoop
 from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, Interrupted
+from anhyst.support.folder import seen_from
 from anhyst.support.jobs import all_of, workers_of
 from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.progress import Progress
@@ -317,8 +318,8 @@ def _portable(
     """Return settings whose model is named as seen from another folder."""
     if controller.model is None:
         return settings
-    model = os.path.relpath(controller.model, folder)
-    compensation = settings.compensation.model_copy(update={"model": Path(model).as_posix()})
+    model = seen_from(folder, controller.model)
+    compensation = settings.compensation.model_copy(update={"model": model})
     return settings.model_copy(update={"compensation": compensation})
 
 
