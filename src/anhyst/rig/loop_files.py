@@ -87,7 +87,12 @@ def identify_loops(
 ) -> Model:
     """Identify a model as a rig file wants it, at rest but for `late`; once of the same loops."""
     wanted = options.searching(gap_map)
-    model = kept(
-        "models", lambda: identify(loops, **wanted, progress=progress).model, loops, wanted
-    )
+
+    def whole() -> Model:
+        found = identify(loops, **wanted, progress=progress)
+        if found.interrupted:  # half a search is no model to go on with, or to keep
+            raise KeyboardInterrupt
+        return found.model
+
+    model = kept("models", whole, loops, wanted)
     return model if late else model.at_rest

@@ -104,7 +104,10 @@ def identified(task: FleetTask) -> IdentifyResult:
     """Identify the model of one magnet."""
     loops = read_loops(task.member.source, history=task.settings.history)
     law, gap_map = task.search
-    return identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed)
+    found = identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed)
+    if found.interrupted:  # half a search is not to be judged, or to be known when a run goes on
+        raise KeyboardInterrupt
+    return found
 
 
 def _judged(task: FleetTask) -> dict[str, Any]:

@@ -201,7 +201,10 @@ def judged_from(rig: PiezoRig) -> int:
 def find_inverses(rig: PiezoRig) -> dict[str, PiezoInverse]:
     """Measure the stage and make every way from displacement to voltage."""
     loops = measure(rig)
-    model = identify(loops).model
+    found = identify(loops)
+    if found.interrupted:  # half a search is no model to go on with
+        raise KeyboardInterrupt
+    model = found.model
     wanted = reference(rig)
     top = float(loops.loops[0].output.max())
     if wanted.max() > top:

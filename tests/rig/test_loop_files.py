@@ -1,0 +1,46 @@
+"""Loops that a rig file names, identified once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from anhyst.identification.options import IdentifyTable
+from anhyst.rig import loop_files
+from anhyst.rig.loop_files import identify_loops
+from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig.stage.file import read_stage
+from anhyst.study.fleet import judge
+from anhyst.study.fleet.judge import FleetSettings, FleetTask
+from anhyst.study.fleet.members import Member
+from anhyst.study.piezo import track
+from tests.study import bearings, stages
+
+
+def test_a_search_that_ctrl_c_ended_is_neither_gone_on_with_nor_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    loops = read_stage(stages.EXAMPLE / "rig.toml").measured.read()
+    half = SimpleNamespace(interrupted=True, model=bearings.knowledge().model)
+    monkeypatch.setattr(loop_files, "identify", lambda *_, **__: half)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            identify_loops(loops, IdentifyTable(), "circuit")
+    half.interrupted = False
+    assert identify_loops(loops, IdentifyTable(), "circuit").name == half.model.name
+
+
+def test_no_magnet_of_a_fleet_and_no_piezo_is_judged_by_half_a_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    half = SimpleNamespace(interrupted=True, model=bearings.knowledge().model)
+    for module in (judge, track):
+        monkeypatch.setattr(module, "identify", lambda *_, **__: half)
+    member = Member("one", stages.EXAMPLE / "loops.csv")
+    with pytest.raises(KeyboardInterrupt):
+        judge.identified(FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto")))
+    with pytest.raises(KeyboardInterrupt):
+        track.find_inverses(read_piezo_rig(stages.EXAMPLE.parent / "piezo" / "rig.toml"))
