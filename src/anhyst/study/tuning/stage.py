@@ -301,7 +301,7 @@ class StageLoop:
     def limits(self, aims: Aims, reached: Check, seed: int, jobs: int | None = None) -> list[Limit]:
         """Report what limits gains that were checked: aims, force, and what would help."""
         if not math.isfinite(reached.worst.cost):
-            return [Limit("average_m", "no gains held the body wherever it was tried")]
+            return [Limit("average_m", "not every noise seed and drawn plant was held")]
         found = reached.near(aims)
         motion, file = self._motion(UNSEEN), self.setup.rig.settings
         demand = np.abs(track(self.setup, motion, self.feedforward, seed)["demand_N"]).max()
