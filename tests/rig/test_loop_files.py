@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from anhyst.identification.options import IdentifyTable
+from anhyst.laws.registry import LAWS
 from anhyst.rig import loop_files
 from anhyst.rig.loop_files import identify_loops
 from anhyst.rig.piezo.file import read_piezo_rig
@@ -31,6 +32,28 @@ def test_a_search_that_ctrl_c_ended_is_neither_gone_on_with_nor_kept(
             identify_loops(loops, IdentifyTable(), "circuit")
     half.interrupted = False
     assert identify_loops(loops, IdentifyTable(), "circuit").name == half.model.name
+
+
+def test_where_somebody_registers_a_law_nothing_is_taken_from_the_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    loops = read_stage(stages.EXAMPLE / "rig.toml").measured.read()
+    found = SimpleNamespace(interrupted=False, model=bearings.knowledge().model)
+    calls: list[object] = []
+
+    def counted(*given: object, **_: object) -> SimpleNamespace:
+        calls.append(given)
+        return found
+
+    monkeypatch.setattr(loop_files, "identify", counted)
+    for _ in range(2):
+        identify_loops(loops, IdentifyTable(), "circuit")
+    assert len(calls) == 1
+    monkeypatch.setitem(LAWS, "mine", LAWS["effective-field"])
+    for _ in range(2):
+        identify_loops(loops, IdentifyTable(), "circuit")
+    assert len(calls) == 3
 
 
 def test_no_magnet_of_a_fleet_and_no_piezo_is_judged_by_half_a_search(

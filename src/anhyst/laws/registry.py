@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 LAWS: dict[str, Law] = {
     law.name: law for law in (EFFECTIVE_FIELD, JILES_ATHERTON_1986, PLAY_CELLS, PLAY_CELLS_LANGEVIN)
 }
+OWN = frozenset(LAWS)
+"""Laws of this package."""
 
 
 def law_of(name: str, cells: CellWeights | None = None) -> Law:

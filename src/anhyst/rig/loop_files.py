@@ -11,6 +11,7 @@ from anhyst.data.reading import files_read
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.options import IdentifyTable
+from anhyst.laws.registry import LAWS, OWN
 from anhyst.model.actuator import Model
 from anhyst.rig.measurement_table import LoopsTable
 from anhyst.rig.old_files import rig_error
@@ -94,5 +95,6 @@ def identify_loops(
             raise KeyboardInterrupt
         return found.model
 
-    model = kept("models", whole, loops, wanted)
+    # What else is registered has sources that the cache does not know.
+    model = whole() if LAWS.keys() - OWN else kept("models", whole, loops, wanted)
     return model if late else model.at_rest
