@@ -99,3 +99,10 @@ class IdentifyResult(Result):
         """
         write_model(self.model, path)
         return Path(path)
+
+
+def whole_search(found: IdentifyResult) -> IdentifyResult:
+    """Return what a search found if it came to its end; after ctrl-C, whoever goes on ends too."""
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return found

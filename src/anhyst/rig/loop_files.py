@@ -11,6 +11,7 @@ from anhyst.data.reading import files_read
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.options import IdentifyTable
+from anhyst.identification.result import whole_search
 from anhyst.laws.registry import LAWS, OWN
 from anhyst.model.actuator import Model
 from anhyst.rig.measurement_table import LoopsTable
@@ -90,10 +91,7 @@ def identify_loops(
     wanted = options.searching(gap_map)
 
     def whole() -> Model:
-        found = identify(loops, **wanted, progress=progress)
-        if found.interrupted:  # half a search is no model to go on with, or to keep
-            raise KeyboardInterrupt
-        return found.model
+        return whole_search(identify(loops, **wanted, progress=progress)).model
 
     # What else is registered has sources that the cache does not know.
     model = whole() if LAWS.keys() - OWN else kept("models", whole, loops, wanted)

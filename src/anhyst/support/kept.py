@@ -12,7 +12,6 @@ import pickle
 import platform
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
@@ -26,6 +25,8 @@ import scipy
 from pydantic import BaseModel
 
 from anhyst._core import _native
+from anhyst.support.atomic import write_bytes
+from anhyst.support.errors import InputError
 from anhyst.support.folder import cache_folder
 
 T = TypeVar("T")
@@ -44,11 +45,9 @@ def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
     found: T | None = load(place)
     if found is None:
         found = make()
-        with suppress(OSError):  # without a cache it is computed each time
+        with suppress(OSError, InputError):  # without a cache it is computed each time
             place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
-                Path(draft, "whole").write_bytes(sealed(found))
-                Path(draft, "whole").replace(place)
+            write_bytes(place, sealed(found))
             forget(place.parent, MOST)
     return found
 

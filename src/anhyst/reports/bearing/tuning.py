@@ -41,7 +41,7 @@ def pareto(tuning: Tuning) -> Figure:
         for name, tuned in tuning.tuned.items()
         if math.isfinite(tuned.figures.cost)
     }
-    least = next(iter(tuning.tuned.values())).figures.least
+    least = tuning.first.figures.least
     return figure_pareto(
         TuningPicture(
             tuple(candidates),

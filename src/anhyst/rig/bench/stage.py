@@ -347,8 +347,12 @@ class StageBench:
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
         values = self._lying()
-        names = [signal.name for signal in self.signals[: -len(_OF_BENCH[4:])]]
-        return self._rows(n, *(np.full(n, values.get(name, 0.0)) for name in names))
+        return self._rows(n, *(np.full(n, values.get(one.name, 0.0)) for one in self._of_loop))
+
+    @property
+    def _of_loop(self) -> Sequence[Signal]:
+        """The signals that come from the loop; the others are the bench's own."""
+        return self.signals[: -len(_OF_BENCH[4:])]
 
     def _lying(self) -> dict[str, float]:
         """Return what is read of a body that lies on a stop, but for zeros."""
@@ -477,7 +481,7 @@ class AxesBench(StageBench):
             for axis in file.body.free
         ]
         magnets = [
-            Signal(f"{name}{f'_{number}' if number > 1 else ''}", unit, f"{text} {one.name}")
+            Signal(column(name, "", number), unit, f"{text} {one.name}")
             for number, one in enumerate(file.placed, 1)
             for name, unit, text in (
                 ("gap", "m", "true gap of magnet"),
@@ -520,9 +524,7 @@ class AxesBench(StageBench):
         flowed = [run[column("command", "A", number)] for number in count]
         flowed += [run[column("gap_read", "m", number)] for number in count]
         flowed += [run[name] for name in of_axes("demand", file.body.free, WRENCH)]
-        of_loop = [
-            seen["_".join((one.name, one.unit))] for one in self.signals[: -len(_OF_BENCH[4:])]
-        ]
+        of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
         return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
 
     def _lying(self) -> dict[str, float]:
@@ -536,9 +538,7 @@ class AxesBench(StageBench):
         values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
         for number, one in enumerate(file.placed, 1):
             pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
-            values[f"gap_{number}" if number > 1 else "gap"] = (one.gap_m or 0.0) - float(
-                pulls @ off
-            )
+            values[column("gap", "", number)] = (one.gap_m or 0.0) - float(pulls @ off)
         return values
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -16,7 +16,7 @@ from anhyst.compensate.twin import Io
 from anhyst.compilation.output import compile_model
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.identification.result import IdentifyResult
+from anhyst.identification.result import IdentifyResult, whole_search
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.study.fleet.members import Member
@@ -104,10 +104,7 @@ def identified(task: FleetTask) -> IdentifyResult:
     """Identify the model of one magnet."""
     loops = read_loops(task.member.source, history=task.settings.history)
     law, gap_map = task.search
-    found = identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed)
-    if found.interrupted:  # half a search is not to be judged, or to be known when a run goes on
-        raise KeyboardInterrupt
-    return found
+    return whole_search(identify(loops, law=law, gap_map=gap_map, seed=task.settings.seed))
 
 
 def _judged(task: FleetTask) -> dict[str, Any]:

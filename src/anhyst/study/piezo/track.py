@@ -26,6 +26,7 @@ from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.identification import identify
+from anhyst.identification.result import whole_search
 from anhyst.model.actuator import Model
 from anhyst.rig.piezo.file import PiezoRig, PiezoStage
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
@@ -201,10 +202,7 @@ def judged_from(rig: PiezoRig) -> int:
 def find_inverses(rig: PiezoRig) -> dict[str, PiezoInverse]:
     """Measure the stage and make every way from displacement to voltage."""
     loops = measure(rig)
-    found = identify(loops)
-    if found.interrupted:  # half a search is no model to go on with
-        raise KeyboardInterrupt
-    model = found.model
+    model = whole_search(identify(loops)).model
     wanted = reference(rig)
     top = float(loops.loops[0].output.max())
     if wanted.max() > top:

@@ -90,6 +90,10 @@ class FigureTitle(NamedTuple):
     unit: str  # then
     digits: int  # behind the point, in tables
 
+    def limit_text(self, limit: float) -> str:
+        """Write a limit with its unit."""
+        return f"{self.factor * limit:g} {self.unit}".rstrip()
+
 
 TITLES: Mapping[str, FigureTitle] = {
     "overshoot_percent": FigureTitle("overshoot", 1.0, "%", 2),

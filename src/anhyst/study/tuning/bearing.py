@@ -34,7 +34,7 @@ from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.tuning.aims import TITLES, Aims, Figures
 from anhyst.study.tuning.screen import FIRMNESS, Screen, make_screen, refine
 from anhyst.study.tuning.space import GainSpace
-from anhyst.study.tuning.trial import Check, Condition, Limit
+from anhyst.study.tuning.trial import Check, Condition, Limit, what_helps
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import spaced
 from anhyst.support.jobs import all_of
@@ -272,7 +272,6 @@ def _figures(cells: Sequence[StepCell], measured: Sensitivity | None) -> Figures
 
 
 _AT = 0.995  # of what there is: counts as all of it
-_WORTH = 0.05  # of the settling time: less is not reported
 _NOISES, _BAND = 3.0, 0.02  # standard deviations; of the smallest step
 
 
@@ -382,13 +381,9 @@ def _would_help(loop: BearingLoop, aims: Aims, seed: int, jobs: int | None) -> l
             ),
             aims,
         )
-    work = partial(loop.least_settling, seed)
-    tasks = [(one, two) for _, one, two in eased.values()]
-    times = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
-    base = times.pop("")
+    base, helps = what_helps(partial(loop.least_settling, seed), eased, jobs)
     if not math.isfinite(base):
         return []
-    helps = sorted((time, what) for what, time in times.items() if time < (1.0 - _WORTH) * base)
     return [
         Limit(
             what,

@@ -94,8 +94,7 @@ def verdict(tuned: Tuned) -> str:
     for name in tuned.misses:
         text = text_of(name, getattr(tuned.figures, name))
         if name in limits:
-            _, factor, unit, _ = TITLES[name]
-            text += f" (aim {factor * limits[name]:g} {unit}".rstrip() + ")"
+            text += f" (aim {TITLES[name].limit_text(limits[name])})"
         texts.append(text)
     others = [one.text for one in tuned.limits if one.what not in tuned.misses]
     because = "; ".join(others[:_NOTES])
@@ -137,14 +136,10 @@ def file_note(tuned: Tuned, tuning: Tuning) -> str:
 def aims_text(tuning: Tuning) -> str:
     """Write aims in a line."""
     limits = ", ".join(
-        f"{TITLES[name].title} <= {TITLES[name].factor * limit:g} {TITLES[name].unit}".rstrip()
+        f"{TITLES[name].title} <= {TITLES[name].limit_text(limit)}"
         for name, limit in tuning.aims.limits.items()
     )
-    return f"{limits}; then the least {TITLES[_first(tuning).figures.least].title}"
-
-
-def _first(tuning: Tuning) -> Tuned:
-    return next(iter(tuning.tuned.values()))
+    return f"{limits}; then the least {TITLES[tuning.first.figures.least].title}"
 
 
 def write_results(tuning: Tuning, folder: Path) -> None:
@@ -185,14 +180,14 @@ def _row(tuned: Tuned) -> list[str]:
 
 def heads(tuning: Tuning) -> list[str]:
     """Return the heads of the columns of :func:`rows`."""
-    titles = [TITLES[name] for name in _first(tuning).figures.named()]
+    titles = [TITLES[name] for name in tuning.first.figures.named()]
     figures = [f"{one.title}, {one.unit}" if one.unit else one.title for one in titles]
     return ["variant", *figures, "aims", "what limits"]
 
 
 def markdown(tuning: Tuning) -> str:
     """Return the table and what limits as Markdown."""
-    seeds, loop = tuning.rig.settings.noise_seeds, _first(tuning).found.loop
+    seeds, loop = tuning.rig.settings.noise_seeds, tuning.first.found.loop
     head = heads(tuning)
     lines = [
         f"Rig: {tuning.rig.settings.name}. Aims: {aims_text(tuning)}.",
@@ -218,7 +213,7 @@ def markdown(tuning: Tuning) -> str:
 
 def figures_of(tuning: Tuning) -> dict[str, Any]:
     """Return what ``tuning.json`` holds; the same for the same input and seed."""
-    rig, loop = tuning.rig.settings, _first(tuning).found.loop
+    rig, loop = tuning.rig.settings, tuning.first.found.loop
     return {
         "format": "anhyst-tuning",
         "rig": rig.name,

@@ -79,6 +79,11 @@ class Tuning(Result):
     seconds: float
     cpu_seconds: float
 
+    @property
+    def first(self) -> Tuned:
+        """What was tuned first; rig, conditions and figures are those of all."""
+        return next(iter(self.tuned.values()))
+
     def facts(self) -> dict[str, str]:
         """Return what the gains of every variant reach, and the aims that they miss."""
         told = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}

@@ -22,7 +22,7 @@ from anhyst.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst.study.tuning.aims import MISSED, Aims, StageFigures
 from anhyst.study.tuning.screen import refine
 from anhyst.study.tuning.space import Axis, Box, rounded
-from anhyst.study.tuning.trial import Check, Limit
+from anhyst.study.tuning.trial import Check, Limit, what_helps
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
 
@@ -34,7 +34,6 @@ _STRICTER = (0.7, 0.85, 1.0)  # parts of the aimed peak: where the front is look
 _FREQUENCIES = 400
 _LOWEST = 1e-5  # of them, in parts of the rate
 _SAME = 1e-9  # of a mean: less is not noise
-_WORTH = 0.05  # of the moving average: less is not reported
 _NEAR = 0.95  # of the highest crossover: counts as all of it
 _AT = 0.995  # of the force: counts as all of it
 
@@ -336,18 +335,14 @@ class StageLoop:
                 aims,
             ),
         }
-        work = partial(_least_average, self.space, seed)
-        tasks = [(one, two) for _, one, two in eased.values()]
-        left = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
-        base = left.pop("")
+        base, helps = what_helps(partial(_least_average, self.space, seed), eased, jobs)
         return [
             Limit(
                 what,
                 f"with {eased[what][0]} linear loops would leave {100.0 * one / base:.0f} % of the "
                 "moving average",
             )
-            for one, what in sorted((one, what) for what, one in left.items())
-            if one < (1.0 - _WORTH) * base
+            for one, what in helps
         ]
 
     def gains(self) -> dict[str, float]:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from anhyst.compensate.interface import MethodName
 from anhyst.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
 from anhyst.study.tuning.space import Box
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import all_of
 
 _NEAR = 0.9  # of a limit: from here on it is said to bind
+_WORTH = 0.05  # of what is made small: less is not reported
 
 
 @dataclass(frozen=True)
@@ -74,9 +76,8 @@ class Check:
                 where += f", around {self.peaks[at]:.0f} Hz"
             elif name in self.places:
                 where += f", {self.places[name]}"
-            title = TITLES[name]
             verb = "misses" if value > limit else "nearly takes"
-            bound = f"{title.factor * limit:g} {title.unit}".rstrip()
+            bound = TITLES[name].limit_text(limit)
             found.append(Limit(name, f"{text_of(name, value)} {verb} its limit of {bound} {where}"))
         return found
 
@@ -132,6 +133,21 @@ class Tunable(Protocol):
 
     def told(self, numbers: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a place mean."""
+
+
+Loop = TypeVar("Loop")
+
+
+def what_helps(
+    work: Callable[[tuple[Loop, Aims]], float],
+    eased: Mapping[str, tuple[str, Loop, Aims]],
+    jobs: int | None,
+) -> tuple[float, list[tuple[float, str]]]:
+    """Return what the best gains cost with nothing eased (""), and what lowers it, the most first."""
+    tasks = [(loop, aims) for _, loop, aims in eased.values()]
+    costs = dict(zip(eased, all_of(work, tasks, jobs=jobs), strict=True))
+    base = costs.pop("")
+    return base, sorted((one, what) for what, one in costs.items() if one < (1.0 - _WORTH) * base)
 
 
 @dataclass(frozen=True)
