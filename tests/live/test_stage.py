@@ -179,6 +179,35 @@ def test_a_lap_that_was_broken_off_or_missed_in_part_teaches_nothing(beside: Bes
     assert [one.lap for one in beside.learner.laps] == [3]
 
 
+def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(5)
+    good = beside.learner.laps[-1]
+    # an estimator gone astray: one current is believed to do a hundredth more than it does
+    monkeypatch.setattr(Learner, "learn", lambda learner, _: learner.values.update(scale_1=0.01))
+    beside.laps(6)
+    assert max(one.average_m for one in beside.learner.laps) > 2.0 * good.average_m
+    monkeypatch.undo()
+    assert not beside.learner.on
+    assert "grew from" in beside.learner.status()["trouble"]
+    beside.laps(2)
+    assert beside.learner.laps[-1].average_m < 1.5 * good.average_m
+
+
+@pytest.mark.slow
+def test_another_plant_is_no_reason_to_take_back_what_was_learnt(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(4)
+    beside.bench.apply({"plant": WRONG + 4.0})
+    beside.laps(4)
+    assert beside.learner.on
+    assert beside.learner.status()["trouble"] == ""
+
+
 def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -> None:
     start(beside)
     beside.learner.turn(True)  # from the first tick on

@@ -103,6 +103,7 @@ class StageLap(NamedTuple):
     known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
     method: MethodName  # that drove it
     motion: SetPoint
+    under: tuple[object, ...]  # plant, gains and all else in force but what is learnt
 
 
 class StageBench:
@@ -236,8 +237,10 @@ class StageBench:
             self._laps += 1
             self._lap, self._side = self._laps, -self._side
             method, begin = self._setup.compensator.method, self.tick + 1
-            lap = StageLap(self._lap, begin, len(self._way), self._known, method, self._motion)
-            self.laps.append(lap)
+            under = (*self._values.values(), *self._gains, self._load)
+            self.laps.append(
+                StageLap(self._lap, begin, len(self._way), self._known, method, self._motion, under)
+            )
 
     def _begin(self, course: Course) -> None:
         self._course, self._at = course, 0

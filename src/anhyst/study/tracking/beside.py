@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -12,9 +13,9 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.protocol import Signal, Subscription
-from anhyst.rig.bench.stage import StageBench, StageLap
+from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
 from anhyst.rig.recording import column, peak
-from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.file import ParameterName, StageRig
 from anhyst.rig.stage.loop import READ, StageSetup
 from anhyst.study.tracking.learner import (
     COMMANDS,
@@ -32,9 +33,13 @@ KEPT = 500
 """Laps that a page can draw."""
 ROOM_S = 20.0
 """Rows that are kept for a lap and what its iron remembers, s; after a longer rest a lap is waited for."""
+GREW = 1.5
+"""Times the least moving average, in two laps in a row, beyond which what was learnt is taken back."""
 _NEEDED = ("demand_N", *READ, *COMMANDS)
 
 
+Numbers = Mapping[ParameterName, float]
+"""What a method is corrected by; empty where by nothing."""
 Do = Callable[[Callable[[], None]], None]
 """Does something to the bench between two of its ticks, in its thread."""
 
@@ -53,6 +58,27 @@ class LearntLap(NamedTuple):
     values: Mapping[str, tuple[float, float, float, float]]
 
 
+class _Kept:
+    """What was in force of a method when its laps left least, and what has been since."""
+
+    def __init__(self) -> None:
+        self.in_force: deque[tuple[int, Numbers]] = deque([(0, {})], maxlen=LAPS)  # from a tick on
+        self._under: tuple[object, ...] = ()
+        self._last = self._least = math.inf  # moving averages, m: a lap's, the larger of two laps'
+        self._best: Numbers = {}
+
+    def better(self, lap: StageLap, average: float) -> tuple[Numbers, float] | None:
+        """Return what left less than these last two laps do, and how much; None if nothing did."""
+        if lap.under != self._under:  # another plant, load or gain: nothing is known of it
+            self._under, self._last, self._least = lap.under, math.inf, math.inf
+        applied = [numbers for due, numbers in self.in_force if due <= lap.begin][-1]
+        pair, self._last = (self._last, average), average
+        if max(pair) < self._least:
+            self._least, self._best = max(pair), applied
+        grew = math.isfinite(pair[0]) and min(pair) > GREW * self._least
+        return (self._best, self._least) if grew and self._best != applied else None
+
+
 class BenchLearner:
     """Calibrates the methods of a stage bench from its laps, each from those that it drove itself.
 
@@ -68,6 +94,7 @@ class BenchLearner:
         self._learners: dict[MethodName, Learner] = {}
         self._before: dict[MethodName, float] = {}  # moving average while nothing was applied, m
         self._laws: dict[MethodName, MotionLaw] = {}
+        self._kept: dict[MethodName, _Kept] = {}
         self._rows: deque[FloatArray] = deque()
         self._trouble = ""
         self._since = 0  # tick before which nothing teaches that waits to be looked at
@@ -81,7 +108,7 @@ class BenchLearner:
     def revert(self) -> int:
         """Forget all that was learnt, and put in force what the rig file says; in the bench's thread."""
         self._since = self._bench.tick  # first: what waits finds either this or its learner gone
-        self._learners, self._trouble = {}, ""
+        self._learners, self._kept, self._trouble = {}, {}, ""
         return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
 
     def status(self) -> Mapping[str, Any]:
@@ -126,9 +153,12 @@ class BenchLearner:
         most = peak(error[begin:])
         average = max((peak(mean) for mean, _ in windows if mean.size), default=most)
         learners, on, setup = self._learners, self.on, None
-        learner = learners.get(lap.method)
+        learner, kept = learners.get(lap.method), self._kept.setdefault(lap.method, _Kept())
         untouched = learner is None or not any(learner.applied.values())
-        if on and lap.known >= first and end > self._since:
+        better = kept.better(lap, average)
+        if on and better is not None and learner is not None:
+            setup = self._go_back(learner, *better, average)
+        elif on and lap.known >= first and end > self._since:
             known = lap.known - first
             columns = dict(zip(_NEEDED, (one[known:] for one in read), strict=True))
             setup = self._learn(learners, lap, Motion(self._rig, columns, begin - known))
@@ -139,8 +169,8 @@ class BenchLearner:
                 return  # it was reverted meanwhile
             if untouched:
                 self._before[lap.method] = average
-            if setup is not None:
-                self._bench.correct(setup)
+            if setup is not None and learner is not None:
+                kept.in_force.append((self._bench.correct(setup), dict(learner.applied)))
             values = {} if learner is None else _values(learner)
             refused = 0 if learner is None else learner.refused
             self.laps.append(
@@ -148,6 +178,18 @@ class BenchLearner:
             )
 
         do(act)
+
+    def _go_back(
+        self, learner: Learner, best: Numbers, least: float, average: float
+    ) -> StageSetup | None:
+        """End learning, and return what the method was corrected by when its laps left least."""
+        learner.applied |= dict.fromkeys(learner.applied, 0.0) | dict(best)
+        self._trouble, self.on = (
+            f"learning ended: the moving average of {learner.law.method} grew from "
+            f"{1e9 * least:.3g} to {1e9 * average:.3g} nm; what left least is in force again",
+            False,
+        )
+        return learner.stage()
 
     def _learn(
         self, learners: dict[MethodName, Learner], lap: StageLap, motion: Motion
