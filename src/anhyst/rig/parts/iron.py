@@ -5,7 +5,6 @@ Other families: :mod:`anhyst.rig.parts.preisach` and :mod:`anhyst.rig.parts.iron
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -15,7 +14,6 @@ from anhyst._core import Steel, log
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import power
 from anhyst.support.errors import InputError
-from anhyst.support.units import MU_0
 
 MOST_CELLS = 64
 """Of an iron, the unpinned one included."""
@@ -88,47 +86,6 @@ class CellSteel:
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
         return replace(self, cells=1, reversible_fraction=1.0).plant()
-
-
-class CellIron:
-    """A piece of such steel with its memory; starts demagnetised."""
-
-    def __init__(self, steel: CellSteel) -> None:
-        self.steel = steel
-        self._thresholds = steel.thresholds
-        self._weights = steel.weights
-        self._cells = np.zeros(steel.cells + 1)
-        self.field = 0.0
-        """Field at the last commit, A/m."""
-
-    def _moved(self, field: float) -> FloatArray:
-        low, high = field - self._thresholds, field + self._thresholds
-        moved: FloatArray = np.minimum(np.maximum(self._cells, low), high)
-        return moved
-
-    def flux_density(self, field: float) -> tuple[float, float]:
-        """Return flux density and slope if the field moved there; the memory is not touched."""
-        steel = self.steel
-        cells = self._moved(field)
-        sharp = 1.0 / np.sqrt(cells * cells + steel.knee_sharp**2)
-        ratio = cells * (1.0 / steel.knee_slow)
-        slow = 2.0 / math.pi * steel.saturation_slow
-        polarisation = steel.saturation_sharp * cells * sharp + slow * np.arctan(ratio)
-        slopes = (steel.saturation_sharp * steel.knee_sharp**2) * (sharp * sharp * sharp) + (
-            slow / steel.knee_slow
-        ) / (1.0 + ratio * ratio)
-        moving = self._weights * (cells != self._cells)
-        return (MU_0 * field + float(self._weights @ polarisation), MU_0 + float(moving @ slopes))
-
-    def commit(self, field: float) -> None:
-        """Move to a field, A/m, in a straight line."""
-        self._cells = self._moved(field)
-        self.field = field
-
-    def demagnetise(self) -> None:
-        """Forget everything, as after a field that alternated and died away."""
-        self._cells = np.zeros_like(self._cells)
-        self.field = 0.0
 
 
 _FIELDS = np.concatenate(([0.0], np.geomspace(1e-3, 1e3, 2000)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from anhyst._core import Piece
-from anhyst.rig.parts.iron import AnySteel, CellIron, CellSteel
+from anhyst.rig.parts.iron import AnySteel
 from anhyst.support.units import MU_0
 
 _ITERATIONS = 100
@@ -62,13 +62,13 @@ class _Gap(NamedTuple):
         straight = self.face + self.leakage
         return straight * mmf + self.cone * mmf / root, straight + self.cone / root**3
 
-    def mmf(self, flux: float) -> tuple[float, float]:
-        """Ampere-turns that a flux needs, and their derivative by the flux.
+    def mmf(self, flux: float, near: float = 0.0) -> tuple[float, float]:
+        """Ampere-turns that a flux needs, looked for from some near by, and their derivative by the flux.
 
-        The flux is odd and bends towards the axis of the ampere-turns, so that Newton's steps from
-        below stay below.
+        The flux is odd and bends towards the axis of the ampere-turns, so that Newton's steps end
+        below after one, and stay below.
         """
-        mmf = flux / (self.face + self.leakage + self.cone)
+        mmf = near
         for _ in range(_ITERATIONS):
             found, slope = self.flux(mmf)
             step = (flux - found) / slope
@@ -91,11 +91,12 @@ class Solenoid:
     """Iron and circuit together, with the memory of the iron; starts demagnetised."""
 
     def __init__(self, steel: AnySteel, geometry: Geometry) -> None:
-        self.iron = CellIron(steel) if isinstance(steel, CellSteel) else Piece(steel.plant())
+        self.iron = Piece(steel.plant())
         self.geometry = geometry
         self.flux = 0.0
         """Flux in the iron after the last step, Wb; times the turns it is the flux linkage."""
         self._slope = 0.0
+        self._outside = 0.0  # ampere-turns over the gap
         self.force = 0.0
         """Pull after the last step, N."""
 
@@ -108,7 +109,8 @@ class Solenoid:
         field, density = self._field(self.geometry.turns * current, place)
         self.flux = self.geometry.iron_area * density
         self.iron.commit(field)
-        self.force = place.force(place.mmf(self.flux)[0])
+        self._outside = place.mmf(self.flux, self._outside)[0]
+        self.force = place.force(self._outside)
         return self.force
 
     def _field(self, mmf: float, place: _Gap) -> tuple[float, float]:
@@ -122,11 +124,11 @@ class Solenoid:
         slide = self.geometry.slide_reluctance
         field = self.iron.field
         low, high = -math.inf, math.inf
-        least = self._slope
+        least, outside = self._slope, self._outside
         for _ in range(_ITERATIONS):
             density, slope = self.iron.flux_density(field)
             slope, least = max(slope, least), 0.0
-            outside, d_outside = place.mmf(area * density)
+            outside, d_outside = place.mmf(area * density, outside)
             left = mmf - length * field - slide * area * density - outside
             if abs(left) <= _TOLERANCE:
                 break
