@@ -281,6 +281,11 @@ def test_a_stage_at_rest_that_is_given_nothing_stays_there(scan: Scan, tmp_path:
     with slave(scan.path, tmp_path) as made:
         rows = made.run({"frame": frame}, ["position"], TICK)
         assert max(abs(place) for (place,) in rows) < 1e-7
+        made.raw.reset()
+        made.begin(inputs={"frame": 0.9 * frame[0]})
+        assert made.read("gap", "position") == pytest.approx([0.405e-3, 0.0])
+        rows = made.run({"frame": [0.9 * frame[0]] * 200}, ["position"], TICK)
+        assert max(abs(place) for (place,) in rows) < 1e-7
         with pytest.raises(fmpy.fmi1.FMICallException):
             made.run({"reference": [float("nan")]}, ["position"], TICK, 200 * TICK)
 

@@ -62,14 +62,22 @@ void anhyst_component_free(anhyst_component *component)
   free(component);
 }
 
+/* At time 0, with the inputs as they are. */
+static const char *start(anhyst_component *component)
+{
+  moment *now = component->now;
+  (void)memset(now + 1, 0, anhyst_the_part.state);
+  return anhyst_the_part.start(component->tables, now + 1, now->of.values) == 0
+             ? NULL
+             : "the parameters are damaged";
+}
+
 const char *anhyst_component_reset(anhyst_component *component)
 {
   moment *now = component->now;
   (void)memset(now, 0, size_of_moment());
   (void)memcpy(now->of.values, first_values, sizeof first_values);
-  return anhyst_the_part.start(component->tables, now + 1, now->of.values) == 0
-             ? NULL
-             : "the parameters are damaged";
+  return start(component);
 }
 
 const char *anhyst_component_begin(anhyst_component *component, double start)
@@ -91,6 +99,10 @@ const char *anhyst_component_run(anhyst_component *component)
 {
   if (component->now->of.phase != ANHYST_PHASE_INITIALISING) {
     return "initialisation cannot end before it has begun";
+  }
+  const char *trouble = start(component); /* inputs may have been set since */
+  if (trouble != NULL) {
+    return trouble;
   }
   component->now->of.phase = ANHYST_PHASE_RUNNING;
   return NULL;
