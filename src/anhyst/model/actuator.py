@@ -105,15 +105,6 @@ class Model(Result, ActuatorRecord):
         """Run the whole acceptance test; see :func:`anhyst.model.acceptance.check_acceptance`."""
         return check_acceptance(self)
 
-    def is_monotone_over_gap(self) -> bool:
-        """Whether the output rises at any fixed drive as the gap closes.
-
-        The acceptance test of the paper (II.C) over a dense grid of gaps and both branches. True
-        also where it does not apply: no gap, or a single one.
-        """
-        check = self.check_over_gap()
-        return check is None or check.passed
-
     def settled_loop(self, schedule: float | None, samples: int) -> tuple[FloatArray, FloatArray]:
         """Return the settled loop over the range of the input where the model holds.
 

@@ -51,23 +51,6 @@ class Reversal:
         return "pathological" if self.share < PATHOLOGICAL else "regular"
 
 
-def measure_slopes(
-    force: Callable[[float, float], float],
-    current: float,
-    gap: float,
-    current_step: float,
-    gap_step: float,
-) -> Slopes:
-    """Measure the slopes of a force without memory by central differences."""
-    over_current = force(current + current_step, gap) - force(current - current_step, gap)
-    over_gap = force(current, gap + gap_step) - force(current, gap - gap_step)
-    return Slopes(
-        force=force(current, gap),
-        k_i=over_current / (2.0 * current_step),
-        k_s=-over_gap / (2.0 * gap_step),
-    )
-
-
 def measure_reversal(
     step: Callable[[float, float], float],
     current: float,
