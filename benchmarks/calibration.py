@@ -28,8 +28,9 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import CalibratedMethod, StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, Motion, MotionLaw, fit
+from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
+from anhyst.study.tracking.motion import Motion, MotionLaw
 from anhyst.study.tracking.plants import ERRORS
 from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.jobs import all_of

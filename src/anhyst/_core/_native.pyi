@@ -554,6 +554,7 @@ class TrackingAxes(LoopController):
         rows: Mapping[str, _Array],
         settings: _Numbers,
     ) -> None: ...
+    def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

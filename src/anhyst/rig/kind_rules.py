@@ -30,6 +30,9 @@ from anhyst.rig.sensor_table import (
 )
 from anhyst.rig.tables import (
     SPREADS,
+    SPREADS_OF_BODY,
+    SPREADS_OF_HEAD,
+    SPREADS_OF_MAGNET,
     AmplifierTable,
     BodyTable,
     FlexureTable,
@@ -89,16 +92,20 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     BodyTable: ("centre_m", "inertia_kg_m2", "tilt_rad"),
     ScanCase: ("direction",),
     TrackingTable: ("force_min_N",),
+    SpreadTable: ("centre_m", "head_m"),
 }
 """Keys without a use where there is one coordinate."""
 _SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    TrackingTable: ("calibration", "calibrate")
+    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m"),
 }
 
 
 def _no_spread(kind: FileKind) -> tuple[str, ...]:
     """Return the keys of ``[spread]`` that a kind has no use for."""
-    return tuple(key for key in SpreadTable.model_fields if key not in SPREADS[kind].values())
+    used = {*SPREADS[kind].values()}
+    if kind is FileKind.STAGE:
+        used |= {*SPREADS_OF_MAGNET.values(), *SPREADS_OF_HEAD.values(), *SPREADS_OF_BODY.values()}
+    return tuple(key for key in SpreadTable.model_fields if key not in used)
 
 
 RULES: Mapping[FileKind, KindRule] = {

@@ -199,7 +199,7 @@ class StageBench:
 
     def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
         """Return a compensator that has followed what flowed in a magnet."""
-        drive = setup.compensator.fresh()
+        drive = setup.fresh()[magnet]
         path = np.concatenate([*self._flowed, self._latest[-1:]])
         if len(path):
             scale, zero = (1.0, 0.0) if setup.correction is None else setup.correction[magnet, :2]
@@ -272,7 +272,7 @@ class StageBench:
             place, accelerations = course.place[at : at + n + 1], course.acceleration[at : at + n]
             ahead = course.ahead[at : at + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
-        mass = self.rig.settings.body.mass_kg * (1.0 + setup.payload)
+        mass = setup.believed.settings.body.mass_kg
         moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
         return (
             self._place + place,
@@ -507,7 +507,7 @@ class AxesBench(StageBench):
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         rig, file, n = self.rig, self.rig.settings, forward.size
         along, reference = scan_direction(file), place[:n] + self._offset
-        frame, fed = np.outer(place + stray, along), fed_wrench(rig, forward)
+        frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
         table = self._loop.run(
             np.outer(reference, along).ravel(),
             np.zeros(n),
