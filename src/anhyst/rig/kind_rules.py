@@ -29,10 +29,6 @@ from anhyst.rig.sensor_table import (
     PositionSensorTable,
 )
 from anhyst.rig.tables import (
-    SPREADS,
-    SPREADS_OF_BODY,
-    SPREADS_OF_HEAD,
-    SPREADS_OF_MAGNET,
     AmplifierTable,
     BodyTable,
     FlexureTable,
@@ -41,6 +37,7 @@ from anhyst.rig.tables import (
     StackTable,
     TimingTable,
     TrackingTable,
+    spread_keys,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import NAMES, FileKind
@@ -102,9 +99,7 @@ _SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
 
 def _no_spread(kind: FileKind) -> tuple[str, ...]:
     """Return the keys of ``[spread]`` that a kind has no use for."""
-    used = {*SPREADS[kind].values()}
-    if kind is FileKind.STAGE:
-        used |= {*SPREADS_OF_MAGNET.values(), *SPREADS_OF_HEAD.values(), *SPREADS_OF_BODY.values()}
+    used = spread_keys(kind)
     return tuple(key for key in SpreadTable.model_fields if key not in used)
 
 

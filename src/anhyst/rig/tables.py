@@ -279,6 +279,14 @@ SPREADS_OF_BODY = {"mass": "payload_percent", **{f"place_{axis}": "centre_m" for
 """The same of a body of several coordinates: of each magnet, each position head, and of the body."""
 
 
+def spread_keys(kind: FileKind) -> set[str]:
+    """Return the keys of ``[spread]`` that a kind of rig is drawn from."""
+    keys = {*SPREADS[kind].values()}
+    if kind is FileKind.STAGE:
+        keys |= {*SPREADS_OF_MAGNET.values(), *SPREADS_OF_HEAD.values(), *SPREADS_OF_BODY.values()}
+    return keys
+
+
 class LevitationTable(Table):
     """``kind = "levitation"``: an armature in the air; what controls it, a controller file says."""
 

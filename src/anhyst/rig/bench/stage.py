@@ -472,7 +472,7 @@ class StageBench:
 
 
 class AxesBench(StageBench):
-    """The same of a body of several coordinates: nothing pushes at it, and no plants are drawn."""
+    """The same of a body of several coordinates: nothing pushes at it."""
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
@@ -540,10 +540,6 @@ class AxesBench(StageBench):
             pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
             values[column("gap", "", number)] = (one.gap_m or 0.0) - float(pulls @ off)
         return values
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed; no other plant can be put in force."""
-        return tuple(one for one in super().parameters() if one.name != "plant")
 
 
 def bench_of(variants: Sequence[StageVariant]) -> StageBench:

@@ -125,7 +125,7 @@ class AxesLaw(MotionLaw):
     """A method of every magnet as it is fitted to the loops of one, and with other numbers."""
 
     trust = 0.0015
-    seen = 0.99
+    seen = 0.9
 
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)

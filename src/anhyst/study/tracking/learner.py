@@ -89,10 +89,13 @@ class Learner:
         pushed, self.noise_N = motion.pushed[compared], motion.noise
         faded = math.exp(-compared.size / (motion.rows * UPDATES_HZ * self.forget_s))
         before, values = math.sqrt(faded) * self._rows, self.values
-        if self.seen and self._missed(motion, values) > GROWN * max(
-            self._moved_and_missed[1], LEFT * rms(pushed)
-        ):
-            return self._refuse(motion, before, self._rows_of(motion, values, exact=True))
+        known = GROWN * max(self._moved_and_missed[1], LEFT * rms(pushed))
+        if self.seen and (off := self._missed(motion, values)) > known:
+            fresh = self._rows_of(motion, values, exact=True)
+            # along one coordinate, every motion shows the same
+            unsure = self._unsure(before, fresh) if motion.rows > 1 else 0.0
+            if off > math.hypot(known, GROWN * unsure):
+                return self._refuse(motion, before, fresh)
         for turn in range(PASSES):
             fresh = self._rows_of(motion, values, exact=turn == PASSES - 1)
             rows = np.asarray(np.linalg.qr(np.vstack([before, fresh]), mode="r"))
@@ -134,6 +137,14 @@ class Learner:
     def _missed(self, motion: Motion, values: Mapping[ParameterName, float]) -> float:
         """Return the force of a motion that is not explained by some numbers, rms, N."""
         return rms((motion.pushed - self.law.net(motion, values))[motion.compared])
+
+    def _unsure(self, before: FloatArray, fresh: FloatArray) -> float:
+        """Return the force of a motion that what is not known yet may explain, rms, N."""
+        held = np.array([self.priors[name] for name in self._names])
+        whole = np.vstack([before[:, :-1] * held, self._prior(self._names)])
+        root = np.asarray(np.linalg.qr(whole, mode="r"))
+        spread = np.linalg.solve(root.T, (fresh[:, :-1] * held).T)
+        return self._trust * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
     def step(self, seconds: float) -> None:
         """Let what is applied follow the estimate for some time."""
