@@ -11,13 +11,13 @@ are those of the plant that is as it should be, by the same search.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.rig.bearing.drift import draw_plant
-from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import StageSetup, identify_stage, track
+from anhyst.rig.bearing.drift import changed, draw_plant
+from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.axes_motion import law_of
 from anhyst.study.tracking.learner import Learner
@@ -67,6 +67,41 @@ def balanced(given: tuple[Bench, int]) -> Flown:
     return Flown(np.array(figures), learner.found.taken, learner.found.fits)
 
 
+WAYS = {"x": (None, None), "y": ([11.0, 5.0, 8.0], [11.0, 6.0, 9.0])}
+"""Directions of set-points; accelerations to be calibrated and judged on where the file says others."""
+
+
+def along(rig: StageRig, way: str) -> StageRig:
+    """Return the stage with its set-points in another direction."""
+    train, test = WAYS[way]
+    changes = {"direction": [float(axis == way) for axis in "xyz"]}
+    peaks = {} if train is None else {"train_m_per_s2": train, "test_m_per_s2": test}
+    return changed(rig, {f"scan.{key}": value for key, value in {**changes, **peaks}.items()})
+
+
+def in_both(given: tuple[Bench, int]) -> list[list[float]]:
+    """Return the moving average along x and y, nm: before, after a recording of x, and one of y."""
+    bench, plant = given
+    law = law_of(bench.rig, bench.magnet, bench.method)
+    drift, noise = draw_plant(bench.rig.settings, bench.rig.settings.seed, plant)
+    setup, learner = StageSetup(bench.rig, law.compensator(0.0), drift=drift), Learner(law)
+
+    def judged(way: str) -> float:
+        rig = along(bench.rig, way)
+        motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+        run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
+        return 1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m
+
+    found = [[judged(way) for way in WAYS]]
+    for way in WAYS:
+        rig = along(bench.rig, way)
+        run = track(replace(setup, rig=rig), training(rig), Feedforward(), noise + 1)
+        learner.learn(law.motion(run.columns))
+        setup = law.stage(learner.found, drift)
+        found.append([judged(way) for way in WAYS])
+    return found
+
+
 def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
     """Return the lines of one method: what 50 / 95 % of the plants stay below."""
     values = np.array([one.figures for one in flown])
@@ -94,8 +129,20 @@ def rows() -> list[Row]:
     rig = read_stage(RIG)
     magnet = identify_stage(rig)
     benches = all_of(bench_of, [("planar", rig, magnet, method) for method in METHODS])
+    ways = np.array(all_of(in_both, [(benches[0], plant) for plant in range(PLANTS)]))
+    half, most = np.percentile(ways, [50.0, 95.0], axis=0)
+    text = "; ".join(
+        f"along {way} "
+        + " -> ".join(
+            f"{one:.3g} / {other:.3g}"
+            for one, other in zip(half[:, place], most[:, place], strict=True)
+        )
+        for place, way in enumerate(WAYS)
+    )
+    what = "balancing, full, mass alone fed forward: average, nm, before -> after x -> and y"
+    both = Row(what, "stated", text, None)
     flown = all_of(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
-    return [
+    return [both] + [
         row
         for place, bench in enumerate(benches)
         for row in of_method(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])

@@ -128,6 +128,7 @@ def three_magnets(folder: Path) -> Path:
     text = text.replace("noise_seeds = 10", "noise_seeds = 2").replace(
         "cruise_s = 0.05", "cruise_s = 0.03"
     )
+    text = "".join(line for line in text.splitlines(True) if not line.startswith("eddy_s"))
     text = text.replace('"loops.csv"', f'"{(EXAMPLES / "stage" / "loops.csv").as_posix()}"')
     path = folder / "rig.toml"
     path.write_text(text)

@@ -161,7 +161,7 @@ def test_every_magnet_and_head_is_drawn_by_itself() -> None:
 
 @pytest.mark.slow
 def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path: Path) -> None:
-    plants = stage_plants(short(5.0), bearings.knowledge(), ("single-valued", "full"))
+    plants = stage_plants(short(5.0), bearings.knowledge(), ("full",))
     found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
     rows = found.as_dict()["variants"]["full"]
     assert [row["error"] for row in rows["average_m"]] == [*ERRORS_OF_AXES]

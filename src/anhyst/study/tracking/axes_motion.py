@@ -7,6 +7,7 @@ is in N. What the law is known to leave out: the lines of pull move with the bod
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -149,6 +150,16 @@ class AxesLaw(MotionLaw):
         """Take a motion as it was read."""
         return AxesMotion(self.rig, read, begin)
 
+    def shows(self, motion: Motion, name: ParameterName) -> bool:
+        """Whether a motion can show a number: at rest any law is wrong by a part of what it pulls."""
+        number = re.search(r"_(\d+)", name)
+        if number is None:
+            return True
+        assert isinstance(motion, AxesMotion)
+        pulled = self._pulled(motion, int(number[1]), {})[motion.compared]
+        most = np.linalg.norm(pulled.reshape(-1, motion.rows), axis=1).max()
+        return bool(most > DEAD * self.rig.settings.tracking.force_max_N)
+
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the wrench along a path by the law with some numbers, filtered, N."""
         assert isinstance(motion, AxesMotion)
@@ -160,7 +171,7 @@ class AxesLaw(MotionLaw):
         self, motion: AxesMotion, number: int, values: Mapping[ParameterName, float]
     ) -> FloatArray:
         """Return what one magnet pulls with; what was asked for before is kept."""
-        scale = 1.0 + values[f"scale_{number}"]
+        scale = 1.0 + values.get(f"scale_{number}", 0.0)
         zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = on_grid("width", values.get(f"width_{number}", 0.0))
         key = (id(self), number, scale, zero, width)

@@ -278,6 +278,8 @@ class Learner:
             if name in motion.by_body:
                 slopes[:, place] = motion.by_body[name][motion.compared]
                 continue
+            if not self.law.shows(motion, name):
+                continue
             step = STEPS[kind_of(name)]
             moved = {name: step if name in widths else values[name] + step}
             slopes[:, place] = (force({**narrow, **moved}) - flat) / step
