@@ -106,10 +106,14 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     _check_rest(rig, where, columns)
     motion = law.motion(columns)
     if float(motion.pushed[motion.compared] @ motion.asked[motion.compared]) < 0.0:
-        way = "against each other" if rig.settings.several else "the same way"
+        why = (
+            "demand_N and the body go the same way: it is positive where the first magnet pulls, "
+            "towards smaller positions; turn its sign"
+        )
+        if rig.settings.several:
+            why = "the body goes against demand_x_N and its likes; turn their sign"
         raise InputError(
-            f"{where}: demand_N and the body go {way}: of one coordinate it is positive where the "
-            "first magnet pulls, towards smaller positions; turn its sign",
+            f"{where}: {why}",
             code="wrong-sign",
             key="demand_N",
         )
