@@ -122,10 +122,7 @@ class CellOperator:
     def run(
         self, omega: _Array, r: _Array, begins: NDArray[np.int64]
     ) -> tuple[_Array, _Array, int]:
-        """Follow x + omega*M(x) = r along drives, each from the demagnetised state at its begin.
-
-        Return x, M, status.
-        """
+        """Return x, M, status along x + omega*M(x) = r; each drive begins demagnetised."""
     def sensitivity(
         self,
         omega: _Array,
