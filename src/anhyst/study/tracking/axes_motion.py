@@ -46,8 +46,8 @@ def law_of(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> Motio
 class AxesMotion(Motion):
     """What was read while a body of several coordinates moved, a number a coordinate a tick."""
 
-    @cached_property
-    def rows(self) -> int:  # type: ignore[override]
+    @property
+    def rows(self) -> int:
         """Coordinates."""
         return len(self.rig.settings.body.free)
 

@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +89,11 @@ class Motion:
     rig: StageRig
     read: Mapping[str, FloatArray]  # by column
     begin: int = 0  # tick from which on it teaches; before, it only tells what the iron remembers
-    rows: ClassVar[int] = 1  # numbers that are compared at one tick
+
+    @property
+    def rows(self) -> int:
+        """How many numbers are compared at one tick."""
+        return 1
 
     @property
     def ticks(self) -> FloatArray:
