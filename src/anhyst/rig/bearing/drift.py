@@ -196,7 +196,7 @@ def _moved(place: Sequence[float], drift: Drift) -> list[float]:
 
 
 def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
-    """Return a magnet whose current does more than it says; its iron is as in the file if it is one of a pair."""
+    """Return a magnet that has drifted; the iron of a pair has drifted in the file already."""
     magnet, steel = file.magnet, file.steel
     if file.several:
         steel = steel.model_copy(update=steel.drifted(drift.pinning, 0.0, 0.0))

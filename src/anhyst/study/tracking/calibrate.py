@@ -251,7 +251,7 @@ def calibrate(
         far each number may be off.
     recordings : Recording, path-like, or a sequence of them
         Runs from the demagnetised iron, as ``anhyst simulate`` writes them: demanded force,
-        position and gap as read, commanded currents of both magnets; flux densities for ``flux``.
+        position and gaps as read, commanded currents; flux densities for ``flux``.
     out : path-like, optional
         File to write, which the rig file names as ``control.calibration``; not written where
         nothing was learnt.
