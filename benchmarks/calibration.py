@@ -28,8 +28,10 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import CalibratedMethod, StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, Motion, MotionLaw, fit
+from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
+from anhyst.study.tracking.motion import Motion, MotionLaw
 from anhyst.study.tracking.plants import ERRORS
 from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.jobs import all_of
@@ -122,11 +124,11 @@ _laws: dict[tuple[str, ...], MotionLaw] = {}
 def bench_of(given: tuple[str, StageRig, IdentifiedMagnet, MethodName]) -> Bench:
     """Find the gains, on the training set-point."""
     iron, rig, magnet, method = given
-    law = MotionLaw(rig, magnet, method)
+    law = law_of(rig, magnet, method)
     own = StageSetup(rig, law.compensator(0.0))
     gains = find_gains(own, training(rig))
     run = track(own, training(rig), gains, 100)
-    calibrated = find_gains(law.stage(fit(law, [Motion(rig, run.columns)])), training(rig))
+    calibrated = find_gains(law.stage(fit(law, [law.motion(run.columns)])), training(rig))
     return Bench(iron, rig, magnet, method, gains, calibrated)
 
 

@@ -32,8 +32,9 @@ from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
-           "families", "tracking", "calibration", "planar", "solenoids", "levitation", "live", "page", "improve",
-           "closed_loop", "tuned", "measured", "laws", "actuators", "fleet")  # fmt: skip
+           "families", "tracking", "calibration", "planar", "balancing", "solenoids",
+           "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
+           "actuators", "fleet")  # fmt: skip
 ALONE = ("search", "solid")
 """Lines that take so long that they are measured only where they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")

@@ -113,3 +113,28 @@ def test_pairs_make_the_wrench_and_keep_the_product_of_their_forces() -> None:
 def test_drives_that_cannot_push_along_an_axis_are_refused() -> None:
     with pytest.raises(ValueError, match="along every axis"):
         layout(LAYOUTS["10"][:6], paired=True)
+
+
+MOST = 240.0
+"""Of what one drive pulls with, N."""
+
+
+def reaches(pull: FloatArray) -> FloatArray:
+    """Return how far each coordinate can be pushed either way beside the weight; 0 where none is held."""
+    found = []
+    for way in np.concatenate([np.eye(6), -np.eye(6)]):
+        made = np.column_stack([pull.T, -way])
+        bounds = [(LEAST, MOST)] * len(pull) + [(0.0, None)]
+        best = linprog([*np.zeros(len(pull)), -1.0], A_eq=made, b_eq=WEIGHT, bounds=bounds)
+        found.append(float(best.x[-1]) if best.status == 0 else 0.0)
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("name", "survived"), [("8", 0), ("10", 0), ("12", 8), ("14", 14)])
+def test_which_single_drives_can_be_lost(name: str, survived: int) -> None:
+    """Every coordinate is still pushed both ways, with about half of what it was or more."""
+    pull = pulls(LAYOUTS[name])
+    whole = reaches(pull)
+    least = [float((reaches(np.delete(pull, i, axis=0)) / whole).min()) for i in range(len(pull))]
+    assert sum(share > 0.49 for share in least) == survived
+    assert sum(share < 1e-6 for share in least) == len(pull) - survived

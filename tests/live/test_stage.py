@@ -18,7 +18,8 @@ from anhyst.rig.stage.loop import Feedforward, make_stage
 from anhyst.study.prepared import PreparedStage
 from anhyst.study.tracking.beside import BenchLearner
 from anhyst.study.tracking.calibrate import calibrate
-from anhyst.study.tracking.learner import Learner, Motion
+from anhyst.study.tracking.learner import Learner
+from anhyst.study.tracking.motion import Motion
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused

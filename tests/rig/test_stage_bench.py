@@ -260,9 +260,13 @@ def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_c
     assert np.abs(column(axes, rows, "error_z")).max() < 3e-6
 
 
-def test_nothing_pushes_at_a_body_of_several_coordinates_and_no_plants_are_drawn(
+def test_nothing_pushes_at_a_body_of_several_coordinates_and_a_drawn_plant_is_another_one(
     axes: StageBench,
 ) -> None:
     assert axes.load_most == 0.0
-    with refused("unknown-parameter plant"):
-        axes.apply({"plant": 1.0})
+    axes.advance(400)
+    axes.apply({"plant": 1.0})
+    rows = axes.advance(400)
+    error = np.abs(column(axes, rows, "error_rx"))
+    assert error.max() < 20e-6
+    assert error[-1] > 1e-8  # its magnets are not alike

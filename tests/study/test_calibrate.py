@@ -19,7 +19,7 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage import loop as module
-from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of, read_stage
+from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import explore_stage
@@ -297,13 +297,6 @@ def test_no_file_corrects_by_more_than_any_calibration(
     rig = replace(stages.stage(calibration="calibration.toml"), path=tmp_path / "rig.toml")
     with refused("beyond-any-calibration"):
         calibration_of(rig, "single-valued")
-
-
-def test_a_stage_of_several_coordinates_is_refused() -> None:
-    planar = read_stage(stages.EXAMPLE.parent / "planar" / "rig.toml")
-    with pytest.raises(InputError) as caught:
-        calibrate(planar, recorded(), magnet=bearings.knowledge())
-    assert caught.value.code == "one-coordinate-only"
 
 
 @pytest.mark.slow

@@ -15,8 +15,9 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import LearntParameter, read_stage
 from anhyst.rig.stage.loop import Feedforward, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.learner import FORGET_S, RATE, Learner, Motion, MotionLaw
+from anhyst.study.tracking.learner import FORGET_S, RATE, Learner
 from anhyst.study.tracking.measures import measure
+from anhyst.study.tracking.motion import Motion, MotionLaw
 from anhyst.study.tracking.simulate import explore_stage
 from tests.refusals import refused
 from tests.study import bearings, stages

@@ -13,7 +13,7 @@ from anhyst.reports.plants import write_plants_report
 from anhyst.rig.bearing.drift import Drift, drifted_file
 from anhyst.rig.kind_rules import RULES
 from anhyst.rig.piezo.file import PiezoRig, read_piezo_rig
-from anhyst.rig.tables import SPREADS, SpreadTable
+from anhyst.rig.tables import SpreadTable, spread_keys
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
 from anhyst.study.force.plants import force_plants
 from anhyst.study.piezo.plants import piezo_plants
@@ -111,8 +111,8 @@ def test_a_force_rig_is_run_in_every_trial_of_the_stroke(tmp_path: Path) -> None
 def test_every_kind_of_rig_takes_the_keys_of_spread_that_it_draws_from() -> None:
     for kind in RIGS:
         unused = RULES[kind].unused[SpreadTable]
-        assert set(unused) | set(SPREADS[kind].values()) == set(SpreadTable.model_fields)
-        assert not set(unused) & set(SPREADS[kind].values())
+        assert set(unused) | spread_keys(kind) == set(SpreadTable.model_fields)
+        assert not set(unused) & spread_keys(kind)
         assert "spread" in RULES[kind].single
 
 

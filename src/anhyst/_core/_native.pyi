@@ -122,10 +122,7 @@ class CellOperator:
     def run(
         self, omega: _Array, r: _Array, begins: NDArray[np.int64]
     ) -> tuple[_Array, _Array, int]:
-        """Follow x + omega*M(x) = r along drives, each from the demagnetised state at its begin.
-
-        Return x, M, status.
-        """
+        """Return x, M, status along x + omega*M(x) = r; each drive begins demagnetised."""
     def sensitivity(
         self,
         omega: _Array,
@@ -554,6 +551,7 @@ class TrackingAxes(LoopController):
         rows: Mapping[str, _Array],
         settings: _Numbers,
     ) -> None: ...
+    def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

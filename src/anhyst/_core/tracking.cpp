@@ -114,6 +114,11 @@ public:
     }
   }
 
+  void correct(const InTable &rows)
+  {
+    drives_.correct(rows);
+    axes_.drive = drives_.data();
+  }
   anhyst_loop_controller handle() override { return {&axes_, anhyst_tracking_axes_tick}; }
 
 private:
@@ -162,6 +167,7 @@ void bind_tracking(nb::module_ &m)
       .def("share", &Layout::share, "wrench"_a);
   nb::class_<TrackingAxes, LoopController>(m, "TrackingAxes")
       .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
-           "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>());
+           "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
+      .def("correct", &TrackingAxes::correct, "rows"_a.noconvert());
   m.def("allocate", allocate, "net"_a, "idle"_a);
 }

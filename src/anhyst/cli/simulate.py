@@ -240,8 +240,9 @@ def _show_plants(found: MonteCarlo, out: Path) -> None:
                 for percent in (50, 95)
             )
             rows[-1].add_row(name, *(f"{a:.4g}, {b:.4g}" for a, b in zip(low, high, strict=True)))
-    rows[-1].add_row("lost", *(str(found.lost(method)) for method in found.runs))
+    lost = ", ".join(f"{one} with {name}" for name in found.runs if (one := found.lost(name)))
     show(
+        f"lost: {lost or 'none'} of {len(found.drifts)} plants",
         *rows,
         f"* judged; {len(found.drifts)} plants, seed {found.plants.seed}",
         f"verdict: {found.verdict.sentence}",

@@ -12,7 +12,7 @@ import numpy as np
 from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_runs import Spread, figure_drift
 from anhyst.rig.bearing.drift import Drift
-from anhyst.rig.tables import SPREADS
+from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.kinds import NAMES
@@ -62,9 +62,12 @@ def _headline(found: MonteCarlo) -> Headline:
 
 
 def _deviations(found: MonteCarlo) -> str:
-    spread = found.plants.file.spread
-    shown = []
-    for name, key in SPREADS[found.plants.file.kind].items():
+    file, shown = found.plants.file, []
+    spread, drawn = file.spread, SPREADS[file.kind]
+    if file.several:
+        of_all = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
+        drawn = {key.rpartition("_")[0]: key for one in of_all for key in one.values()}
+    for name, key in drawn.items():
         value, what = getattr(spread, key), name.replace("_", " ")
         if key.endswith("_percent"):
             shown.append(f"{what} {value:g}{NBSP}%")

@@ -29,7 +29,6 @@ from anhyst.rig.sensor_table import (
     PositionSensorTable,
 )
 from anhyst.rig.tables import (
-    SPREADS,
     AmplifierTable,
     BodyTable,
     FlexureTable,
@@ -38,6 +37,7 @@ from anhyst.rig.tables import (
     StackTable,
     TimingTable,
     TrackingTable,
+    spread_keys,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import NAMES, FileKind
@@ -89,16 +89,18 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     BodyTable: ("centre_m", "inertia_kg_m2", "tilt_rad"),
     ScanCase: ("direction",),
     TrackingTable: ("force_min_N",),
+    SpreadTable: ("centre_m", "head_m"),
 }
 """Keys without a use where there is one coordinate."""
 _SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    TrackingTable: ("calibration", "calibrate")
+    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m"),
 }
 
 
 def _no_spread(kind: FileKind) -> tuple[str, ...]:
     """Return the keys of ``[spread]`` that a kind has no use for."""
-    return tuple(key for key in SpreadTable.model_fields if key not in SPREADS[kind].values())
+    used = spread_keys(kind)
+    return tuple(key for key in SpreadTable.model_fields if key not in used)
 
 
 RULES: Mapping[FileKind, KindRule] = {

@@ -226,6 +226,8 @@ class SpreadTable(Table):
     eddy_s: NotNegative = 25e-6
     conductivity_percent: Spread = 10.0
     payload_percent: Spread = 0.0
+    centre_m: NotNegative = 0.0  # of the centre of mass, each coordinate
+    head_m: NotNegative = 0.0  # of the place where a position head looks at the body
     cable_N_per_m: NotNegative = 0.0
     stroke_percent: Spread = 5.0
     creep_percent: Spread = 10.0
@@ -266,6 +268,23 @@ SPREADS: Mapping[FileKind, Mapping[str, str]] = {
     },
 }
 """What differs from plant to plant of each kind, and the key of ``[spread]`` that says by how much."""
+SPREADS_OF_MAGNET = {
+    "gap_offset": "gap_zero_m",
+    "first_scale": "current_percent",
+    "pinning": "pinning_percent",
+    "flux_gain": "hall_percent",
+}
+SPREADS_OF_HEAD = {f"place_{axis}": "head_m" for axis in "xyz"}
+SPREADS_OF_BODY = {"mass": "payload_percent", **{f"place_{axis}": "centre_m" for axis in "xyz"}}
+"""The same of a body of several coordinates: of each magnet, each position head, and of the body."""
+
+
+def spread_keys(kind: FileKind) -> set[str]:
+    """Return the keys of ``[spread]`` that a kind of rig is drawn from."""
+    keys = {*SPREADS[kind].values()}
+    if kind is FileKind.STAGE:
+        keys |= {*SPREADS_OF_MAGNET.values(), *SPREADS_OF_HEAD.values(), *SPREADS_OF_BODY.values()}
+    return keys
 
 
 class LevitationTable(Table):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from anhyst._core import Plant
+from anhyst._core import Magnet, Plant
 from anhyst.compensate.irons import cell_weights
 from anhyst.laws.law import Role
 from anhyst.laws.registry import law_of
@@ -16,18 +16,19 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.plant import make_bearing, make_magnet
+from anhyst.rig.bearing.plant import axes_numbers, make_bearing, make_magnet
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import AnyRig
 from anhyst.rig.iron_table import NamedCells
 from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.rig.tables import SPREADS
+from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 
 CUT = 3.0
 """Standard deviations at which the distribution of a change ends."""
 _UNITS = {"gap_offset": ("m", 1.0), "eddy": ("s", 1.0), "cable": ("N_per_m", 1.0)}
+_UNITS |= {f"place_{axis}": ("m", 1.0) for axis in "xyz"}
 """Of what is not relative: unit and factor in files."""
 
 
@@ -53,16 +54,32 @@ class Drift:
     stroke: float = 0.0  # of a piezo stack
     creep: float = 0.0
     resonance: float = 0.0
+    # by which the centre of mass is off, and of a head the place where it looks at the body, m
+    place_x: float = 0.0
+    place_y: float = 0.0
+    place_z: float = 0.0
+    # of a body of several coordinates: what each magnet has drifted in, and each position head
+    magnets: tuple[Drift, ...] = ()
+    heads: tuple[Drift, ...] = ()
 
     def as_dict(self) -> dict[str, float]:
-        """Return what drifted, with units in the keys."""
-        drifted = {name: value for name, value in asdict(self).items() if value}
+        """Return what drifted, with units in the keys; parts of a body by their numbers."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
+        drifted = {name: value for name, value in values.items() if value}
         units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
-        return {f"{name}_{unit}": by * drifted[name] for name, (unit, by) in units.items()}
+        return {f"{name}_{unit}": by * drifted[name] for name, (unit, by) in units.items()} | {
+            f"{part}_{number}_{key}": value
+            for part, several in parts.items()
+            for number, one in enumerate(several, 1)
+            for key, value in one.as_dict().items()
+        }
 
     def alone(self, names: Collection[str]) -> Drift:
-        """Return a plant that has drifted in nothing but this."""
-        return Drift(**{name: getattr(self, name) for name in names})
+        """Return a plant that has drifted in nothing but this, in each of its magnets alike."""
+        heads = self.heads if "heads" in names else ()
+        own = {name: getattr(self, name) for name in names if name != "heads"}
+        return Drift(**own, magnets=tuple(one.alone(names) for one in self.magnets), heads=heads)
 
 
 NO_DRIFT = Drift()
@@ -70,8 +87,16 @@ NO_DRIFT = Drift()
 
 def draw_drift(file: RigFile, rng: np.random.Generator) -> Drift:
     """Draw a plant: normal, cut off at :data:`CUT` standard deviations; a lag is positive."""
+    if file.several:
+        magnets = tuple(_drawn(file, SPREADS_OF_MAGNET, rng) for _ in file.placed)
+        heads = tuple(_drawn(file, SPREADS_OF_HEAD, rng) for _ in file.position_sensors)
+        return replace(_drawn(file, SPREADS_OF_BODY, rng), magnets=magnets, heads=heads)
+    return _drawn(file, SPREADS[file.kind], rng)
+
+
+def _drawn(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) -> Drift:
     drawn = {}
-    for name, key in SPREADS[file.kind].items():
+    for name, key in spreads.items():
         if name == "conductivity" and file.magnet.solid is None:
             continue
         share = 0.01 if key.endswith("_percent") else 1.0
@@ -147,20 +172,37 @@ def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Plant:
 
 def drifted_stage(rig: BearingRig, drift: Drift, seed: int) -> Plant:
     """Return a stage that has drifted, at rest, seen from the long stroke."""
-    settings = drifted_file(rig.settings, drift)
-    magnet, steel = settings.magnet, settings.steel.steel()
+    settings, several = drifted_file(rig.settings, drift), rig.settings.several
+    pair = (replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale))
+    magnets = [_drifted_magnet(settings, one) for one in (drift.magnets if several else pair)]
+    other = replace(rig, settings=settings)
+    if not drift.magnets:
+        return make_bearing(other, seed, *(magnets or [_drifted_magnet(settings, NO_DRIFT)]))
+    numbers = axes_numbers(other)
+    numbers.body["centre"] = _moved(settings.body.centre_m, drift)
+    for one, actuator, gap in zip(drift.magnets, numbers.actuators, numbers.heads, strict=False):
+        probe, sensor = actuator["flux_probe"], gap["sensor"]
+        if actuator["has_probe"]:
+            actuator["flux_probe"] = {**probe, "gain": probe["gain"] + one.flux_gain}
+        gap["sensor"] = {**sensor, "offset": sensor["offset"] + one.gap_offset}
+    for one, head in zip(drift.heads, numbers.heads[len(magnets) :], strict=False):
+        head["line"] = {**head["line"], "r": _moved(head["line"]["r"], one)}
+    return make_bearing(other, seed, *magnets, numbers=numbers)
+
+
+def _moved(place: Sequence[float], drift: Drift) -> list[float]:
+    by = (drift.place_x, drift.place_y, drift.place_z)
+    return [one + off for one, off in zip(place, by, strict=True)]
+
+
+def _drifted_magnet(file: RigFile, drift: Drift) -> Magnet:
+    """Return a magnet that has drifted; the iron of a pair has drifted in the file already."""
+    magnet, steel = file.magnet, file.steel
+    if file.several:
+        steel = steel.model_copy(update=steel.drifted(drift.pinning, 0.0, 0.0))
+    poles = replace(magnet.poles, turns=magnet.poles.turns * (1.0 + drift.first_scale))
     lag = magnet.eddy_time_s + drift.eddy
-    first, second = (
-        iron_magnet(
-            replace(magnet.poles, turns=magnet.poles.turns * (1.0 + scale)),
-            steel,
-            lag,
-            settings.gap_m,
-            magnet.solid_iron,
-        )
-        for scale in (drift.first_scale, drift.second_scale)
-    )
-    return make_bearing(replace(rig, settings=settings), seed, first, second)
+    return iron_magnet(poles, steel.steel(), lag, file.gap_m, magnet.solid_iron)
 
 
 def drifted_law(model: Model, drift: Drift) -> Model:

@@ -187,13 +187,16 @@ def static_map(
     return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
 
 
-def make_bearing(rig: BearingRig, seed: int, *magnets: Magnet) -> Plant:
-    """Return the plant of a rig, at rest on the stop of the largest gap.
+def make_bearing(
+    rig: BearingRig, seed: int, *magnets: Magnet, numbers: PlantNumbers | None = None
+) -> Plant:
+    """Return the plant of a rig, at rest on the stop of the largest gap; its numbers may be others.
 
     Where fewer magnets are given than it has, all others are like the first.
     """
     own = magnets or (make_magnet(rig),)
-    numbers = axes_numbers(rig) if rig.settings.several else plant_numbers(rig)
+    if numbers is None:
+        numbers = axes_numbers(rig) if rig.settings.several else plant_numbers(rig)
     return Plant(
         numbers.body,
         numbers.actuators,

@@ -200,7 +200,7 @@ class StageBench:
 
     def _remembering(self, setup: StageSetup, magnet: int) -> ForceController:
         """Return a compensator that has followed what flowed in a magnet."""
-        drive = setup.compensator.fresh()
+        drive = setup.fresh()[magnet]
         path = np.concatenate([*self._flowed, self._latest[-1:]])
         if len(path):
             scale, zero = (1.0, 0.0) if setup.correction is None else setup.correction[magnet, :2]
@@ -275,7 +275,7 @@ class StageBench:
             place, accelerations = course.place[at : at + n + 1], course.acceleration[at : at + n]
             ahead = course.ahead[at : at + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
-        mass = self.rig.settings.body.mass_kg * (1.0 + setup.payload)
+        mass = setup.believed.settings.body.mass_kg
         moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
         return (
             self._place + place,
@@ -475,7 +475,7 @@ class StageBench:
 
 
 class AxesBench(StageBench):
-    """The same of a body of several coordinates: nothing pushes at it, and no plants are drawn."""
+    """The same of a body of several coordinates: nothing pushes at it."""
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
@@ -510,7 +510,7 @@ class AxesBench(StageBench):
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         rig, file, n = self.rig, self.rig.settings, forward.size
         along, reference = scan_direction(file), place[:n] + self._offset
-        frame, fed = np.outer(place + stray, along), fed_wrench(rig, forward)
+        frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
         table = self._loop.run(
             np.outer(reference, along).ravel(),
             np.zeros(n),
@@ -543,10 +543,6 @@ class AxesBench(StageBench):
             pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
             values[column("gap", "", number)] = (one.gap_m or 0.0) - float(pulls @ off)
         return values
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed; no other plant can be put in force."""
-        return tuple(one for one in super().parameters() if one.name != "plant")
 
 
 def bench_of(variants: Sequence[StageVariant]) -> StageBench:

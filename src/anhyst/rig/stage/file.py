@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -236,26 +237,40 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
 # What motion taught of the magnets: the file that a rig names, and how a controller uses it.
 
-ParameterName = Literal[
-    "scale_1", "scale_2", "gap_zero_m", "width", "lag_s", "bias_N", "payload", "cable_N_per_m"
-]
-"""Of a magnet: the part by which its current (with ``flux`` its probe) does more than it says; of
-both: what the gap reads too much, the part by which the loop is wider, the lag of the flux behind
-the current; of the body: a force that no magnet makes, the part by which it is heavier, and the
+ParameterName = str
+"""Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` its probe) does
+more than it says. Of one coordinate both magnets together, of several each by its number: ``gap_zero``,
+what the gap reads too much, ``width``, the part by which the loop is wider; of one, ``lag_s`` of the
+flux behind the current. Of the body: ``bias_N``, a force that no magnet makes, ``payload``, the part
+by which it is heavier, ``centre``, by which its centre of mass is off, and ``cable_N_per_m``, the
 stiffness that pulls it back to where a motion begins."""
-
-
-LIMITS: Mapping[ParameterName, float] = {
-    "scale_1": 0.3,
-    "scale_2": 0.3,
+CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
+LIMITS: Mapping[str, float] = {
+    "scale": 0.3,
     "gap_zero_m": 1e-4,
     "width": 0.8,
     "lag_s": 1e-3,
     "bias_N": math.inf,
     "payload": 0.5,
     "cable_N_per_m": math.inf,
+    **dict.fromkeys(CENTRE, 0.1),
 }
 """Beyond which no number of a stage is: what is farther off is no calibration."""
+
+
+def kind_of(name: ParameterName) -> str:
+    """Return what a number is, whichever magnet it is of."""
+    return re.sub(r"_\d+", "", name)
+
+
+def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
+    """Return the stage with the mass and the centre of mass that a controller believes in."""
+    body, off = rig.settings.body, [values.get(name, 0.0) for name in CENTRE]
+    changes = {
+        "body.mass_kg": body.mass_kg * (1.0 + values.get("payload", 0.0)),
+        "body.centre_m": [one + by for one, by in zip(body.centre_m, off, strict=True)],
+    }
+    return replace(rig, settings=rig.settings.changed(changes))
 
 
 class LearntParameter(Table):
@@ -269,7 +284,11 @@ class LearntParameter(Table):
 
     @model_validator(mode="after")
     def _within(self) -> Self:
-        if abs(self.value) > (most := LIMITS[self.name]):
+        if (kind := kind_of(self.name)) not in LIMITS:
+            raise InputError(
+                f"{self.name} is no number of a stage; calibrate again", code="unknown-name"
+            )
+        if abs(self.value) > (most := LIMITS[kind]):
             raise InputError(
                 f"{self.name} must be within {most:g} of 0; calibrate again",
                 code="beyond-any-calibration",
@@ -325,20 +344,30 @@ class CalibratedMethod(Table):
         """Return a number of it."""
         return next((one.value for one in self.parameter if one.name == name), 0.0)
 
+    def widths(self, count: int) -> list[float]:
+        """Return by how much the loop of each magnet is wider."""
+        both = self.value("width")
+        return [self.value(f"width_{number}") or both for number in range(1, count + 1)]
+
     def correction(self, compensator: ForceController, rig: StageRig) -> FloatArray:
         """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
 
-        The second magnet's gap is what is left of both: it is read too small by what the first
-        one's is read too large.
+        On one axis the second magnet's gap is what is left of both: it is read too small by what the
+        first one's is read too large.
         """
-        scales = np.array([1.0 + self.value("scale_1"), 1.0 + self.value("scale_2")])
-        zero = self.value("gap_zero_m")
-        rows = np.column_stack([np.ones(2), [zero, -zero], np.ones(2), np.zeros(2)])
+        count = range(1, len(rig.settings.placed) + 1)
+        scales = np.array([1.0 + self.value(f"scale_{number}") for number in count])
+        zeros = [self.value(f"gap_zero_{number}_m") for number in count]
+        if not rig.settings.several:
+            zeros = [self.value("gap_zero_m"), -self.value("gap_zero_m")]
+        ones = np.ones(scales.size)
+        rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
         if self.name == "flux":
             rows[:, 2] = scales
         else:
             rows[:, 0] = scales
-            rows[:, 3] = self.value("lag_s") / rig.dt * per_root(compensator, rig)
+            if lag := self.value("lag_s"):
+                rows[:, 3] = lag / rig.dt * per_root(compensator, rig)
         return rows
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -43,8 +44,11 @@ from anhyst.rig.recording import (
     of_magnets,
 )
 from anhyst.rig.stage.file import (
+    CENTRE,
     CalibratedMethod,
+    ParameterName,
     StageRig,
+    believed,
     calibration_of,
     decoupling,
     error_columns,
@@ -88,8 +92,20 @@ class StageSetup:
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
     correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
-    payload: float = 0.0  # part by which what is fed forward is for a heavier body
+    own: tuple[ForceController, ...] = ()  # of every magnet, where they are not all the same
+    # what was found of the body: what is fed forward is for its mass and centre of mass
+    body: Mapping[ParameterName, float] = field(default_factory=dict)
     cable: float = 0.0  # N/m, and against such a cable
+
+    @property
+    def believed(self) -> StageRig:
+        """The stage as its controller believes it to be."""
+        return believed(self.rig, self.body) if self.body else self.rig
+
+    def fresh(self) -> list[ForceController]:
+        """Return a force controller for every magnet, demagnetised."""
+        count = len(self.rig.settings.placed)
+        return [one.fresh() for one in self.own or (self.compensator,) * count]
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -148,8 +164,7 @@ def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     time = instants(rig, ticks_of(rig, motion)) + ahead
     place, acceleration, jerk, snap = motion.at(time)
     moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
-    mass = rig.settings.body.mass_kg * (1.0 + setup.payload)
-    return np.asarray(mass * moved + setup.cable * place)
+    return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)
 
 
 def instants(rig: StageRig, count: int) -> FloatArray:
@@ -219,7 +234,7 @@ def _track_axes(
     rig, file, n = setup.rig, setup.rig.settings, forward.size
     along = scan_direction(file)
     frame = np.outer(reference + strayed, along)
-    wrench = fed_wrench(rig, forward)
+    wrench = fed_wrench(setup.believed, forward)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
@@ -260,6 +275,25 @@ def axes_recorded(
         "force_error_N": _force_error(rig, run, demand),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
+        **_axes_read(rig, run),
+    }
+
+
+def _axes_read(rig: StageRig, run: Recording) -> dict[str, FloatArray]:
+    """Return what the controller of several coordinates was given and asked for."""
+    file, count = rig.settings, len(rig.settings.placed)
+    signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
+    behind = range(count + 1, count + len(file.position_sensors) + 1)
+    heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
+    poses = heads @ np.linalg.pinv(head_rows(file)).T
+    free = file.body.free
+    return {
+        **{name: run[name] for name in of_magnets(signals, 1, count)},
+        **dict(zip(pose_columns(free), poses.T, strict=True)),
+        **{
+            name: run[own]
+            for name, own in zip(demand_columns(free), of_axes("demand", free, WRENCH), strict=True)
+        },
     }
 
 
@@ -283,6 +317,19 @@ def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
 
 WRENCH = ("N", "N_m")
 """Units of a force along a coordinate and about one."""
+
+
+def pose_columns(free: Sequence[str]) -> list[str]:
+    """Return the columns of a recording that hold the pose as it was read."""
+    return [f"pose_read_{axis}_{unit_of(axis)}" for axis in free]
+
+
+def demand_columns(free: Sequence[str]) -> list[str]:
+    """Return the columns of a recording that hold the wrench that was demanded."""
+    return [f"demand_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
+
+
+COMMANDS = of_magnets(CURRENTS[:1], 1, MAGNETS)
 READ = ("position_read_m", "gap_read_m")
 PROBES = of_magnets([("flux_read", "T")], 1, MAGNETS)
 """What the controller is given of the body, and of flux probes where there are some."""
@@ -340,9 +387,7 @@ def make_controller(
     The drives, one a magnet, may remember something; demagnetised ones if left out.
     """
     rig = setup.rig
-    magnets = [
-        one.native for one in drives or [setup.compensator.fresh() for _ in rig.bearing.magnets]
-    ]
+    magnets = [one.native for one in drives or setup.fresh()]
     settings = controller_settings(setup)
     if setup.law == "fixed":
         return FixedTracking(magnets, fixed_pid(setup).words, in_codes(settings))
@@ -369,11 +414,11 @@ def _axes_controller(setup: StageSetup, drives: Sequence[ForceController]) -> Lo
     file, settings = setup.rig.settings, controller_settings(setup)
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
-    decouple, weigh = decoupling(file)
+    decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass = file.body.mass_kg
-    return TrackingAxes(
-        [one.native for one in drives or [setup.compensator.fresh() for _ in file.placed]],
+    controller = TrackingAxes(
+        [one.native for one in drives or setup.fresh()],
         wrench_layout(file, kind, idle),
         {
             "see": np.ascontiguousarray(np.linalg.pinv(head_rows(file))),
@@ -383,6 +428,9 @@ def _axes_controller(setup: StageSetup, drives: Sequence[ForceController]) -> Lo
         },
         settings,
     )
+    if setup.correction is not None:
+        controller.correct(setup.correction)
+    return controller
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:
@@ -461,19 +509,27 @@ def make_stage(
     found = calibrated or calibration_of(rig, method)
     if found is None:
         return StageSetup(rig, fit_method(rig, magnet, method))
-    return corrected(rig, fit_method(rig, magnet, method, found.value("width")), found)
+    return corrected(rig, cache(partial(fit_method, rig, magnet, method)), found)
 
 
 def corrected(
-    rig: StageRig, compensator: ForceController, found: CalibratedMethod, drift: Drift = NO_DRIFT
+    rig: StageRig,
+    fitted: Callable[[float], ForceController],
+    found: CalibratedMethod,
+    drift: Drift = NO_DRIFT,
 ) -> StageSetup:
-    """Return a stage whose controller is corrected by what was found of its method."""
+    """Return a stage whose controller is corrected by what was found of its method.
+
+    Fitted is it for a width of the loop.
+    """
+    each = tuple(fitted(width) for width in found.widths(len(rig.settings.placed)))
     return StageSetup(
         rig,
-        compensator,
+        each[0],
         drift=drift,
-        correction=found.correction(compensator, rig),
-        payload=found.value("payload"),
+        correction=found.correction(each[0], rig),
+        own=each,
+        body={name: found.value(name) for name in ("payload", *CENTRE)},
         cable=found.value("cable_N_per_m"),
     )
 

@@ -193,6 +193,8 @@ class MonteCarlo(Result):
         """Return the first figure of every method, and the verdict."""
         figure = self.plants.figures[0]
         told = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
+        if any(self.lost(name) for name in self.runs):
+            told["lost"] = ", ".join(f"{name} {self.lost(name)}" for name in self.runs)
         for name in self.runs:
             median = figure.factor * percentile(self.values(name, figure.key), 50)
             told[name] = f"{figure.title}, median {median:.3g} {figure.unit}"

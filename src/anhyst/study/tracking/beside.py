@@ -16,16 +16,10 @@ from anhyst.rig.bench.protocol import Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
 from anhyst.rig.recording import column, peak
 from anhyst.rig.stage.file import ParameterName, StageRig
-from anhyst.rig.stage.loop import READ, StageSetup
-from anhyst.study.tracking.learner import (
-    COMMANDS,
-    FORGET_S,
-    Learner,
-    Motion,
-    MotionLaw,
-    refuse_uncalibratable,
-)
+from anhyst.rig.stage.loop import COMMANDS, READ, StageSetup
+from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
+from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

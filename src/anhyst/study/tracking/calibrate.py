@@ -12,18 +12,18 @@ import numpy as np
 from anhyst.compensate.interface import MethodName
 from anhyst.data.table import read_columns
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.recording import Recording
+from anhyst.rig.recording import CURRENTS, Recording, of_magnets
 from anhyst.rig.stage.file import CalibrationFile, StageRig, read_stage
-from anhyst.rig.stage.loop import PROBES, READ, identify_stage
-from anhyst.study.tracking.learner import (
+from anhyst.rig.stage.loop import (
     COMMANDS,
-    DEAD,
-    MOVED,
-    Motion,
-    MotionLaw,
-    fit,
-    refuse_uncalibratable,
+    READ,
+    demand_columns,
+    identify_stage,
+    pose_columns,
 )
+from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.tracking.learner import fit
+from anhyst.study.tracking.motion import DEAD, MOVED, Motion, MotionLaw, refuse_uncalibratable
 from anhyst.study.tracking.simulate import follows_rate
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
@@ -42,15 +42,29 @@ STILL = 20
 HEAD = """\
 # What motion taught of the magnets of a stage. Written by anhyst calibrate; a rig file names it as
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
-NEEDED = ("t_s", "demand_N", *READ, *COMMANDS)
+
+
+def _needed(rig: StageRig) -> list[str]:
+    """Return the columns without which nothing is learnt."""
+    file = rig.settings
+    if not file.several:
+        return ["t_s", "demand_N", *READ, *COMMANDS]
+    free, read = file.body.free, [("gap_read", "m"), *CURRENTS[:1]]
+    of_body = [*demand_columns(free), *pose_columns(free)]
+    return ["t_s", "demand_N", *of_body, *of_magnets(read, 1, len(file.placed))]
+
+
+def _probes(rig: StageRig) -> tuple[str, ...]:
+    """Return the columns that are needed of flux probes, where there are some."""
+    has = rig.settings.hall_probe is not None
+    return of_magnets([("flux_read", "T")], 1, len(rig.settings.placed)) if has else ()
 
 
 def _read(rig: StageRig, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
     table = read_columns(path)
-    probes = PROBES if rig.settings.hall_probe is not None else ()
     columns = {}
-    for name in (*NEEDED, *probes):
+    for name in (*_needed(rig), *_probes(rig)):
         wanted = parse_header(name).quantity
         assert wanted is not None
         values = table.get(wanted.name)
@@ -68,13 +82,14 @@ def _read(rig: StageRig, path: PathLike) -> dict[str, FloatArray]:
     return columns
 
 
-def _motion(rig: StageRig, recording: Recording | PathLike) -> Motion:
+def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     """Take what is needed of a recording: every tick of the rig, from rest on."""
+    rig = law.rig
     if isinstance(recording, Recording):
         where, columns = "recording", recording.columns
     else:
         where, columns = str(recording), _read(rig, recording)
-    for name in NEEDED:
+    for name in _needed(rig):
         if name not in columns:
             raise InputError(
                 f"{where}: has no column {name}; record it, as anhyst simulate does",
@@ -89,12 +104,16 @@ def _motion(rig: StageRig, recording: Recording | PathLike) -> Motion:
             )
     _check_ticks(rig, where, columns["t_s"])
     _check_rest(rig, where, columns)
-    motion = Motion(rig, columns)
-    asked = motion.filtered(columns["demand_N"], motion.late)
-    if float(motion.pushed[motion.compared] @ asked[motion.compared]) > 0.0:
+    motion = law.motion(columns)
+    if float(motion.pushed[motion.compared] @ motion.asked[motion.compared]) < 0.0:
+        why = (
+            "demand_N and the body go the same way: it is positive where the first magnet pulls, "
+            "towards smaller positions; turn its sign"
+        )
+        if rig.settings.several:
+            why = "the body goes against demand_x_N and its likes; turn their sign"
         raise InputError(
-            f"{where}: demand_N and the body go the same way: it is positive where the first "
-            "magnet pulls, towards smaller positions; turn its sign",
+            f"{where}: {why}",
             code="wrong-sign",
             key="demand_N",
         )
@@ -129,15 +148,17 @@ def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
 
 def _check_rest(rig: StageRig, where: str, columns: Mapping[str, FloatArray]) -> None:
     """Refuse a recording that begins in motion: what the iron remembers of before is not known."""
-    place = columns["position_read_m"]
-    speed = np.abs(place[STILL:] - place[:-STILL]) / (STILL * rig.dt)
+    free = rig.settings.body.free if rig.settings.several else []
+    read = [name for name in pose_columns(free) if name.endswith("_m")] or ["position_read_m"]
+    place = np.column_stack([columns[name] for name in read])
+    speed = np.linalg.norm(place[STILL:] - place[:-STILL], axis=1) / (STILL * rig.dt)
     noise = 10.0 * rig.settings.position_sensor.noise_m / (STILL * rig.dt)
     pushed = abs(columns["demand_N"][0]) > DEAD * rig.settings.tracking.force_max_N
     if pushed or speed[0] > 0.02 * float(speed.max()) + noise:
         raise InputError(
             f"{where}: begins in motion; begin at rest with demagnetised iron",
             code="begins-in-motion",
-            key="demand_N" if pushed else "position_read_m",
+            key="demand_N" if pushed else read[0],
         )
 
 
@@ -230,7 +251,7 @@ def calibrate(
         far each number may be off.
     recordings : Recording, path-like, or a sequence of them
         Runs from the demagnetised iron, as ``anhyst simulate`` writes them: demanded force,
-        position and gap as read, commanded currents of both magnets; flux densities for ``flux``.
+        position and gaps as read, commanded currents; flux densities for ``flux``.
     out : path-like, optional
         File to write, which the rig file names as ``control.calibration``; not written where
         nothing was learnt.
@@ -262,10 +283,11 @@ def calibrate(
         )
     if out is not None:
         check_writable(out, [stage.path, *stage.measured.files, *files])
-    motions = [_motion(stage, one) for one in given]
     known = magnet or identify_stage(stage)
+    motions = [_motion(law_of(stage, known, "full"), one) for one in given]
     left_out = set() if follows_rate(stage, known.model) else {"at-rest"}
-    if not all(name in one.read for one in motions for name in PROBES):
+    probes = _probes(stage)
+    if not probes or not all(name in one.read for one in motions for name in probes):
         left_out.add("flux")
     possible = [name for name in MOVED if name not in left_out]
     for name in methods:
@@ -282,7 +304,7 @@ def calibrate(
             version=1,
             rig=file.name,
             mass_kg=file.body.mass_kg,
-            method=[fit(MotionLaw(stage, known, name), motions) for name in chosen],
+            method=[fit(law_of(stage, known, name), motions) for name in chosen],
         )
     )
     if out is not None and found.learnt:

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, moving, peak, rms, settled_from
-from anhyst.rig.stage.file import error_columns
+from anhyst.rig.stage.file import error_columns, scan_direction
 from anhyst.rig.stage.setpoint import SetPoint
 from anhyst.support.arrays import FloatArray
 
@@ -52,13 +53,19 @@ LOST = Measures(*[float("inf")] * 8)
 """Of a run in which the loop was lost."""
 
 
-def cross_talk(run: Recording, motion: SetPoint, free: Mapping[str, float]) -> dict[str, float]:
-    """Return the largest error of each coordinate that the set-point does not move, m or rad.
+def still_axes(file: RigFile) -> list[str]:
+    """Return the coordinates that the set-point does not move; none of a body of one coordinate."""
+    if not file.several:
+        return []
+    parts = zip(file.body.free, scan_direction(file).tolist(), strict=True)
+    return [axis for axis, part in parts if part == 0.0]
 
-    The coordinates are given with their part in the direction of the set-point; the first scan is
-    left out.
+
+def cross_talk(run: Recording, motion: SetPoint, still: Sequence[str]) -> dict[str, float]:
+    """Return the largest error of each coordinate that stands still, m or rad.
+
+    The first scan is left out.
     """
-    still = [axis for axis, part in free.items() if part == 0.0]
     if run.loss is not None:
         return dict.fromkeys(still, math.inf)
     since = round(motion.pulses[1][0] / run.dt)

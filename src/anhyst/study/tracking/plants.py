@@ -11,12 +11,13 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.file import RigFile
-from anhyst.rig.stage.file import StageRig
+from anhyst.rig.stage.file import StageRig, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants
 from anhyst.study.tracking.learner import at_work
-from anhyst.study.tracking.measures import measure
+from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.study.tracking.simulate import (
     LEARNING,
     OWN,
@@ -25,7 +26,6 @@ from anhyst.study.tracking.simulate import (
     refuse_unstable,
     settle,
 )
-from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
 from anhyst.support.progress import Progress
 
@@ -44,9 +44,23 @@ ERRORS: Mapping[str, tuple[str, ...]] = {
 """What a plant has drifted in, case by case."""
 
 
-def errors_of(file: RigFile) -> dict[str, tuple[str, ...]]:
+ERRORS_OF_AXES: Mapping[str, tuple[str, ...]] = {
+    **{name: ERRORS[name] for name in ("none", "gap zero")},
+    "current scale": ("first_scale",),
+    **{name: ERRORS[name] for name in ("pinning", "Hall gain")},
+    "centre of mass": tuple(f"place_{axis}" for axis in "xyz"),
+    "payload": ("mass",),
+    "head positions": ("heads",),
+    "all": (*SPREADS_OF_MAGNET, *SPREADS_OF_BODY, "heads"),
+}
+"""The same of a body of several coordinates, of all its magnets at once."""
+
+
+def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
     """Return the cases of a stage: those of all, and of solid iron its own."""
-    return {**ERRORS, "conductivity": ("conductivity",)} if file.magnet.solid else {**ERRORS}
+    if file.several:
+        return ERRORS_OF_AXES
+    return {**ERRORS, "conductivity": ("conductivity",)} if file.magnet.solid else ERRORS
 
 
 def stage_plants(
@@ -56,13 +70,6 @@ def stage_plants(
     progress: Progress | None = None,
 ) -> Plants:
     """Return what plants of a stage are run with: variants with the gains of the calibrated one."""
-    if rig.settings.several:
-        raise InputError(
-            f"{rig.path}: body.free: plants are drawn for one coordinate alone; leave out "
-            "--monte-carlo",
-            code="one-coordinate-only",
-            key="body.free",
-        )
     check_calibration(rig)
     known = magnet or identify_stage(rig)
     made, _ = make_variants(rig, known, names)
@@ -78,6 +85,10 @@ def stage_plants(
             PlantFigure("average_m", "moving average", "nm", 1e9, *cases),
             PlantFigure("peak_m", "peak", "nm", 1e9, *cases),
             PlantFigure("settling_50_s", "settling to 50 nm", "ms", 1e3, *cases),
+            *(
+                PlantFigure(f"{axis}_{unit_of(axis)}", f"{axis}, largest", unit, 1e9, *cases)
+                for axis, unit in ((one, f"n{unit_of(one)}") for one in still_axes(rig.settings))
+            ),
         ),
         read=tuple(rig.measured.files),
         depends={},
@@ -105,7 +116,7 @@ class StageWork:
         setup, gains = self.setups[method], self.gains[method]
         scan = setup.rig.settings.scan
         motion = motion_of(scan, scan.test_m_per_s2)
-        found: dict[str, list[float]] = {"average_m": [], "peak_m": [], "settling_50_s": []}
+        found: dict[str, list[float]] = {}
         for names in errors_of(setup.rig.settings).values():
             plant = replace(setup, drift=drift.alone(names))
             learner = at_work(plant, self.magnet, gains, noise + LEARNING)
@@ -113,6 +124,8 @@ class StageWork:
             if run.loss is not None:
                 return {"lost_s": run.dt * run.loss.tick}
             measures = measure(run, motion, scan.slit_s)
-            for key, values in found.items():
-                values.append(getattr(measures, key))
+            for key in ("average_m", "peak_m", "settling_50_s"):
+                found.setdefault(key, []).append(getattr(measures, key))
+            for axis, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+                found.setdefault(f"{axis}_{unit_of(axis)}", []).append(largest)
         return found

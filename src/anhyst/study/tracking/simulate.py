@@ -24,13 +24,12 @@ from anhyst.rig.stage.file import (
     CalibratedMethod,
     StageRig,
     read_stage,
-    scan_direction,
     unit_of,
 )
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
-from anhyst.study.tracking.learner import Learner, at_work, refuse_uncalibratable
+from anhyst.study.tracking.learner import Learner, at_work
 from anhyst.study.tracking.measures import (
     BANDS_M,
     Measures,
@@ -38,7 +37,9 @@ from anhyst.study.tracking.measures import (
     cruises,
     measure,
     settling,
+    still_axes,
 )
+from anhyst.study.tracking.motion import refuse_uncalibratable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
@@ -363,11 +364,9 @@ def settle(setup: StageSetup, magnet: IdentifiedMagnet) -> tuple[Feedforward, Le
 def _cross_talks(
     file: RigFile, runs: Sequence[Recording], motion: SetPoint
 ) -> dict[str, tuple[float, ...]]:
-    if not file.several:
-        return {}
-    free = dict(zip(file.body.free, scan_direction(file).tolist(), strict=True))
-    found = [cross_talk(run, motion, free) for run in runs]
-    return {axis: tuple(one[axis] for one in found) for axis in found[0]}
+    still = still_axes(file)
+    found = [cross_talk(run, motion, still) for run in runs]
+    return {axis: tuple(one[axis] for one in found) for axis in still}
 
 
 def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> float:

@@ -1,0 +1,149 @@
+"""A planar stage whose ten magnets and body are not what they seem, balanced from its own motion.
+
+Plants are those of ``anhyst simulate examples/planar/rig.toml --monte-carlo``: currents, gap zeros,
+widths of the loop and gains of the flux probes of every magnet, mass, centre of mass and the places
+of the heads, all at once. Everything was fixed before the first figure. Each plant follows the
+training set-point, is calibrated on all that it has recorded so far, follows it again; figures are
+of the test set-point. Every method is calibrated by the same code on recordings of its own; its gains
+are those of the plant that is as it should be, by the same search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst.rig.bearing.drift import changed, draw_plant
+from anhyst.rig.stage.file import StageRig, read_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.tracking.learner import Learner
+from anhyst.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst.support.arrays import FloatArray
+from anhyst.support.jobs import all_of
+from calibration import METHODS, SCANS, Bench, bench_of, training
+from planar import RIG
+from rows import Row
+
+PLANTS = 12
+FIGURES = ("average", "peak", "settling", "z", "ry", "rz")
+UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One plant behind one method."""
+
+    figures: FloatArray  # before and after each number of scans, a column a figure
+    taken: bool
+    fits: bool
+
+
+def balanced(given: tuple[Bench, int]) -> Flown:
+    """Calibrate one plant."""
+    bench, plant = given
+    rig, law = bench.rig, law_of(bench.rig, bench.magnet, bench.method)
+    drift, noise = draw_plant(rig.settings, rig.settings.seed, plant)
+    motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+    setup, gains = StageSetup(rig, law.compensator(0.0), drift=drift), bench.gains
+
+    def judged() -> list[float]:
+        run = track(setup, motion, gains, noise)
+        crossed = cross_talk(run, motion, still_axes(rig.settings))
+        own = measure(run, motion, rig.settings.scan.slit_s)
+        nano = [own.average_m, own.peak_m, 1e-6 * own.settling_50_s]
+        return [1e9 * one for one in (*nano, crossed["z"], crossed["ry"], crossed["rz"])]
+
+    figures, learner = [judged()], Learner(law)
+    for scan in range(1, max(SCANS) + 1):
+        learner.learn(law.motion(track(setup, training(rig), gains, noise + scan).columns))
+        setup = law.stage(learner.found, drift)
+        gains = bench.calibrated_gains if learner.seen else gains
+        if scan in SCANS:
+            figures.append(judged())
+    return Flown(np.array(figures), learner.found.taken, learner.found.fits)
+
+
+WAYS = {"x": (None, None), "y": ([11.0, 5.0, 8.0], [11.0, 6.0, 9.0])}
+"""Directions of set-points; accelerations to be calibrated and judged on where the file says others."""
+
+
+def along(rig: StageRig, way: str) -> StageRig:
+    """Return the stage with its set-points in another direction."""
+    train, test = WAYS[way]
+    changes = {"direction": [float(axis == way) for axis in "xyz"]}
+    peaks = {} if train is None else {"train_m_per_s2": train, "test_m_per_s2": test}
+    return changed(rig, {f"scan.{key}": value for key, value in {**changes, **peaks}.items()})
+
+
+def in_both(given: tuple[Bench, int]) -> list[list[float]]:
+    """Return the moving average along x and y, nm: before, after a recording of x, and one of y."""
+    bench, plant = given
+    law = law_of(bench.rig, bench.magnet, bench.method)
+    drift, noise = draw_plant(bench.rig.settings, bench.rig.settings.seed, plant)
+    setup, learner = StageSetup(bench.rig, law.compensator(0.0), drift=drift), Learner(law)
+
+    def judged(way: str) -> float:
+        rig = along(bench.rig, way)
+        motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+        run = track(replace(setup, rig=rig), motion, Feedforward(), noise)
+        return 1e9 * measure(run, motion, rig.settings.scan.slit_s).average_m
+
+    found = [[judged(way) for way in WAYS]]
+    for way in WAYS:
+        rig = along(bench.rig, way)
+        run = track(replace(setup, rig=rig), training(rig), Feedforward(), noise + 1)
+        learner.learn(law.motion(run.columns))
+        setup = law.stage(learner.found, drift)
+        found.append([judged(way) for way in WAYS])
+    return found
+
+
+def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
+    """Return the lines of one method: what 50 / 95 % of the plants stay below."""
+    values = np.array([one.figures for one in flown])
+    half, most = np.percentile(values, [50.0, 95.0], axis=0)
+    count = f"taken {sum(one.taken for one in flown)}, fits {sum(one.fits for one in flown)}"
+    found = []
+    for place, (name, unit) in enumerate(zip(FIGURES, UNITS, strict=True)):
+        pairs = zip(half[:, place], most[:, place], strict=True)
+        text = " -> ".join(f"{one:.3g} / {other:.3g}" for one, other in pairs)
+        aim, met = "stated", None
+        if method == "full" and name == "average":
+            aim, met = "60 nm (95 %)", bool(most[-1, place] <= 60.0)
+        if name == "rz":
+            shares = values[:, -1, place] / values[:, 0, place]
+            text += f"; after / before {np.median(shares):.2g}, worst {shares.max():.2g}"
+            if method == "full":
+                aim, met = "0.15 of before (50 %)", bool(np.median(shares) <= 0.15)
+        what = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
+        found.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
+    return found
+
+
+def rows() -> list[Row]:
+    """Return the lines of this table."""
+    rig = read_stage(RIG)
+    magnet = identify_stage(rig)
+    benches = all_of(bench_of, [("planar", rig, magnet, method) for method in METHODS])
+    ways = np.array(all_of(in_both, [(benches[0], plant) for plant in range(PLANTS)]))
+    half, most = np.percentile(ways, [50.0, 95.0], axis=0)
+    text = "; ".join(
+        f"along {way} "
+        + " -> ".join(
+            f"{one:.3g} / {other:.3g}"
+            for one, other in zip(half[:, place], most[:, place], strict=True)
+        )
+        for place, way in enumerate(WAYS)
+    )
+    what = "balancing, full, mass alone fed forward: average, nm, before -> after x -> and y"
+    both = Row(what, "stated", text, None)
+    flown = all_of(balanced, [(bench, plant) for bench in benches for plant in range(PLANTS)])
+    return [both] + [
+        row
+        for place, bench in enumerate(benches)
+        for row in of_method(bench.method, flown[place * PLANTS : (place + 1) * PLANTS])
+    ]

@@ -1,0 +1,189 @@
+"""The same of a body of several coordinates: the wrench of all its magnets against its motion.
+
+Moments count by the radius of gyration of the body about their axis, so that all that is compared
+is in N. What the law is known to leave out: the lines of pull move with the body by micrometres.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.recording import column
+from anhyst.rig.stage.file import (
+    CENTRE,
+    ParameterName,
+    StageRig,
+    axes_of,
+    believed,
+    head_rows,
+    mass_matrix,
+    pull_rows,
+    weight,
+)
+from anhyst.rig.stage.loop import demand_columns, pose_columns
+from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, on_grid
+from anhyst.support.arrays import FloatArray
+
+_STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
+"""By which a number of the body is moved for its derivative."""
+
+
+def law_of(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
+    """Return the law of a method of a stage of one or several coordinates."""
+    return (AxesLaw if rig.settings.several else MotionLaw)(rig, magnet, method)
+
+
+@dataclass(frozen=True)
+class AxesMotion(Motion):
+    """What was read while a body of several coordinates moved, a number a coordinate a tick."""
+
+    @property
+    def rows(self) -> int:
+        """Coordinates."""
+        return len(self.rig.settings.body.free)
+
+    @cached_property
+    def kept(self) -> dict[tuple[object, ...], FloatArray]:
+        """Wrenches of single magnets that were asked for before."""
+        return {}
+
+    def in_newtons(self, wrench: FloatArray, late: float = 0.0) -> FloatArray:
+        """Return a wrench a tick through the filter, moments by the radius of gyration, in a row."""
+        passed = [self.filtered(one, late) for one in (wrench / self._radii).T]
+        return np.column_stack(passed).ravel()
+
+    @cached_property
+    def _radii(self) -> FloatArray:
+        body = self.rig.settings.body
+        radii = [math.sqrt(one / body.mass_kg) for one in body.inertia_kg_m2 or [1.0] * 3]
+        return np.array([1.0, 1.0, 1.0, *radii])[axes_of(self.rig.settings)]
+
+    @cached_property
+    def _acceleration(self) -> FloatArray:
+        pose = np.column_stack(
+            [self.read[name] for name in pose_columns(self.rig.settings.body.free)]
+        )
+        moved = np.zeros_like(pose)
+        moved[1:-1] = np.diff(pose, 2, axis=0) / self.rig.dt**2
+        return moved
+
+    @cached_property
+    def pushed(self) -> FloatArray:
+        """Masses times accelerations, filtered, N."""
+        return self.in_newtons(self._acceleration @ mass_matrix(self.rig.settings))
+
+    @cached_property
+    def carried(self) -> FloatArray:
+        """Weight, filtered, N."""
+        return self.in_newtons(np.tile(weight(self.rig.settings), (self.ticks.size, 1)))
+
+    @cached_property
+    def by_body(self) -> Mapping[ParameterName, FloatArray]:
+        """What the numbers of the body push with, for each unit of them, filtered, N."""
+        file, found = self.rig.settings, {}
+        for name, step in _STEPS.items():
+            other = believed(self.rig, {name: step}).settings
+            more = self._acceleration @ (mass_matrix(other) - mass_matrix(file))
+            found[name] = self.in_newtons(weight(other) - weight(file) - more) / step
+        return found
+
+    @property
+    def asked(self) -> FloatArray:
+        """What was demanded beside what carries the weight, filtered, N."""
+        file = self.rig.settings
+        asked = np.column_stack([self.read[name] for name in demand_columns(file.body.free)])
+        return self.in_newtons(asked + weight(file), self.late)
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the force from the noise of the heads, N."""
+        file = self.rig.settings
+        of_heads = mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self._radii[:, None]
+        each = float(np.linalg.norm(of_heads)) / math.sqrt(self.rows)
+        return each * file.position_sensor.noise_m * self.passed
+
+    @cached_property
+    def compared(self) -> NDArray[np.intp]:
+        """Places at which both sides are compared: all coordinates where much is demanded."""
+        every = max(1, round(1.0 / (UPDATES_HZ * self.rig.dt)))
+        least = DEAD * self.rig.settings.tracking.force_max_N
+        asked = np.linalg.norm(self.asked.reshape(-1, self.rows)[::every], axis=1)
+        ticks = every * np.flatnonzero(asked > least)
+        ticks = ticks[ticks >= self.begin]
+        return (self.rows * ticks[:, None] + np.arange(self.rows)).ravel()
+
+
+class AxesLaw(MotionLaw):
+    """A method of every magnet as it is fitted to the loops of one, and with other numbers."""
+
+    trust = 0.0015
+    seen = 0.9
+
+    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
+        super().__init__(rig, magnet, method)
+        self._count = range(1, len(rig.settings.placed) + 1)
+        kinds = ["scale_{}"]
+        if method != "flux":
+            kinds.append("gap_zero_{}_m")
+        if method in ("full", "play"):
+            kinds.append("width_{}")
+        self.names: Sequence[ParameterName] = [
+            *(kind.format(number) for kind in kinds for number in self._count),
+            *_STEPS,
+        ]
+
+    @property
+    def moved(self) -> Sequence[ParameterName]:
+        """The numbers that a motion may move."""
+        return self.names
+
+    def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
+        """Take a motion as it was read."""
+        return AxesMotion(self.rig, read, begin)
+
+    def shows(self, motion: Motion, name: ParameterName) -> bool:
+        """Whether a motion can show a number: at rest any law is wrong by a part of what it pulls."""
+        number = re.search(r"_(\d+)", name)
+        if number is None:
+            return True
+        assert isinstance(motion, AxesMotion)
+        pulled = self._pulled(motion, int(number[1]), {})[motion.compared]
+        most = np.linalg.norm(pulled.reshape(-1, motion.rows), axis=1).max()
+        return bool(most > DEAD * self.rig.settings.tracking.force_max_N)
+
+    def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
+        """Return the wrench along a path by the law with some numbers, filtered, N."""
+        assert isinstance(motion, AxesMotion)
+        body = [values[name] * force for name, force in motion.by_body.items()]
+        pulled = [self._pulled(motion, number, values) for number in self._count]
+        return np.asarray(sum([*body, *pulled], motion.carried))
+
+    def _pulled(
+        self, motion: AxesMotion, number: int, values: Mapping[ParameterName, float]
+    ) -> FloatArray:
+        """Return what one magnet pulls with; what was asked for before is kept."""
+        scale = 1.0 + values.get(f"scale_{number}", 0.0)
+        zero = values.get(f"gap_zero_{number}_m", 0.0)
+        width = on_grid("width", values.get(f"width_{number}", 0.0))
+        key = (id(self), number, scale, zero, width)
+        if key not in motion.kept:
+            gap = motion.read[column("gap_read", "m", number)] - zero
+            if self.method == "flux":
+                flux = motion.read[column("flux_read", "T", number)]
+                force, late = self.pull(scale * flux, gap), -self.probe_late
+            else:
+                current = scale * motion.read[column("command", "A", number)]
+                later = np.interp(motion.ticks + motion.late, motion.ticks, gap)
+                force, late = self.compensator(width).fresh().follow(current, later), motion.late
+            wrench = np.outer(force, pull_rows(self.rig.settings)[number - 1])
+            motion.kept[key] = motion.in_newtons(wrench, late)
+        return motion.kept[key]

@@ -1,0 +1,170 @@
+"""A body of several coordinates whose magnets are not what they seem, and what its motion teaches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import Drift, changed, draw_plant
+from anhyst.rig.recording import Recording
+from anhyst.rig.stage.file import CENTRE, StageRig, calibration_of, read_stage
+from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.engine.monte_carlo import monte_carlo
+from anhyst.study.tracking.axes_motion import AxesLaw
+from anhyst.study.tracking.calibrate import calibrate
+from anhyst.study.tracking.learner import Learner
+from anhyst.study.tracking.measures import cross_talk, measure
+from anhyst.study.tracking.plants import ERRORS_OF_AXES, stage_plants
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.test_axes import EXAMPLES, PLANAR, planar
+
+
+def short(pinning_percent: float = 0.0) -> StageRig:
+    """Return the example with short set-points; what widths must be learnt, is compiled anew."""
+    scan = {f"scan.{key}": value for key, value in stages.SHORT.items()}
+    spread = {"spread.pinning_percent": pinning_percent}
+    return changed(planar(), {**scan, **spread, "noise_seeds": 2})
+
+
+@cache
+def plant(number: int = 1) -> Drift:
+    return draw_plant(short().settings, 29, number)[0]
+
+
+@cache
+def recorded(method: MethodName = "full") -> Recording:
+    scan = short().settings.scan
+    motion = motion_of(scan, scan.train_m_per_s2)
+    setup = make_stage(short(), bearings.knowledge(), method)
+    return track(replace(setup, drift=plant()), motion, Feedforward(), 1)
+
+
+def left(setup: StageSetup) -> tuple[float, float]:
+    """Return moving average along x and largest error about z on a set-point not calibrated on."""
+    scan = short().settings.scan
+    motion = motion_of(scan, scan.test_m_per_s2)
+    run = track(replace(setup, drift=plant()), motion, Feedforward(), 2)
+    return measure(run, motion, scan.slit_s).average_m, cross_talk(run, motion, ["rz"])["rz"]
+
+
+def taught(method: MethodName, run: Recording) -> Learner:
+    learner = Learner(AxesLaw(short(), bearings.knowledge(), method))
+    learner.learn(learner.law.motion(run.columns))
+    return learner
+
+
+def test_one_recording_balances_ten_magnets_and_their_body() -> None:
+    learner = taught("full", recorded())
+    average, about = left(make_stage(short(), bearings.knowledge(), "full"))
+    after, less = left(learner.law.stage(learner.found))
+    assert after < 0.2 * average
+    assert less < 0.4 * about
+    assert learner.found.fits
+    assert learner.found.value("centre_z_m") == pytest.approx(plant().place_z, abs=0.2e-3)
+
+
+def test_flux_probes_are_balanced_the_same_way() -> None:
+    average, about = left(make_stage(short(), bearings.knowledge(), "flux"))
+    learner = taught("flux", recorded("flux"))
+    after, less = left(learner.law.stage(learner.found))
+    assert after < average
+    assert less < 0.2 * about
+
+
+def test_what_no_motion_showed_stays_and_is_said() -> None:
+    found = {one.name: one for one in taught("full", recorded()).found.parameter}
+    unseen = found["gap_zero_5_m"]  # of the pair along y, which rests
+    assert (unseen.value, unseen.sigma, unseen.frozen) == (0.0, unseen.prior, True)
+    assert not found["scale_1"].frozen
+    assert found["scale_1"].sigma < 0.7 * found["scale_1"].prior
+
+
+def test_a_body_that_is_as_the_file_says_is_left_alone() -> None:
+    scan = short().settings.scan
+    setup = make_stage(short(), bearings.knowledge(), "full")
+    run = track(setup, motion_of(scan, scan.train_m_per_s2), Feedforward(), 1)
+    found = taught("full", run).found
+    for one in found.parameter:
+        assert abs(one.value) < 1.5 * one.prior, one.name
+    assert abs(found.value("centre_z_m")) < 0.2e-3
+
+
+def test_a_gap_that_is_stuck_teaches_nothing() -> None:
+    learner, run = taught("full", recorded()), recorded()
+    before = dict(learner.values)
+    for column, off in (("gap_read_2_m", 30e-6), ("command_3_A", 0.2)):
+        wrong = {column: run[column] + off * (np.arange(len(run)) > len(run) // 2)}
+        assert not learner.learn(learner.law.motion({**run.columns, **wrong}))
+    assert learner.values == before
+
+
+def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
+    for name in ("rig.toml", "loops.csv", "loops.toml"):
+        (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+    recorded("flux").save(tmp_path / "run.csv")
+    rig = replace(short(), path=tmp_path / "rig.toml")
+    out = tmp_path / "calibration.toml"
+    found = calibrate(rig, tmp_path / "run.csv", out, magnet=bearings.knowledge(), methods=["flux"])
+    assert found.learnt
+    named = changed(rig, {"control.calibration": "calibration.toml"})
+    learnt = calibration_of(named, "flux")
+    assert learnt is not None
+    setup = make_stage(named, bearings.knowledge(), "flux")
+    assert setup.correction is not None
+    assert setup.correction[9, 2] == 1.0 + learnt.value("scale_10") != 1.0
+    with refused("unknown-name: calibration.toml"):
+        out.write_text(out.read_text().replace('"scale_1"', '"skale_1"'))
+        calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
+
+
+def test_a_recording_without_what_was_read_is_refused() -> None:
+    kept = {name: run for name, run in recorded().columns.items() if name != "gap_read_7_m"}
+    with refused("column-missing gap_read_7_m"):
+        calibrate(short(), Recording(kept), magnet=bearings.knowledge())
+    turned = {
+        **recorded().columns,
+        **{f"demand_{a}_N": -recorded()[f"demand_{a}_N"] for a in "xyz"},
+    }
+    with refused("wrong-sign demand_N"):
+        calibrate(short(), Recording(turned), magnet=bearings.knowledge())
+
+
+def test_keys_of_spread_belong_to_one_coordinate_or_to_several(tmp_path: Path) -> None:
+    place = tmp_path / "rig.toml"
+    place.write_text(PLANAR.replace("[spread]", "[spread]\neddy_s = 1e-5"))
+    with refused("not-for-this-kind spread.eddy_s: rig.toml"):
+        read_stage(place)
+    one = (EXAMPLES / "stage" / "rig.toml").read_text()
+    place.write_text(one.replace("[spread]", "[spread]\ncentre_m = 1e-4"))
+    with refused("not-for-this-kind spread.centre_m: rig.toml"):
+        read_stage(place)
+
+
+def test_every_magnet_and_head_is_drawn_by_itself() -> None:
+    drift = plant()
+    assert len({one.first_scale for one in drift.magnets}) == 10
+    assert len({one.place_x for one in drift.heads}) == 6
+    alone = drift.alone(ERRORS_OF_AXES["centre of mass"])
+    assert not any(one.as_dict() for one in alone.magnets)
+    assert (alone.place_x, alone.mass, alone.heads) == (drift.place_x, 0.0, ())
+    assert drift.as_dict()["magnet_3_gap_offset_m"] == drift.magnets[2].gap_offset
+    assert drift.alone(ERRORS_OF_AXES["all"]) == drift
+    assert len(CENTRE) == 3
+
+
+@pytest.mark.slow
+def test_plants_of_several_coordinates_are_flown_with_each_error_alone(tmp_path: Path) -> None:
+    plants = stage_plants(short(5.0), bearings.knowledge(), ("full",))
+    found = monte_carlo(plants, tmp_path / "p.jsonl", 2, jobs=2)
+    rows = found.as_dict()["variants"]["full"]
+    assert [row["error"] for row in rows["average_m"]] == [*ERRORS_OF_AXES]
+    by_error = dict(zip(ERRORS_OF_AXES, rows["rz_rad"], strict=True))
+    assert by_error["none"]["worst"] < 0.2 * by_error["all"]["worst"]
+    assert by_error["Hall gain"]["worst"] == by_error["none"]["worst"]  # 'full' has no probe
