@@ -24,10 +24,9 @@ from anhyst.model.file import read_model
 from anhyst.reports.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
 from anhyst.rig.force import modelling
 from anhyst.rig.force.bench import ActuatorBench
-from anhyst.rig.force.demand import with_lead_in
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
-from anhyst.rig.force.session import run_firmware
+from anhyst.rig.force.session import run_firmware, with_lead_in
 from anhyst.study.force.force_control import ForceControl, force_control
 from anhyst.study.force.results import judge_stages
 from anhyst.study.force.trials import ForceOutcome

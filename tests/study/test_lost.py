@@ -15,7 +15,7 @@ from anhyst.cli.simulate import show_tracking as show_stage
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import verdict, verdicts
-from anhyst.rig.force.demand import with_lead_in
+from anhyst.rig.force.session import with_lead_in
 from anhyst.rig.recording import Loss, Recording, SignalBound, find_loss
 from anhyst.rig.stage.loop import Feedforward, track
 from anhyst.study.force.results import lost_in

@@ -1,6 +1,8 @@
-"""A controller at work on the bench: its firmware over the serial link, in lock-step."""
+"""A demand, and a controller at work on it: its firmware over the serial link, in lock-step."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,12 +10,15 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
 from anhyst.link.process import VIRTUAL_BOARDS
+from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import ActuatorBench
-from anhyst.rig.force.demand import Demand
 from anhyst.rig.force.programs import ONE, Program, Session
 from anhyst.rig.recording import Recording
+from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
 
+LEAD_IN = 0.2
+"""Time in which a demand rises from zero to its first value, s; errors there do not count."""
 _UP = 40
 """Ticks after power on until the self-test must have passed."""
 
@@ -24,6 +29,38 @@ _LONGEST = 200_000
 """Ticks of a start-up sequence after which something is wrong."""
 
 _Q30 = 1 << 30
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Force wanted at every tick."""
+
+    name: str  # for files and figures
+    force: FloatArray  # N; shape (n,)
+    lead_in: int  # ticks before the demand proper
+
+
+def with_lead_in(name: str, force: FloatArray, rate: float) -> Demand:
+    """Put a straight rise from zero before a demand."""
+    ticks = round(LEAD_IN * rate)
+    rise = force[0] * np.arange(ticks) / ticks
+    return Demand(name, np.concatenate([rise, force]), ticks)
+
+
+def triangle(shape: ForceCase, force_max: float, rate: float) -> Demand:
+    """Return a triangle, beginning and ending at its low turning point."""
+    half = max(1, round(0.5 * shape.period_s * rate))
+    phase = np.arange(2 * half * shape.cycles + 1) / half
+    height = 1.0 - np.abs(phase % 2.0 - 1.0)
+    force = force_max * (shape.low + (shape.high - shape.low) * height)
+    return with_lead_in(shape.name, force, rate)
+
+
+def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
+    """Return a sinusoidal motion that begins at rest at its low end, m, shape (ticks,)."""
+    phase = 2.0 * np.pi * np.arange(ticks) / (rate * shape.period_s)
+    share: FloatArray = 0.5 - 0.5 * np.cos(phase)
+    return shape.low_m + (shape.high_m - shape.low_m) * share
 
 
 class _Plant:

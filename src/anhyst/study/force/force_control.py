@@ -18,10 +18,10 @@ from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.actuator import Model
 from anhyst.rig.distance import PlantCheck
-from anhyst.rig.force.demand import Demand, triangle, with_lead_in
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
 from anhyst.rig.force.programs import Program, prepare
+from anhyst.rig.force.session import Demand, triangle, with_lead_in
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
 from anhyst.study.force.results import figures, judge_stages

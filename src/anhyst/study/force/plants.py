@@ -16,9 +16,9 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.drift import Drift, drifted_file
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
-from anhyst.rig.force.demand import triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.modelling import find_model, loops_of_rig
+from anhyst.rig.force.session import triangle
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import peak, rms
 from anhyst.study.engine.monte_carlo import PlantFigure, Plants

@@ -10,10 +10,9 @@ import numpy as np
 
 from anhyst.compensate.interface import Compensator
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
-from anhyst.rig.force.demand import Demand, moving_gap
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
-from anhyst.rig.force.session import run_firmware
+from anhyst.rig.force.session import Demand, moving_gap, run_firmware
 from anhyst.rig.recording import Recording
 from anhyst.support.arrays import FloatArray
 
