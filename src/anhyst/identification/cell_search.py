@@ -17,6 +17,7 @@ import numpy as np
 
 from anhyst.identification.candidates import ModelCandidate
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel, by_weights
+from anhyst.identification.cell_path import EXACT
 from anhyst.identification.cell_starts import SLOPES, draw_starts, placed, possible
 from anhyst.identification.contest import Fits
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
@@ -34,7 +35,7 @@ _ROUGH, COARSE, FINE = 16, 40, 100
 come to their end, at most."""
 
 _NEAR = 1e-8
-"""Error of the tables with which starts descend, in parts of the saturation."""
+"""Error of the tables that fits are compared with, in parts of the saturation."""
 
 _DRAWN = 48
 """Starts drawn at a time."""
@@ -50,6 +51,12 @@ _CLOSE = 1e-5
 
 _AGREE = 1.1
 """Cost over the least one up to which an end agrees with the best."""
+
+_SAME = 0.02
+"""Distance of two ends, in any coordinate, from which on they are not on their way to the same."""
+
+_FAR = 2.0
+"""Cost over the least one so far that a further descent must be able to come below."""
 
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
@@ -100,7 +107,10 @@ class _Levels:
     tie: float
 
     def ends(self, starts: Iterable[FloatArray], followed: int = _FOLLOWED) -> list[FoundModel]:
-        """Descend from starts, fewer and fewer of them; best first."""
+        """Descend from starts, fewer and fewer of them; best first.
+
+        What at its pace does not come near the least cost so far, ends early.
+        """
         objective = Objective(self.rough, self.tie)
         costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
         chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
@@ -111,11 +121,22 @@ class _Levels:
             (self.coarse, _ENDED, 1e-4, _LONG),
             (self.fine, _ENDED, _CLOSE, _TO_END),
         ):
-            ends = [follow(space, theta, tolerance, most, self.tie) for theta in chosen]
-            spent += sum(one.evaluations for one in ends)
+            ends = []
+            for place, theta in enumerate(chosen):
+                again = next((at for at in range(place) if _same(theta, chosen[at])), None)
+                if again is not None:
+                    ends.append(ends[again])
+                    continue
+                near = _FAR * min((one.cost for one in ends), default=np.inf)
+                ends.append(follow(space, theta, tolerance, most, self.tie, near))
+                spent += ends[-1].evaluations
             ends = sorted(ends, key=lambda one: one.cost)[:kept]
             chosen = [one.theta for one in ends]
         return [replace(ends[0], evaluations=spent), *ends[1:]]
+
+
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    return bool(np.max(np.abs(one - other)) < _SAME)
 
 
 def _cost(objective: Objective, theta: FloatArray) -> float:
@@ -142,14 +163,16 @@ def search_cells(
             shape = one.cells.shape
             if shape not in shapes:
                 continue
-            form = replace(base.space.form, law=LAW_OF[shape], cells=one.cells, dead_band=0.0)
+            kernel = replace(one.cells, aim=_NEAR)
+            form = replace(base.space.form, law=LAW_OF[shape], cells=kernel, dead_band=0.0)
             levels = _levels(one, form, records, base)
             before = last.get(shape, [])
             known = _suggested(levels, before) if before else _begun(levels, base)
             found = _search(levels, one.cells, known, seed, leaves_something)
             if before and found[0].cost > _GAIN * before[0].cost and leaves_something(found[0]):
+                objective = Objective(levels.coarse, levels.tie)
                 split = [
-                    _weighed(levels, before[0], (width, pinned))[1]
+                    _weighed(objective, before[0], (width, pinned))[1]
                     for width in _SPLIT
                     for pinned in _PINNED
                 ]
@@ -193,13 +216,20 @@ def _only_demanded(
 def _levels(
     one: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
 ) -> _Levels:
-    assert isinstance(form.cells, CellKernel)
-    near = replace(form, cells=replace(form.cells, aim=_NEAR))
     rough, coarse, fine = (
-        CoordinateSpace(one.gap_map, records.thinned(most), law, one.held, one.common)
-        for most, law in ((_ROUGH, near), (COARSE, near), (FINE, form))
+        CoordinateSpace(one.gap_map, some, form, one.held, one.common)
+        for some in map(records.thinned, (_ROUGH, COARSE, FINE))
     )
     return _Levels(rough, coarse, fine, TIE * base.cost if one.gap_map in TIED else 0.0)
+
+
+def exact(found: FoundModel) -> FoundModel:
+    """Take the tables that a model is computed with."""
+    form = found.space.form
+    if not isinstance(form.cells, CellKernel):
+        return found
+    form = replace(form, cells=replace(form.cells, aim=EXACT))
+    return replace(found, space=replace(found.space, form=form))
 
 
 def _search(
@@ -291,35 +321,36 @@ def _as_cells(
 def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray]:
     """Add a population to fits, where each would take most off what is left."""
     found = []
-    for one in before:
-        tried = [_weighed(levels, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED]
+    objective = Objective(levels.coarse, levels.tie)
+    for one in dict.fromkeys(before):  # ends may have joined
+        tried = [
+            _weighed(objective, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
+        ]
         tried.sort(key=lambda start: -start[0])
         found += [theta for _, theta in tried[:_SUGGESTED]]
     return found
 
 
 def _weighed(
-    levels: _Levels, found: FoundModel, how: tuple[float, float]
+    objective: Objective, found: FoundModel, how: tuple[float, float]
 ) -> tuple[float, FloatArray]:
     """Foresee what a population gains, to first order: how much, and the start with its share.
 
     All other numbers may move with it, so what they explain by themselves counts for nothing.
     """
-    power = found.space.form.power
+    power, space = found.space.form.power, objective.space
 
     def start(share: float) -> FloatArray:
-        return levels.coarse.pack(
-            [_with_population(one, power, (share, *how)) for one in found.sets]
-        )
+        return space.pack([_with_population(one, power, (share, *how)) for one in found.sets])
 
     theta = start(_SMALL)
     try:
-        _, slope, normal = Objective(levels.coarse, levels.tie).normal(theta)
+        _, slope, normal = objective.normal(theta)
     except NoResponseError:
         return -np.inf, theta
     share_of_it = f"share_{len(found.sets[0].law) // 4 + 1}"
     # Of a gap map that leaves everything free there is one a gap; they rise together.
-    own_places = np.array([name.partition("[")[0] == share_of_it for name in levels.coarse.names])
+    own_places = np.array([name.partition("[")[0] == share_of_it for name in space.names])
     others = ~own_places
     inner = normal[np.ix_(others, others)]
     inner += 1e-6 * np.diag(np.diag(inner)) + 1e-12 * np.trace(inner) * np.eye(inner.shape[0])
