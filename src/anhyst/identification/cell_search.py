@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +47,22 @@ _ROUNDS = 2
 _TRIED, _FOLLOWED, _ENDED = 12, 4, 2
 """Starts that descend a little, further, and to their end."""
 
-_SHORT, _LONG, _TO_END, _POLISHED = 6, 20, 60, 8
-_CLOSE = 1e-5
+_POLISHED = 8
+"""Steps in which every weight moves by itself, at most."""
+
+
+class _Pace(NamedTuple):
+    """Steps of a descent from one sieve to the next, at most, and the gain of one that ends it."""
+
+    short: int
+    long: int
+    to_end: int
+    close: float
+
+
+_PACE, _PATIENT = _Pace(6, 20, 60, 1e-5), _Pace(15, 40, 200, 1e-7)
+_FEW = 2
+"""Loops up to which a search is patient: what so few leave open is long flat valleys."""
 
 _AGREE = 1.1
 """Cost over the least one up to which an end agrees with the best."""
@@ -111,15 +126,15 @@ class _Levels:
 
         What at its pace does not come near the least cost so far, ends early.
         """
-        objective = Objective(self.rough, self.tie)
+        objective, pace = Objective(self.rough, self.tie), _pace(self.rough.records)
         costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
         chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
         spent = len(costs)
         ends: list[FoundModel] = []
         for space, kept, tolerance, most in (
-            (self.coarse, followed, 1e-3, _SHORT),
-            (self.coarse, _ENDED, 1e-4, _LONG),
-            (self.fine, _ENDED, _CLOSE, _TO_END),
+            (self.coarse, followed, 1e-3, pace.short),
+            (self.coarse, _ENDED, 1e-4, pace.long),
+            (self.fine, _ENDED, pace.close, pace.to_end),
         ):
             ends = []
             for place, theta in enumerate(chosen):
@@ -133,6 +148,22 @@ class _Levels:
             ends = sorted(ends, key=lambda one: one.cost)[:kept]
             chosen = [one.theta for one in ends]
         return [replace(ends[0], evaluations=spent), *ends[1:]]
+
+
+def _pace(records: FitRecords) -> _Pace:
+    return _PATIENT if len(records.loops) <= _FEW else _PACE
+
+
+def _ended(space: CoordinateSpace, theta: FloatArray, tie: float) -> FoundModel:
+    """Follow to the end."""
+    pace = _pace(space.records)
+    return follow(space, theta, pace.close, pace.to_end, tie)
+
+
+def _demanded(found: FoundModel) -> FoundModel:
+    """Leave out offsets that the loops do not demand."""
+    pace = _pace(found.space.records)
+    return only_demanded(found, pace.close, pace.to_end)
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:
@@ -179,7 +210,7 @@ def search_cells(
                 found = _best([*found, *levels.ends(split, len(split))])
             if not before and not is_usable(found[0]):
                 # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
-                near = [follow(levels.fine, theta, _CLOSE, _TO_END, levels.tie) for theta in known]
+                near = [_ended(levels.fine, theta, levels.tie) for theta in known]
                 able = sorted(filter(is_usable, near), key=lambda end: end.cost)
                 found = [*able[:1], *found][:_ENDED]
             if not before or found[0].cost <= _GAIN * before[0].cost:
@@ -202,7 +233,7 @@ def _only_demanded(
     leaves_something: Callable[[FoundModel], bool],
 ) -> FoundModel:
     """Leave out offsets that the loops do not demand; where that is dear, search without them."""
-    found = only_demanded(ends[0], _CLOSE, _TO_END)
+    found = _demanded(ends[0])
     if found.cost <= _DEAR * ends[0].cost:
         return found
     form, held = ends[0].space.form, found.space.held
@@ -384,8 +415,8 @@ def remapped(found: FoundModel, one: ModelCandidate, records: FitRecords) -> Fit
         one.gap_map, records.thinned(FINE), found.space.form, one.held, one.common
     )
     tie = TIE * found.cost if one.gap_map in TIED else 0.0
-    wide = follow(space, space.pack(found.sets), _CLOSE, _TO_END, tie)
-    return Fits(wide, only_demanded(wide, _CLOSE, _TO_END))
+    wide = _ended(space, space.pack(found.sets), tie)
+    return Fits(wide, _demanded(wide))
 
 
 def polish(found: FoundModel, records: FitRecords) -> FoundModel:
@@ -398,4 +429,4 @@ def polish(found: FoundModel, records: FitRecords) -> FoundModel:
     space = replace(
         found.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
     )
-    return follow(space, space.pack(sets), _CLOSE, _POLISHED, found.tie)
+    return follow(space, space.pack(sets), _PACE.close, _POLISHED, found.tie)
