@@ -29,6 +29,10 @@ _CERTAIN = 2.0
 """Standard errors by which other play cells must be better where only blocks of samples are left out:
 any cells that follow the loop foresee those, and they say less of other runs than loops do."""
 
+_PLAIN = 1.5
+"""Mean square over that of other play cells, of the loops and of blocks left out, from which on nobody
+waits for certainty: the standard error is of few blocks, and most of it of the one that gains most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Fits:
@@ -79,13 +83,22 @@ class Contest:
             enough = AS_GOOD * min(means.values())
             first = next(one for one, mean in means.items() if mean <= enough)
             pair = [best, first] if best else []
-            certain = _CERTAIN if self.by == "block" and best and best.cells else 1.0
-            if best is None or better(
-                *(_compared(missed[one], pair) for one in (best, first)), certain
+            blocks = self.by == "block" and best is not None and best.cells is not None
+            certain = _CERTAIN if blocks else 1.0
+            if (
+                best is None
+                or better(*(_compared(missed[one], pair) for one in (best, first)), certain)
+                or (blocks and self._plainly(best, first, besides))
             ):
                 best = first
         assert best is not None
         return best
+
+    def _plainly(self, one: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
+        """Whether another is better by much, of what it saw and of what it did not."""
+        squares = [mean_square_of(self.misses(each, besides)) for each in (one, other)]
+        costs = [self._cost(each, besides) for each in (one, other)]
+        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
 
     def _simplest(self) -> list[ModelCandidate]:
         least = min(one.rank for one in self.entrants)
