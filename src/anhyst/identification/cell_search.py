@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from typing import NamedTuple
 
 import numpy as np
 
@@ -51,18 +50,14 @@ _POLISHED = 8
 """Steps in which every weight moves by itself, at most."""
 
 
-class _Pace(NamedTuple):
-    """Steps of a descent from one sieve to the next, at most, and the gain of one that ends it."""
+_END = (1e-5, 60)
+"""Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
 
-    short: int
-    long: int
-    to_end: int
-    close: float
+_PACE, _PATIENT = ((6, 20), _END), ((15, 40), (1e-7, 200))
+"""Steps from one sieve to the next, and the end; those of few loops that leave more than noise."""
 
-
-_PACE, _PATIENT = _Pace(6, 20, 60, 1e-5), _Pace(15, 40, 200, 1e-7)
 _FEW = 2
-"""Loops up to which a search is patient: what so few leave open is long flat valleys."""
+"""Loops that are few: what they leave open is long flat valleys, where descents seem to have ended."""
 
 _AGREE = 1.1
 """Cost over the least one up to which an end agrees with the best."""
@@ -121,20 +116,26 @@ class _Levels:
     fine: CoordinateSpace
     tie: float
 
-    def ends(self, starts: Iterable[FloatArray], followed: int = _FOLLOWED) -> list[FoundModel]:
+    def ends(
+        self,
+        starts: Iterable[FloatArray],
+        followed: int = _FOLLOWED,
+        pace: tuple[tuple[int, int], tuple[float, int]] = _PACE,
+    ) -> list[FoundModel]:
         """Descend from starts, fewer and fewer of them; best first.
 
         What at its pace does not come near the least cost so far, ends early.
         """
-        objective, pace = Objective(self.rough, self.tie), _pace(self.rough.records)
+        objective = Objective(self.rough, self.tie)
+        (short, long), end = pace
         costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
         chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
         spent = len(costs)
         ends: list[FoundModel] = []
         for space, kept, tolerance, most in (
-            (self.coarse, followed, 1e-3, pace.short),
-            (self.coarse, _ENDED, 1e-4, pace.long),
-            (self.fine, _ENDED, pace.close, pace.to_end),
+            (self.coarse, followed, 1e-3, short),
+            (self.coarse, _ENDED, 1e-4, long),
+            (self.fine, _ENDED, *end),
         ):
             ends = []
             for place, theta in enumerate(chosen):
@@ -148,22 +149,6 @@ class _Levels:
             ends = sorted(ends, key=lambda one: one.cost)[:kept]
             chosen = [one.theta for one in ends]
         return [replace(ends[0], evaluations=spent), *ends[1:]]
-
-
-def _pace(records: FitRecords) -> _Pace:
-    return _PATIENT if len(records.loops) <= _FEW else _PACE
-
-
-def _ended(space: CoordinateSpace, theta: FloatArray, tie: float) -> FoundModel:
-    """Follow to the end."""
-    pace = _pace(space.records)
-    return follow(space, theta, pace.close, pace.to_end, tie)
-
-
-def _demanded(found: FoundModel) -> FoundModel:
-    """Leave out offsets that the loops do not demand."""
-    pace = _pace(found.space.records)
-    return only_demanded(found, pace.close, pace.to_end)
 
 
 def _same(one: FloatArray, other: FloatArray) -> bool:
@@ -210,7 +195,7 @@ def search_cells(
                 found = _best([*found, *levels.ends(split, len(split))])
             if not before and not is_usable(found[0]):
                 # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
-                near = [_ended(levels.fine, theta, levels.tie) for theta in known]
+                near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
                 able = sorted(filter(is_usable, near), key=lambda end: end.cost)
                 found = [*able[:1], *found][:_ENDED]
             if not before or found[0].cost <= _GAIN * before[0].cost:
@@ -233,7 +218,7 @@ def _only_demanded(
     leaves_something: Callable[[FoundModel], bool],
 ) -> FoundModel:
     """Leave out offsets that the loops do not demand; where that is dear, search without them."""
-    found = _demanded(ends[0])
+    found = only_demanded(ends[0], *_END)
     if found.cost <= _DEAR * ends[0].cost:
         return found
     form, held = ends[0].space.form, found.space.held
@@ -270,18 +255,24 @@ def _search(
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
 ) -> list[FoundModel]:
-    """Draw starts until the last ends agree, or leave nothing."""
+    """Draw starts until the last ends agree, or leave nothing.
+
+    Of few loops, ends agree on the flat; so the same starts are followed further.
+    """
+    few = len(levels.fine.records.loops) <= _FEW
     ends: list[FoundModel] = []
     drawn = _DRAWN if kernel.populations < 3 else 0
     for turn in range(_ROUNDS):
-        starts = draw_starts(kernel, drawn, seed + turn, levels.fine.gap_map in IN_SERIES)
+        starts = draw_starts(
+            kernel, drawn, seed if few else seed + turn, levels.fine.gap_map in IN_SERIES
+        )
         sets = (placed(levels.coarse, start) for start in starts)
         thetas = [levels.coarse.pack(one) for one in sets if possible(one)]
-        new = levels.ends([*known, *thetas])
+        new = levels.ends([*known, *thetas], pace=_PATIENT if few and turn else _PACE)
         ends = _best([*ends, *new])
-        known = []
+        known = known if few else []
         agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
-        if not drawn or agreed or not leaves_something(ends[0]):
+        if not leaves_something(ends[0]) or (not few and (agreed or not drawn)):
             break
     return ends
 
@@ -415,8 +406,8 @@ def remapped(found: FoundModel, one: ModelCandidate, records: FitRecords) -> Fit
         one.gap_map, records.thinned(FINE), found.space.form, one.held, one.common
     )
     tie = TIE * found.cost if one.gap_map in TIED else 0.0
-    wide = _ended(space, space.pack(found.sets), tie)
-    return Fits(wide, _demanded(wide))
+    wide = follow(space, space.pack(found.sets), *_END, tie)
+    return Fits(wide, only_demanded(wide, *_END))
 
 
 def polish(found: FoundModel, records: FitRecords) -> FoundModel:
@@ -429,4 +420,4 @@ def polish(found: FoundModel, records: FitRecords) -> FoundModel:
     space = replace(
         found.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
     )
-    return follow(space, space.pack(sets), _PACE.close, _POLISHED, found.tie)
+    return follow(space, space.pack(sets), _END[0], _POLISHED, found.tie)
