@@ -59,6 +59,9 @@ _PACE, _PATIENT = ((6, 20), _END), ((15, 40), (1e-7, 200))
 _FEW = 2
 """Loops that are few: what they leave open is long flat valleys, where descents seem to have ended."""
 
+_FURTHER = 0.8
+"""Cost over that of ends that agree, from which on those were none."""
+
 _AGREE = 1.1
 """Cost over the least one up to which an end agrees with the best."""
 
@@ -257,23 +260,25 @@ def _search(
 ) -> list[FoundModel]:
     """Draw starts until the last ends agree, or leave nothing.
 
-    Of few loops, ends agree on the flat; so the same starts are followed further.
+    Of few loops ends agree on the flat, so what leaves more than noise is followed further from all
+    starts; an end that leaves little less is another by chance, and foresees other runs no better.
     """
-    few = len(levels.fine.records.loops) <= _FEW
     ends: list[FoundModel] = []
     drawn = _DRAWN if kernel.populations < 3 else 0
+    begun: list[FloatArray] = []
     for turn in range(_ROUNDS):
-        starts = draw_starts(
-            kernel, drawn, seed if few else seed + turn, levels.fine.gap_map in IN_SERIES
-        )
+        starts = draw_starts(kernel, drawn, seed + turn, levels.fine.gap_map in IN_SERIES)
         sets = (placed(levels.coarse, start) for start in starts)
-        thetas = [levels.coarse.pack(one) for one in sets if possible(one)]
-        new = levels.ends([*known, *thetas], pace=_PATIENT if few and turn else _PACE)
-        ends = _best([*ends, *new])
-        known = known if few else []
+        new = [*known, *(levels.coarse.pack(one) for one in sets if possible(one))]
+        ends = _best([*ends, *levels.ends(new)])
+        begun, known = [*begun, *new], []
         agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
-        if not leaves_something(ends[0]) or (not few and (agreed or not drawn)):
+        if not drawn or agreed or not leaves_something(ends[0]):
             break
+    if len(levels.fine.records.loops) <= _FEW and leaves_something(ends[0]):
+        further = levels.ends(begun, pace=_PATIENT)
+        if further[0].cost < _FURTHER * ends[0].cost:
+            return further
     return ends
 
 
