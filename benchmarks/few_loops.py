@@ -160,7 +160,7 @@ def main() -> None:
             f"{name}: missed {np.median(rms):.3f} %, 90 of 100 {np.quantile(rms, 0.9):.2f}, worst "
             f"{rms.max():.2f}; over the best law {np.exp(np.log(over).mean()):.3f}, 90 of 100 "
             f"{np.quantile(over, 0.9):.2f}; another law after another noise {100.0 * jumps:.0f} % "
-            f"({len(every)} of {len(pairs)} draws measured twice)"
+            f"({len(every)} measurements of {len(pairs)} draws)"
         )
 
 
