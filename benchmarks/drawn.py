@@ -8,7 +8,7 @@ All are computed at once and kept in ``build/`` under a hash of what they are ma
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
@@ -296,14 +296,19 @@ def _computed() -> tuple[list[_Plan], list[list[Answer]]]:
 def draw(number: int) -> Draw:
     """Return a virtual measurement by its number, 0 to :data:`COUNT` - 1."""
     plans, found = _computed()
-    plan = plans[number]
-    rng = np.random.default_rng([SETTINGS["seed"], number, 1])
+    return measured(
+        plans[number], found[number], np.random.default_rng([SETTINGS["seed"], number, 1])
+    )
+
+
+def measured(plan: _Plan, found: Sequence[Answer], rng: np.random.Generator) -> Draw:
+    """Read what a plan gives with its sensors."""
     sensors, magnet, ring = plan.true["sensors"], plan.true["magnet"], plan.core.ring
     field = ring and magnet["ring_flux_density"]
     poles = plan.core.poles
     unit = poles.turns / poles.iron_length if field else 1.0  # of the input for each A
     outputs, spans = [], []
-    for one, answer in zip(plan.records, found[number], strict=True):
+    for one, answer in zip(plan.records, found, strict=True):
         linkage, flux = (values[len(one.lead):] for values in answer)  # fmt: skip
         output = linkage if ring else plan.core.pull(flux, one.gap)
         outputs.append(output / (poles.turns * poles.area) if field else output)
@@ -337,10 +342,8 @@ def draw(number: int) -> Draw:
         loops.append(Loop(one.label, seen, read, gap, time, history))
     names = ("field", "flux_density") if field else ("current", "flux_linkage" if ring else "force")
     quantities = [QUANTITIES[name] for name in names]
-    measured = Loops(
-        tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"]
-    )
-    return Draw(number, plan.family, plan.true, measured, tuple(tests))
+    read = Loops(tuple(loops), quantities[0], quantities[1], None if ring else QUANTITIES["gap"])
+    return Draw(plan.number, plan.family, plan.true, read, tuple(tests))
 
 
 if __name__ == "__main__":

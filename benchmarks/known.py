@@ -38,7 +38,6 @@ from anhyst.identification.cell_response import CellResponder
 from anhyst.identification.default import FoundModel, follow, reference_gap
 from anhyst.identification.fit_records import FitRecords, records_of
 from anhyst.identification.gauge import form_of
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.offsets import OFFSETS
 from anhyst.identification.response import Local, Responder, ResponseForm
 from anhyst.identification.rest import rest_of
@@ -48,7 +47,7 @@ from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.compilable import obstacle
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import atomic_writer
-from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.errors import InputError, NegativeResult, NoResponseError
 from drawn import draw
 from drawn_families import SETTINGS
 from search import KNOWN, loops_rms

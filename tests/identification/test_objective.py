@@ -13,7 +13,6 @@ from anhyst.identification.default import follow
 from anhyst.identification.fit_records import WEIGHTINGS, FitRecords, records_of
 from anhyst.identification.fitting import Evaluation
 from anhyst.identification.gauge import form_of
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import LOCAL, Local
 from anhyst.identification.screening import sample_sets, screen, starts
@@ -22,6 +21,7 @@ from anhyst.identification.uncertainty import memory
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 from tests.identification.truths import (
     GAPS,
     HISTORIES,

@@ -238,6 +238,7 @@ def _as_dict(result: IdentifyResult, out: Path) -> dict[str, object]:
         "reduction": [asdict(step) for step in model.reduction],
         "warnings": list(result.warnings),
         "seconds": result.seconds,
+        "stages_s": dict(result.stages),
         "evaluations": result.evaluations,
         "interrupted": result.interrupted,
     }

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst._core import CellOperator, status_text
-from anhyst.identification.no_response import NoResponseError
 from anhyst.laws.cells import CellWeights, Tangents
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 EXACT = 1e-12
 """Error of tables that a model is computed with, in parts of the saturation."""
@@ -21,6 +21,10 @@ EXACT = 1e-12
 _STEEPER = 1.03
 """Largest slope over that at the nodes of tables that aim at less: what responds with them must do so
 with exact ones."""
+
+
+_AT_ONCE = np.zeros(1, dtype=np.int64)
+"""Where drives begin, of a single one."""
 
 
 class CellPath(NamedTuple):
@@ -51,14 +55,14 @@ class CellPaths:
             raise NoResponseError(str(error)) from error
 
     def follow(
-        self, omega: FloatArray, r: FloatArray, begins: Sequence[int] = (0,)
+        self, omega: FloatArray, r: FloatArray, begins: NDArray[np.int64] = _AT_ONCE
     ) -> tuple[FloatArray, FloatArray]:
         """Return effective field and magnetisation where ``x + omega*M(x) = r``, all of shape (n,).
 
         Drives stand one after the other; at each begin the cells are demagnetised.
         """
         self._refuse_jumps(omega)
-        x, m, status = self._operator.run(omega, r, np.array(begins, dtype=np.int64))
+        x, m, status = self._operator.run(omega, r, begins)
         _refuse(status)
         return x, m
 
@@ -68,7 +72,7 @@ class CellPaths:
         r: FloatArray,
         own: FloatArray,
         r_t: FloatArray,
-        begins: Sequence[int],
+        begins: NDArray[np.int64],
     ) -> CellPath:
         """Return them with derivatives: by the numbers of the law, omega, and what moves r."""
         self._refuse_jumps(omega)
@@ -89,7 +93,7 @@ class CellPaths:
             weights_t,
             widths_t,
             thresholds_t,
-            np.array(begins, dtype=np.int64),
+            begins,
         )
         _refuse(status)
         return CellPath(x, m, x_t, m_t)

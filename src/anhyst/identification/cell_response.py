@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from anhyst.identification.cell_path import CellPath, CellPaths
 from anhyst.identification.fit_records import FitRecord
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.response import FLATTEST, Local, ResponseForm, between
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 _TOGETHER = 20_000
 """Samples that are followed in one call, about; more would cost memory and gain nothing."""
@@ -54,9 +54,9 @@ class CellResponder:
             r_t = np.stack([-r * drives.own / scale, -drives.own / scale], axis=1)
             path = cells.with_tangents(omega, r, drives.own, r_t, drives.begins)
             path = CellPath(*(values[drives.kept] for values in path))
+            output, by_local = _differentiated(form, sets, drives.gaps, path)
             for gap, part in drives.runs:
-                found = _differentiated(form, sets[gap], CellPath(*(v[part] for v in path)))
-                yield gap, *found
+                yield gap, output[part], by_local[part]
 
     def _together(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
@@ -80,7 +80,7 @@ class _Drives:
     drive: FloatArray  # SI; shape (n,)
     place: FloatArray  # place of the gap that the drive was at; shape (n,)
     own: FloatArray  # 1 at the gap of the record, else 0; shape (n,)
-    begins: Sequence[int]  # where each drive begins
+    begins: NDArray[np.int64]  # where each drive begins
     parts: Sequence[slice]  # where its record is
 
     @cached_property
@@ -100,6 +100,12 @@ class _Drives:
             found.append((gap, slice(first, last)))
             first = last
         return found
+
+    @cached_property
+    def gaps(self) -> NDArray[np.intp]:
+        """Gap of each sample of a record."""
+        sizes = [record.input.size for record in self.records]
+        return np.repeat([record.gap for record in self.records], sizes)
 
     def under(self, sets: Sequence[Local]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Put them in the terms of the cells: omega and right side; and the scale of each sample."""
@@ -134,26 +140,29 @@ def _joined(records: Sequence[FitRecord]) -> _Drives:
         end += before.drive.size + n
         parts.append(slice(end - n, end))
     drive, place, own = (np.concatenate(values) for values in (drives, places, owns))
-    return _Drives(tuple(records), drive, place, own, begins, parts)
+    return _Drives(tuple(records), drive, place, own, np.array(begins, dtype=np.int64), parts)
 
 
 def _differentiated(
-    form: ResponseForm, local: Local, path: CellPath
+    form: ResponseForm, sets: Sequence[Local], gaps: NDArray[np.intp], path: CellPath
 ) -> tuple[FloatArray, FloatArray]:
+    """Output at each sample, and its derivatives by the numbers at its gap."""
     x, m, x_t, m_t = path
-    law = len(local.law)
-    b = m + local.h * x
-    steep = local.gain * form.power * b ** (form.power - 1)
-    through = steep[:, None] * (m_t + local.h * x_t)
+    law = len(sets[0].law)
+    around = np.array([(one.h, one.scale, one.gain, one.out_0) for one in sets])
+    h, scale, gain, out_0 = around[gaps].T
+    b = m + h * x
+    steep = gain * form.power * b ** (form.power - 1)
+    through = steep[:, None] * (m_t + h[:, None] * x_t)
     jacobian = np.empty((b.size, law + 5))
     jacobian[:, : law + 2] = through[:, : law + 2]
     jacobian[:, law + 2] = b**form.power
     jacobian[:, law + 3] = through[:, law + 2]
     jacobian[:, law + 4] = 1.0
     if form.permeability > 0.0:
-        jacobian[:, law + 1] += steep * x * local.h / local.scale
-        jacobian[:, law + 2] -= steep * x * local.h / local.gain
-    return local.gain * b**form.power + local.out_0, jacobian
+        jacobian[:, law + 1] += steep * x * h / scale
+        jacobian[:, law + 2] -= steep * x * h / gain
+    return gain * b**form.power + out_0, jacobian
 
 
 def _cells(form: ResponseForm, sets: Sequence[Local]) -> list[CellPaths]:

@@ -17,24 +17,25 @@ import numpy as np
 
 from anhyst.identification.candidates import ModelCandidate
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel, by_weights
+from anhyst.identification.cell_path import EXACT
 from anhyst.identification.cell_starts import SLOPES, draw_starts, placed, possible
 from anhyst.identification.contest import Fits
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.laws.cells import Shape
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 _ROUGH, COARSE, FINE = 16, 40, 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones
 come to their end, at most."""
 
 _NEAR = 1e-8
-"""Error of the tables with which starts descend, in parts of the saturation."""
+"""Error of the tables that fits are compared with, in parts of the saturation."""
 
 _DRAWN = 48
 """Starts drawn at a time."""
@@ -45,11 +46,30 @@ _ROUNDS = 2
 _TRIED, _FOLLOWED, _ENDED = 12, 4, 2
 """Starts that descend a little, further, and to their end."""
 
-_SHORT, _LONG, _TO_END, _POLISHED = 6, 20, 60, 8
-_CLOSE = 1e-5
+_POLISHED = 8
+"""Steps in which every weight moves by itself, at most."""
+
+
+_END = (1e-5, 60)
+"""Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
+
+_PACE, _PATIENT = ((6, 20), _END), ((15, 40), (1e-7, 200))
+"""Steps from one sieve to the next, and the end; those of few loops that leave more than noise."""
+
+_FEW = 2
+"""Loops that are few: what they leave open is long flat valleys, where descents seem to have ended."""
+
+_FURTHER = 0.8
+"""Cost over that of ends that agree, from which on those were none."""
 
 _AGREE = 1.1
 """Cost over the least one up to which an end agrees with the best."""
+
+_SAME = 0.02
+"""Distance of two ends, in any coordinate, from which on they are not on their way to the same."""
+
+_FAR = 2.0
+"""Cost over the least one so far that a further descent must be able to come below."""
 
 _PINNINGS = (1.0, 0.4)
 """Thresholds over the pinning ``k`` of a law of Jiles and Atherton."""
@@ -99,23 +119,43 @@ class _Levels:
     fine: CoordinateSpace
     tie: float
 
-    def ends(self, starts: Iterable[FloatArray], followed: int = _FOLLOWED) -> list[FoundModel]:
-        """Descend from starts, fewer and fewer of them; best first."""
+    def ends(
+        self,
+        starts: Iterable[FloatArray],
+        followed: int = _FOLLOWED,
+        pace: tuple[tuple[int, int], tuple[float, int]] = _PACE,
+    ) -> list[FoundModel]:
+        """Descend from starts, fewer and fewer of them; best first.
+
+        What at its pace does not come near the least cost so far, ends early.
+        """
         objective = Objective(self.rough, self.tie)
+        (short, long), end = pace
         costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
         chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
         spent = len(costs)
         ends: list[FoundModel] = []
         for space, kept, tolerance, most in (
-            (self.coarse, followed, 1e-3, _SHORT),
-            (self.coarse, _ENDED, 1e-4, _LONG),
-            (self.fine, _ENDED, _CLOSE, _TO_END),
+            (self.coarse, followed, 1e-3, short),
+            (self.coarse, _ENDED, 1e-4, long),
+            (self.fine, _ENDED, *end),
         ):
-            ends = [follow(space, theta, tolerance, most, self.tie) for theta in chosen]
-            spent += sum(one.evaluations for one in ends)
+            ends = []
+            for place, theta in enumerate(chosen):
+                again = next((at for at in range(place) if _same(theta, chosen[at])), None)
+                if again is not None:
+                    ends.append(ends[again])
+                    continue
+                near = _FAR * min((one.cost for one in ends), default=np.inf)
+                ends.append(follow(space, theta, tolerance, most, self.tie, near))
+                spent += ends[-1].evaluations
             ends = sorted(ends, key=lambda one: one.cost)[:kept]
             chosen = [one.theta for one in ends]
         return [replace(ends[0], evaluations=spent), *ends[1:]]
+
+
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    return bool(np.max(np.abs(one - other)) < _SAME)
 
 
 def _cost(objective: Objective, theta: FloatArray) -> float:
@@ -142,21 +182,23 @@ def search_cells(
             shape = one.cells.shape
             if shape not in shapes:
                 continue
-            form = replace(base.space.form, law=LAW_OF[shape], cells=one.cells, dead_band=0.0)
+            kernel = replace(one.cells, aim=_NEAR)
+            form = replace(base.space.form, law=LAW_OF[shape], cells=kernel, dead_band=0.0)
             levels = _levels(one, form, records, base)
             before = last.get(shape, [])
             known = _suggested(levels, before) if before else _begun(levels, base)
             found = _search(levels, one.cells, known, seed, leaves_something)
             if before and found[0].cost > _GAIN * before[0].cost and leaves_something(found[0]):
+                objective = Objective(levels.coarse, levels.tie)
                 split = [
-                    _weighed(levels, before[0], (width, pinned))[1]
+                    _weighed(objective, before[0], (width, pinned))[1]
                     for width in _SPLIT
                     for pinned in _PINNED
                 ]
                 found = _best([*found, *levels.ends(split, len(split))])
             if not before and not is_usable(found[0]):
                 # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
-                near = [follow(levels.fine, theta, _CLOSE, _TO_END, levels.tie) for theta in known]
+                near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
                 able = sorted(filter(is_usable, near), key=lambda end: end.cost)
                 found = [*able[:1], *found][:_ENDED]
             if not before or found[0].cost <= _GAIN * before[0].cost:
@@ -179,7 +221,7 @@ def _only_demanded(
     leaves_something: Callable[[FoundModel], bool],
 ) -> FoundModel:
     """Leave out offsets that the loops do not demand; where that is dear, search without them."""
-    found = only_demanded(ends[0], _CLOSE, _TO_END)
+    found = only_demanded(ends[0], *_END)
     if found.cost <= _DEAR * ends[0].cost:
         return found
     form, held = ends[0].space.form, found.space.held
@@ -193,13 +235,20 @@ def _only_demanded(
 def _levels(
     one: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
 ) -> _Levels:
-    assert isinstance(form.cells, CellKernel)
-    near = replace(form, cells=replace(form.cells, aim=_NEAR))
     rough, coarse, fine = (
-        CoordinateSpace(one.gap_map, records.thinned(most), law, one.held, one.common)
-        for most, law in ((_ROUGH, near), (COARSE, near), (FINE, form))
+        CoordinateSpace(one.gap_map, some, form, one.held, one.common)
+        for some in map(records.thinned, (_ROUGH, COARSE, FINE))
     )
     return _Levels(rough, coarse, fine, TIE * base.cost if one.gap_map in TIED else 0.0)
+
+
+def exact(found: FoundModel) -> FoundModel:
+    """Take the tables that a model is computed with."""
+    form = found.space.form
+    if not isinstance(form.cells, CellKernel):
+        return found
+    form = replace(form, cells=replace(form.cells, aim=EXACT))
+    return replace(found, space=replace(found.space, form=form))
 
 
 def _search(
@@ -209,19 +258,27 @@ def _search(
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
 ) -> list[FoundModel]:
-    """Draw starts until the last ends agree, or leave nothing."""
+    """Draw starts until the last ends agree, or leave nothing.
+
+    Of few loops ends agree on the flat, so what leaves more than noise is followed further from all
+    starts; an end that leaves little less is another by chance, and foresees other runs no better.
+    """
     ends: list[FoundModel] = []
     drawn = _DRAWN if kernel.populations < 3 else 0
+    begun: list[FloatArray] = []
     for turn in range(_ROUNDS):
         starts = draw_starts(kernel, drawn, seed + turn, levels.fine.gap_map in IN_SERIES)
         sets = (placed(levels.coarse, start) for start in starts)
-        thetas = [levels.coarse.pack(one) for one in sets if possible(one)]
-        new = levels.ends([*known, *thetas])
-        ends = _best([*ends, *new])
-        known = []
+        new = [*known, *(levels.coarse.pack(one) for one in sets if possible(one))]
+        ends = _best([*ends, *levels.ends(new)])
+        begun, known = [*begun, *new], []
         agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
         if not drawn or agreed or not leaves_something(ends[0]):
             break
+    if len(levels.fine.records.loops) <= _FEW and leaves_something(ends[0]):
+        further = levels.ends(begun, pace=_PATIENT)
+        if further[0].cost < _FURTHER * ends[0].cost:
+            return further
     return ends
 
 
@@ -291,35 +348,36 @@ def _as_cells(
 def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray]:
     """Add a population to fits, where each would take most off what is left."""
     found = []
-    for one in before:
-        tried = [_weighed(levels, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED]
+    objective = Objective(levels.coarse, levels.tie)
+    for one in dict.fromkeys(before):  # ends may have joined
+        tried = [
+            _weighed(objective, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
+        ]
         tried.sort(key=lambda start: -start[0])
         found += [theta for _, theta in tried[:_SUGGESTED]]
     return found
 
 
 def _weighed(
-    levels: _Levels, found: FoundModel, how: tuple[float, float]
+    objective: Objective, found: FoundModel, how: tuple[float, float]
 ) -> tuple[float, FloatArray]:
     """Foresee what a population gains, to first order: how much, and the start with its share.
 
     All other numbers may move with it, so what they explain by themselves counts for nothing.
     """
-    power = found.space.form.power
+    power, space = found.space.form.power, objective.space
 
     def start(share: float) -> FloatArray:
-        return levels.coarse.pack(
-            [_with_population(one, power, (share, *how)) for one in found.sets]
-        )
+        return space.pack([_with_population(one, power, (share, *how)) for one in found.sets])
 
     theta = start(_SMALL)
     try:
-        _, slope, normal = Objective(levels.coarse, levels.tie).normal(theta)
+        _, slope, normal = objective.normal(theta)
     except NoResponseError:
         return -np.inf, theta
     share_of_it = f"share_{len(found.sets[0].law) // 4 + 1}"
     # Of a gap map that leaves everything free there is one a gap; they rise together.
-    own_places = np.array([name.partition("[")[0] == share_of_it for name in levels.coarse.names])
+    own_places = np.array([name.partition("[")[0] == share_of_it for name in space.names])
     others = ~own_places
     inner = normal[np.ix_(others, others)]
     inner += 1e-6 * np.diag(np.diag(inner)) + 1e-12 * np.trace(inner) * np.eye(inner.shape[0])
@@ -353,8 +411,8 @@ def remapped(found: FoundModel, one: ModelCandidate, records: FitRecords) -> Fit
         one.gap_map, records.thinned(FINE), found.space.form, one.held, one.common
     )
     tie = TIE * found.cost if one.gap_map in TIED else 0.0
-    wide = follow(space, space.pack(found.sets), _CLOSE, _TO_END, tie)
-    return Fits(wide, only_demanded(wide, _CLOSE, _TO_END))
+    wide = follow(space, space.pack(found.sets), *_END, tie)
+    return Fits(wide, only_demanded(wide, *_END))
 
 
 def polish(found: FoundModel, records: FitRecords) -> FoundModel:
@@ -367,4 +425,4 @@ def polish(found: FoundModel, records: FitRecords) -> FoundModel:
     space = replace(
         found.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
     )
-    return follow(space, space.pack(sets), _CLOSE, _POLISHED, found.tie)
+    return follow(space, space.pack(sets), _END[0], _POLISHED, found.tie)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -24,12 +24,10 @@ from anhyst.identification.candidates import (
     without_interaction,
 )
 from anhyst.identification.cell_kernel import CellKernel, by_weights
-from anhyst.identification.cell_search import polish, remapped, search_cells
+from anhyst.identification.cell_search import exact, polish, remapped, search_cells
 from anhyst.identification.contest import Contest, Fits
 from anhyst.identification.cross_validation import (
-    Fold,
     LeftOut,
-    Refit,
     block_places,
     folds,
     inner,
@@ -41,6 +39,7 @@ from anhyst.identification.cross_validation import (
 from anhyst.identification.dead_band import add_dead_band, why_dead_band
 from anhyst.identification.default import (
     SCREENED,
+    TO_END,
     FoundModel,
     follow,
     join_circuit,
@@ -51,17 +50,17 @@ from anhyst.identification.default import (
 )
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fitting import Evaluation
-from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
 from anhyst.identification.one_loop import ALIKE, left_open
 from anhyst.identification.response import Local
-from anhyst.identification.run import SEARCHED, SearchRun
+from anhyst.identification.run import SearchRun
 from anhyst.identification.screening import starts
 from anhyst.identification.space import WRITTEN
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
 from anhyst.model.left_over import EXACT
+from anhyst.support.errors import NowhereNearError
 
 FEWEST = 5
 """Samples for each quantity that is fitted, at least: with fewer a fit proves nothing."""
@@ -99,15 +98,14 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     gaps = run.searched.gaps
     require_gaps(run.records, wanted)
     tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
-    left_out = folds(inner(gaps), nested=len(tried) > 1 or bool(run.cells))
-    run.total = 1 + len(tried) + len(left_out) + run.dead_band + _is_thinned(run)
+    run.total = 2 + len(tried) + bool(inner(gaps)) + run.dead_band
     run.total += 4 if run.cells else 0
     fits, known = _known(run)
     if gaps == 1:
         one = ModelCandidate("none", run.held)
         contest = Contest([one], {one: fits}, {}, ())
     else:
-        contest = _compared_maps(run, loopset, tried, known, left_out)
+        contest = _compared_maps(run, loopset, tried, known)
     best = _accepted(contest, loopset)
     why = _why(contest, best, wanted, gaps)
     if unable := [one.gap_map for one in tried if one not in contest.entrants]:
@@ -132,7 +130,7 @@ def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
     return ModelChoice(
         *_finished(run, loopset, contest.fits[best].found, why),
         {name: error for name, error in maps.items() if np.isfinite(error)},
-        _promised(contest, loopset, gaps),
+        run.timed("left out", partial(_promised, contest, loopset)),
         candidates,
         why_law,
         apart,
@@ -153,7 +151,6 @@ def _compared_maps(
     loopset: Loops,
     tried: list[ModelCandidate],
     known: list[Local],
-    left_out: list[Fold],
 ) -> Contest:
     """Fit every gap map, to all gaps and without some."""
     fits: dict[ModelCandidate, Fits] = {}
@@ -169,8 +166,8 @@ def _compared_maps(
                 raise
     usable = [one for one in fits if _is_usable(fits[one].found, loopset)]
     contest = Contest(usable or list(fits), fits, {}, inner(run.searched.gaps))
-    for fold in left_out:
-        contest.refits[fold] = _without(run, contest, loopset, fold)
+    if contest.places:
+        run.step("left out", partial(_leave_out, contest, loopset, contest.entrants))
     return contest
 
 
@@ -194,8 +191,7 @@ def _compare_cells(
         contest.places = places
         contest.by = by
         contest.entrants[:] = [base]
-        for fold in folds(contest.places, nested=True):
-            contest.refits[fold] = {base: refit(contest.fits[base].wide, loopset, fold, by)}
+        run.timed("left out", partial(_leave_out, contest, loopset, [base]))
     new = cell_candidates(cell_map(base, maps), run.cells)
     leaves = partial(_leaves_something, loopset=loopset)
     may_be_chosen = partial(_is_usable, loopset=loopset)
@@ -209,21 +205,22 @@ def _compare_cells(
                 found |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
         return found
 
-    contest.fits.update(run.step(search))
+    contest.fits.update(run.step("play cells", search))
     new = [one for one in (*simpler, *new) if one in contest.fits]
-    run.step(partial(_leave_out, contest, loopset, new, by))
+    run.step("left out", partial(_leave_out, contest, loopset, new))
     best = replace(contest, entrants=new).winner()
     others = [under(best, one) for one in maps if best.gap_map != one.gap_map != "free"]
     for one in others:
-        contest.fits[one] = remapped(contest.fits[best].wide, one, run.searched)
-    _leave_out(contest, loopset, others, by)
+        again = partial(remapped, contest.fits[best].wide, one, run.searched)
+        contest.fits[one] = run.timed("play cells", again)
+    run.timed("left out", partial(_leave_out, contest, loopset, others))
     new += others
     if contest.places and base.gap_map != "free" and _bears_weights(contest.fits[best].found):
         best = min(new, key=lambda one: contest.error(one) or 0.0)
         further = polished(best)
-        found = run.step(partial(polish, contest.fits[best].found, run.searched))
+        found = run.step("play cells", partial(polish, contest.fits[best].found, run.searched))
         contest.fits[further] = Fits(found, found)
-        run.step(partial(_leave_out, contest, loopset, [further], by))
+        run.step("left out", partial(_leave_out, contest, loopset, [further]))
         new.append(further)
     else:
         run.total -= 2
@@ -251,19 +248,27 @@ def _bears_weights(found: FoundModel) -> bool:
     return samples >= FEWEST * (found.theta.size + weights)
 
 
-def _promised(contest: Contest, loopset: Loops, gaps: int) -> CrossValidation | None:
+def _promised(contest: Contest, loopset: Loops) -> CrossValidation | None:
     """Say what the choice misses where it has seen nothing; inner loops left out promise nothing."""
+    if contest.by == "loop" or not contest.places:
+        return None
+    if len(contest.entrants) > 1:
+        _leave_out(contest, loopset, contest.near(), together=2)
     if contest.by == "block":
         each = float(np.mean(noise_at(loopset)))
         return promise(contest.nested(), [each] * len(contest.places), "block")
-    return promise(contest.nested(), noise_at(loopset)[1:-1]) if gaps > 2 else None
+    return promise(contest.nested(), noise_at(loopset)[1:-1])
 
 
-def _leave_out(contest: Contest, loopset: Loops, new: list[ModelCandidate], by: LeftOut) -> None:
-    for fold in folds(contest.places, nested=True):
-        contest.refits[fold].update(
-            {one: refit(contest.fits[one].found, loopset, fold, by) for one in new}
-        )
+def _leave_out(
+    contest: Contest, loopset: Loops, some: Sequence[ModelCandidate], together: int = 1
+) -> None:
+    """Fit some without each place, or without each pair."""
+    for fold in folds(contest.places, together):
+        known = contest.refits.setdefault(fold, {})
+        for one in some:
+            fits = contest.fits[one]
+            known[one] = refit(fits.found if one.cells else fits.wide, loopset, fold, contest.by)
 
 
 def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
@@ -349,19 +354,16 @@ def _bends(contest: Contest, one: ModelCandidate, loopset: Loops) -> bool:
         (model_of(contest.fits[other].found, loopset), missed)
         for other in contest.fits
         if other.gap_map != one.gap_map and other.cells == one.cells and other.rank < one.rank
-        and all(other in refits for refits in contest.refits.values())
+        and contest.is_tried(other)
         and (missed := contest.finite_error(other)) is not None
     ]  # fmt: skip
     return bends(model_of(contest.fits[one].found, loopset), error, simpler, loopset)
 
 
+@lru_cache(maxsize=2)  # of one fit it is asked again and again
 def _passes(found: FoundModel, loopset: Loops) -> bool:
     model = replace(model_of(found, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
-
-
-def _is_thinned(run: SearchRun) -> bool:
-    return any(record.input.size > SEARCHED for record in run.records.loops)
 
 
 def _finished(
@@ -373,15 +375,12 @@ def _finished(
         dead_band = "none: play cells need none"
     elif run.dead_band:
         found, dead_band = _with_dead_band(run, loopset, found)
-    if _is_thinned(run) or found.space.form.cells is not None:  # the search took fewer samples
-        start = found
-        end = run.step(
-            lambda: follow(start.on(run.records).space, start.theta, 1e-8, 50, start.tie)
-        )
-        # The last steps gain little, and may not lead to where nothing would have been chosen.
-        left = _is_usable(start, loopset) and not _is_usable(end, loopset)
-        found = start.on(run.records) if left else end
-    return found, why, dead_band
+    start = exact(found)
+    last = partial(follow, start.on(run.records).space, start.theta, *TO_END, start.tie)
+    end = run.step("last steps", last)
+    # The last steps gain little, and may not lead to where nothing would have been chosen.
+    left = _is_usable(start, loopset) and not _is_usable(end, loopset)
+    return start.on(run.records) if left else end, why, dead_band
 
 
 def _with_dead_band(run: SearchRun, loopset: Loops, found: FoundModel) -> tuple[FoundModel, str]:
@@ -392,7 +391,7 @@ def _with_dead_band(run: SearchRun, loopset: Loops, found: FoundModel) -> tuple[
         matters = usable(found)
         return add_dead_band(found, lambda one: not matters or usable(one))
 
-    after = run.step(work)
+    after = run.step("dead band", work)
     return after, why_dead_band(found, after)
 
 
@@ -400,7 +399,7 @@ def _known(run: SearchRun) -> tuple[Fits, list[Local]]:
     """Fit the gap that shows most; give sets there: its optimum, then others worth a try."""
     home = run.searched.at(reference_gap(run.searched))
     fits = run.step(
-        lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
+        "one gap", lambda: _pair(search_one_gap(run.form, home, run.seed, run.held), home.gaps == 1)
     )
     if run.searched.gaps == 1:
         run.best = fits.found
@@ -423,18 +422,10 @@ def _joined(
             return join_circuit(series, one.gap_map, one.common)
         return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
 
-    fits = run.step(lambda: _pair(search()))
+    fits = run.step("gap maps", lambda: _pair(search()))
     if run.best is None or (one.rank == 0 and fits.found.cost < run.best.cost):
         run.best = fits.found
     return fits
-
-
-def _without(
-    run: SearchRun, contest: Contest, loopset: Loops, fold: Fold
-) -> dict[ModelCandidate, Refit]:
-    return run.step(
-        lambda: {one: refit(contest.fits[one].wide, loopset, fold) for one in contest.entrants}
-    )
 
 
 def _why(contest: Contest, best: ModelCandidate, wanted: str, gaps: int) -> str:

@@ -21,9 +21,17 @@ from anhyst.identification.cross_validation import (
 from anhyst.identification.default import FoundModel
 from anhyst.identification.space import WRITTEN
 
+_NEAR = 4.0
+"""Mean square over the least one, of what was left out, up to which a candidate might be chosen if one
+place had not been seen."""
+
 _CERTAIN = 2.0
 """Standard errors by which other play cells must be better where only blocks of samples are left out:
 any cells that follow the loop foresee those, and they say less of other runs than loops do."""
+
+_PLAIN = 1.5
+"""Mean square over that of other play cells, of the loops and of blocks left out, from which on nobody
+waits for certainty: the standard error is of few blocks, and most of it of the one that gains most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,25 +60,45 @@ class Contest:
             if place not in besides
         ]
 
+    def is_tried(self, one: ModelCandidate, besides: Fold = frozenset()) -> bool:
+        """Whether one was fitted without each place, and some others."""
+        return all(one in self.refits[besides | {place}] for place in self.places)
+
+    def near(self) -> list[ModelCandidate]:
+        """Give those that would perhaps be chosen if one of the places had not been seen."""
+        squares = {one: mean_square_of(self.misses(one)) for one in self.entrants}
+        most = _NEAR * min(squares.values())
+        return [one for one in self.entrants if squares[one] <= most or one == self.winner()]
+
     def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
         """Choose from all places, or from all but some."""
-        missed = {one: self.misses(one, besides) for one in self.entrants}
+        tried = [one for one in self.entrants if self.is_tried(one, besides)]
+        missed = {one: self.misses(one, besides) for one in tried}
         if not any(missed.values()):
             return min(self._simplest(), key=lambda one: self._cost(one, besides))
         best = None
-        for rank in sorted({one.rank for one in self.entrants}):
-            alike = [one for one in self.entrants if one.rank == rank]
+        for rank in sorted({one.rank for one in tried}):
+            alike = [one for one in tried if one.rank == rank]
             means = {one: mean_square_of(_compared(missed[one], alike)) for one in alike}
             enough = AS_GOOD * min(means.values())
             first = next(one for one, mean in means.items() if mean <= enough)
             pair = [best, first] if best else []
-            certain = _CERTAIN if self.by == "block" and best and best.cells else 1.0
-            if best is None or better(
-                *(_compared(missed[one], pair) for one in (best, first)), certain
+            blocks = self.by == "block" and best is not None and best.cells is not None
+            certain = _CERTAIN if blocks else 1.0
+            if (
+                best is None
+                or better(*(_compared(missed[one], pair) for one in (best, first)), certain)
+                or (blocks and self._plainly(best, first, besides))
             ):
                 best = first
         assert best is not None
         return best
+
+    def _plainly(self, one: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
+        """Whether another is better by much, of what it saw and of what it did not."""
+        squares = [mean_square_of(self.misses(each, besides)) for each in (one, other)]
+        costs = [self._cost(each, besides) for each in (one, other)]
+        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
 
     def _simplest(self) -> list[ModelCandidate]:
         least = min(one.rank for one in self.entrants)

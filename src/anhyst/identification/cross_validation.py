@@ -50,8 +50,7 @@ _NO_WORSE = 1.05
 FOLDED = 160
 """Samples of a loop that a fit without some of the gaps looks at, at most."""
 
-_TOLERANCE = 1e-6
-_MOST = 40
+_TOLERANCE, _MOST = 1e-5, 25
 _ROUGH, _FEW = 1e-4, 8
 """The same for play cells: of many numbers, the last digits of some say nothing."""
 
@@ -121,11 +120,9 @@ def block_places(records: FitRecords) -> tuple[int, ...]:
     return tuple(range(len(records.loops) * blocks_of(records)))
 
 
-def folds(places: Sequence[int], nested: bool) -> list[Fold]:
-    """Name what is left out in turn: each place and, to nest a choice, each pair of them."""
-    single = [frozenset({place}) for place in places]
-    pairs = combinations(places, 2) if nested else ()
-    return [*single, *map(frozenset, pairs)]
+def folds(places: Sequence[int], together: int = 1) -> list[Fold]:
+    """Name what is left out in turn: each place or, to nest a choice, each pair of them."""
+    return [frozenset(some) for some in combinations(places, together)]
 
 
 def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> Refit:
@@ -151,13 +148,13 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             found = only_demanded(found, tolerance, most)
         model = model_of(found, loopset)
         span, clocks = whole.records.output_span, clocks_of(groups)
-        off = [[missed / span for missed in _off(model, group)] for group in groups]
         if by == "block":
             every = [loop for group in groups for loop in group]
-            apart = [one for parts in off for one in parts]
-            return Refit(found.cost, _missed_blocks(every, apart, fold, blocks))
-        squares = [_squares(*pair) for pair in zip(off, clocks, strict=True)]
-        outer = (*squares[0], *squares[-1]) if by == "gap" else ()
+            return Refit(found.cost, _missed_blocks(model, span, every, fold, blocks))
+        seen = fold | {0, len(groups) - 1} if by == "gap" else fold
+        off = {place: [one / span for one in _off(model, groups[place])] for place in seen}
+        squares = {place: _squares(some, clocks[place]) for place, some in off.items()}
+        outer = (*squares[0], *squares[len(groups) - 1]) if by == "gap" else ()
         missed = {
             place: Miss(float(np.mean(np.abs(np.concatenate(off[place])))), squares[place], outer)
             for place in fold
@@ -172,12 +169,14 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
 
 
 def _missed_blocks(
-    loops: Sequence[Loop], off: Sequence[FloatArray], fold: Fold, blocks: int
+    model: Model, span: float, loops: Sequence[Loop], fold: Fold, blocks: int
 ) -> dict[int, Miss]:
     """Give what was missed in each block."""
-    missed = {}
+    missed, off = {}, {}
     for place in fold:
         loop, number = divmod(place, blocks)
+        if loop not in off:
+            off[loop] = _off(model, [loops[loop]])[0] / span
         part = off[loop][blocks_along(loops[loop].input, blocks) == number]
         missed[place] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
     return missed

@@ -28,11 +28,11 @@ _TOLERANCE, _MOST = 1e-8, 40
 
 def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
-    form = found.space.form
+    form, most = found.space.form, COST**2 * found.cost
     for part in PARTS:
         space = replace(found.space, form=replace(form, dead_band=part))
-        tried = follow(space, found.theta, _TOLERANCE, _MOST, found.tie)
-        if tried.cost <= COST**2 * found.cost and accepts(tried):
+        tried = follow(space, found.theta, _TOLERANCE, _MOST, found.tie, goal=most)
+        if tried.cost <= most and accepts(tried):
             return replace(tried, evaluations=found.evaluations + tried.evaluations)
     return found
 

@@ -31,6 +31,12 @@ TIED = frozenset({"circuit", "free"})
 TIE = 3e-3
 """Weight of the ties of such a map, relative to the cost of the fit without them."""
 
+COMPARED = (1e-7, 200)
+"""Tolerance and evaluations, at most, of a fit that is compared with others."""
+
+TO_END = (1e-8, 50)
+"""The same of the one that is chosen."""
+
 _SHORT = 6
 """Evaluations of a first descent: enough to distinguish a good valley from a bad one."""
 
@@ -62,13 +68,14 @@ class FoundModel:
 def follow(
     space: CoordinateSpace,
     theta: FloatArray,
-    tolerance: float = 1e-10,
-    most: int = 200,
+    tolerance: float = COMPARED[0],
+    most: int = COMPARED[1],
     tie: float = 0.0,
+    goal: float = np.inf,
 ) -> FoundModel:
-    """Descend from a start and count."""
+    """Descend from a start and count; without a goal in reach (:func:`.descend`) it ends."""
     objective = Objective(space, tie)
-    fit = descend(objective, theta, tolerance, most)
+    fit = descend(objective, theta, tolerance, most, goal)
     return FoundModel(space, fit.theta, fit.cost, objective.evaluations)
 
 

@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.identification.cell_kernel import WeightKernel
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.objective import Objective
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
+
+_PATIENT = 5
+"""Steps after which the pace of a descent says how far it comes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +104,11 @@ def _step_of_weights(
 
 
 def descend(
-    objective: Objective, theta: FloatArray, tolerance: float = 1e-10, most: int = 200
+    objective: Objective, theta: FloatArray, tolerance: float, most: int, goal: float = np.inf
 ) -> Fit:
     """Least squares from a start, within the bounds of the space.
+
+    A descent that at its pace would not come below its goal in the steps left, ends.
 
     Levenberg-Marquardt with Nielsen's damping; coordinates at a bound that the gradient presses
     outward rest; the weights of cells take the best step within them (SciPy's ``nnls``). The problem
@@ -116,7 +121,7 @@ def descend(
     here = evaluation.at(theta)
     damping, growth = 1e-3, 2.0
     by_weights = isinstance(objective.space.form.cells, WeightKernel)
-    for _ in range(most - 1):
+    for left in range(most - 1, 0, -1):
         inward = here.gradient
         free = ~(((theta <= low) & (inward > 0.0)) | ((theta >= high) & (inward < 0.0)))
         if not free.any() or not np.any(np.diag(here.normal)[free]):
@@ -133,7 +138,8 @@ def descend(
             ratio = gained / max(foreseen, 1e-300)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             growth = 2.0
-            finished = gained <= tolerance * here.cost
+            hopeless = left < most - _PATIENT and new.cost - gained * left > goal
+            finished = hopeless or gained <= tolerance * here.cost
             theta, here = trial, new
             if finished:
                 break

@@ -22,7 +22,7 @@ from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
-from anhyst.identification.default import FoundModel, follow
+from anhyst.identification.default import TO_END, FoundModel, follow
 from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
@@ -121,7 +121,8 @@ def identify(
     KeyboardInterrupt
         Ctrl-C before there was any model.
     """
-    began = time.perf_counter()
+    began, worked = time.perf_counter(), time.process_time()
+    spent: dict[str, float] = {}
     check_wanted(law, gap_map, search)
     odd = check_plausible(loops)
 
@@ -142,6 +143,7 @@ def identify(
             held=frozenset() if offsets else frozenset({"in_0", "out_0"}),
             dead_band=dead_band and search == "default",
             progress=progress,
+            spent=spent,
             checkpoint=Path(checkpoint) if checkpoint and search == "paper" else None,
         )
         outcome = _go_on(run, some, before) if before else _search(run, some, gap_map, search)
@@ -187,6 +189,7 @@ def identify(
     figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
+    spent["all else"] = time.process_time() - worked - sum(spent.values())
     return IdentifyResult(
         model=model,
         loops=loops,
@@ -196,6 +199,7 @@ def identify(
         per_gap=per_gap,
         splines=None if per_gap is None else check_splines(per_gap),
         seconds=time.perf_counter() - began,
+        stages=spent,
         evaluations=outcome.evaluations,
         interrupted=outcome.interrupted,
     )
@@ -395,7 +399,7 @@ def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.found
     assert start is not None
-    found = follow(start.on(run.records).space, start.theta, tie=start.tie)
+    found = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
     return replace(
         before, model=model_of(found, loops), uncertainty=assess(found, loops), found=found
     )

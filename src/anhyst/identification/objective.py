@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.identification.cell_response import CellResponder
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.response import Local, Responder
 from anhyst.identification.space import CoordinateSpace
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 EXPECTED = 1e-8
 """Cost of a number one spread away from what is expected of it, in parts of the largest output
@@ -58,6 +58,7 @@ class Objective:
         self.weights = np.concatenate([record.weights for record in loops])
         self._ties = np.sqrt(self.tie) * _differences(self.space)
         self._pull, self._usual = _expectations(self.space)
+        self._held = self._ties.T @ self._ties + self._pull.T @ self._pull
         clocks = np.concatenate([record.clock for record in loops]) * bool(self.space.form.cells)
         self._drift = _Drift(self.space.records.output_span * clocks * self.weights)
 
@@ -105,20 +106,22 @@ class Objective:
             value, weighted = (output - self.measured[part]) * weights, by_local * weights[:, None]
             squares[gap] += weighted.T @ weighted
             slopes[gap] += value @ weighted
-            along[gap] += self._drift.way[part] @ weighted
+            if self._drift.known:
+                along[gap] += self._drift.way[part] @ weighted
             first = part.stop
             values.append(value)
         whole = np.concatenate(values)
         off, cost = self._drift.without(whole)
         values = [off, cost, self._ties @ theta, self._pull @ theta - self._usual]
         gradient = self._ties.T @ values[-2] + self._pull.T @ values[-1]
-        matrix = self._ties.T @ self._ties + self._pull.T @ self._pull
+        matrix = self._held
         for (_, by_theta), square, slope in zip(sets, squares, slopes, strict=True):
             gradient = gradient + slope @ by_theta
             matrix = matrix + by_theta.T @ square @ by_theta
-        by_drift = np.einsum("gn,gnk->k", along, np.stack([one for _, one in sets]))
-        gradient = gradient - self._drift.slope(whole) * by_drift
-        matrix = matrix - np.outer(by_drift, by_drift) / self._drift.size
+        if self._drift.known:
+            by_drift = np.einsum("gn,gnk->k", along, np.stack([one for _, one in sets]))
+            gradient = gradient - self._drift.slope(whole) * by_drift
+            matrix = matrix - np.outer(by_drift, by_drift) / self._drift.size
         return np.concatenate(values), gradient, matrix
 
 
@@ -129,6 +132,7 @@ class _Drift:
         self.way = way
         self._loose = np.sqrt(EXPECTED) / DRIFT
         self.size = float(way @ way) + self._loose**2
+        self.known = bool(np.any(way))
 
     def slope(self, deviation: FloatArray) -> FloatArray:
         """Slope with the least cost, of each column."""

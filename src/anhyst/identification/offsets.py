@@ -14,14 +14,14 @@ from itertools import combinations
 
 import numpy as np
 
-from anhyst.identification.default import FoundModel, follow
+from anhyst.identification.default import COMPARED, FoundModel, follow
 from anhyst.identification.fitting import Evaluation, Linear
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.objective import Objective
 from anhyst.identification.rest import RestReading
 from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import mean_memory
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 OFFSETS = frozenset({"in_0", "out_0"})
 
@@ -39,7 +39,9 @@ _EXACT = 1e-20
 """Mean square deviation, in parts of the largest output, below which nothing is distinguished."""
 
 
-def only_demanded(found: FoundModel, tolerance: float = 1e-10, most: int = 200) -> FoundModel:
+def only_demanded(
+    found: FoundModel, tolerance: float = COMPARED[0], most: int = COMPARED[1]
+) -> FoundModel:
     """Hold the offsets at what the sensors read at rest, but for those that the data demand.
 
     Those that differ from gap to gap are none of a sensor's, and not judged as such.
@@ -60,8 +62,11 @@ def only_demanded(found: FoundModel, tolerance: float = 1e-10, most: int = 200) 
         cost, theta = _without(found, here, names)
         tries[names] = score(cost, space, theta[kept]), space, theta[kept]
     _, space, start = min(tries.values(), key=lambda one: one[0])
-    held = follow(space, start, tolerance, most, found.tie)
     whole = score(found.cost, found.space, found.theta)
+    # Whatever the offsets that stay free come out at, above this cost they are not taken.
+    stay = sum(name in OFFSETS for name, _ in space.entries)
+    goal = math.exp(whole / independent - stay * math.log(independent) / independent)
+    held = follow(space, start, tolerance, most, found.tie, goal)
     enough = _responds(held) and score(held.cost, held.space, held.theta) <= whole
     best = held if enough else found
     return replace(best, evaluations=found.evaluations + held.evaluations + 1)

@@ -8,11 +8,11 @@ import numpy as np
 
 from anhyst._core import Operator
 from anhyst.identification.fit_records import FitRecord, FitRecords
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.paper_seven import Variables, gauge_free, local_of
 from anhyst.identification.response import Local, Responder, ResponseForm
 from anhyst.identification.screening import OMEGA_JUMP, follow_sets
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 IMPOSSIBLE = 10.0
 """Cost where the law has no answer."""

@@ -10,7 +10,7 @@ and flux density measured it follows from ``scale`` and ``gain``, else no data d
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,11 +18,11 @@ import numpy as np
 from anhyst._core import Operator, demagnetised, langevin, status_text
 from anhyst.identification.cell_kernel import CellKernel, WeightKernel
 from anhyst.identification.fit_records import FitRecord
-from anhyst.identification.no_response import NoResponseError
 from anhyst.identification.past import Past
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import NoResponseError
 
 SURROUNDING = ("omega", "scale", "gain", "in_0", "out_0")
 """What surrounds the law, in the order of the derivatives."""
@@ -98,16 +98,18 @@ class ResponseForm:
         return dict(zip(self.names, (*local.law, *(getattr(local, name) for name in SURROUNDING)),
                         strict=True))  # fmt: skip
 
-    def local(self, values: Mapping[str, float]) -> Local:
-        """Return a set of parameters given by name, with h by the rule."""
-        law = tuple(values[number.name] for number in self.kernel.numbers)
-        return self.with_h(Local(law, **{name: values[name] for name in SURROUNDING}, h=0.0))
+    def local(self, values: Sequence[float]) -> Local:
+        """Return a set of parameters in the order of the names, with h by the rule."""
+        omega, scale, gain, in_0, out_0 = values[-len(SURROUNDING) :]
+        law, h = tuple(values[: -len(SURROUNDING)]), self._air_slope(scale, gain)
+        return Local(law, omega, scale, gain, in_0, out_0, h)
 
     def with_h(self, local: Local) -> Local:
         """Fill in h by the rule."""
-        if self.permeability > 0.0:
-            return replace(local, h=self.permeability * local.scale / local.gain)
-        return replace(local, h=self.h)
+        return replace(local, h=self._air_slope(local.scale, local.gain))
+
+    def _air_slope(self, scale: float, gain: float) -> float:
+        return self.permeability * scale / gain if self.permeability > 0.0 else self.h
 
     def operator(self, local: Local) -> Operator:
         """Build the law for a parameter set; in the law of 1986 interaction enters twice."""
@@ -306,17 +308,25 @@ def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -
 
     The play stands at the same part of its width, as it does where a drive has pushed it.
     """
-    pull, slope = (float(value[0]) for value in langevin(state[:1]))
-    way = 1.0 + local.omega * local.c * slope
-    m = (1.0 - local.c) * state[1] + local.c * pull
+    x, y, p = state.tolist()
+    kappa, c = local.law
+    pull, slope = _langevin(x)
+    way = 1.0 + local.omega * c * slope
+    m = (1.0 - c) * y + c * pull
     x_t = terms.r_t[-1] - terms.omega_t[-1] * m
-    x_t = x_t - local.omega * (pull - state[1]) * terms.law_t[:, 1]
-    x_t[_SEED] = -local.omega * (1.0 - local.c)
+    x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
+    x_t[_SEED] = -local.omega * (1.0 - c)
     seeds = np.zeros((_DIRECTIONS + 1, 3))
     seeds[:, 0] = seeds[:, 2] = x_t / way
-    seeds[0, 2] += (state[2] - state[0]) / local.kappa if form.dead_band else 0.0
+    seeds[0, 2] += (p - x) / kappa if form.dead_band else 0.0
     seeds[_SEED, 1] = 1.0
     return seeds
+
+
+def _langevin(x: float) -> tuple[float, float]:
+    """Langevin's function and its slope at one place."""
+    value, slope = langevin(np.array([x]))
+    return value.item(), slope.item()
 
 
 def _admissible(state: FloatArray, form: ResponseForm, local: Local, r: float) -> FloatArray:
@@ -324,17 +334,18 @@ def _admissible(state: FloatArray, form: ResponseForm, local: Local, r: float) -
 
     With y at rest the equation is ``x + omega*((1-c)*y + c*L(x)) = r``, smooth in x.
     """
-    x, y, p = (float(value) for value in state)
-    play = form.dead_band * local.kappa
+    x, y, p = state.tolist()
+    kappa, c = local.law
+    omega, play = local.omega, form.dead_band * kappa
     behind = min(max(p - x, -play), play)
     for _ in range(4):
-        pull, slope = (float(value[0]) for value in langevin(np.array([x])))
-        rest = x + local.omega * ((1.0 - local.c) * y + local.c * pull) - r
-        x -= rest / (1.0 + local.omega * local.c * slope)
+        pull, slope = _langevin(x)
+        rest = x + omega * ((1.0 - c) * y + c * pull) - r
+        x -= rest / (1.0 + omega * c * slope)
     x = min(max(x, -_FAR), _FAR)  # y from other parameters can send it anywhere
     p = x + behind
-    pull = float(langevin(np.array([p]))[0][0])
-    room = local.kappa / 3.0
+    pull, _ = _langevin(p)
+    room = kappa / 3.0
     y = min(max(y, pull - room, -_FULL), pull + room, _FULL)
     return np.array([x, y, p])
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,8 @@ class IdentifyResult(Result):
         ``per_gap`` (the paper's Fig. 2); its ``failing`` are the gaps where it fails.
     seconds : float
         Wall time.
+    stages : mapping of str to float
+        Processor time of each kind of stage, s.
     evaluations : int
         Runs of all loops through the law.
     interrupted : bool
@@ -58,6 +61,7 @@ class IdentifyResult(Result):
     per_gap: Model | None = None
     splines: GapCheck | None = None
     seconds: float = 0.0
+    stages: Mapping[str, float] = field(default_factory=dict)
     evaluations: int = 0
     interrupted: bool = False
 
@@ -66,6 +70,7 @@ class IdentifyResult(Result):
         return {
             **self.model.facts(),
             "found in": f"{self.seconds:.1f} s",
+            "processor time": ", ".join(f"{kind} {s:.1f} s" for kind, s in self.stages.items()),
             **{f"warning {place}": text for place, text in enumerate(self.warnings, 1)},
         }
 

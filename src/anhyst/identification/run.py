@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -45,6 +46,8 @@ class SearchRun:
     # file that keeps finished stages until the run ends well; None keeps nothing
     checkpoint: Path | None = None
     resumed: int = 0  # number of stages taken from the checkpoint
+    # processor time of each kind of stage, s; runs of one identification share it
+    spent: dict[str, float] = field(default_factory=dict)
     best: FoundModel | None = None  # the best complete fit so far, for a run that is interrupted
     _key: str = ""
     _done: int = 0
@@ -75,11 +78,18 @@ class SearchRun:
             if self.checkpoint is not None:
                 with atomic_writer(self.checkpoint) as file:
                     json.dump({"key": self._key, "stages": self._kept}, file)
-        return self.step(lambda: cast("Stage", self._kept[name]))
+        return self.step("search", lambda: cast("Stage", self._kept[name]))
 
-    def step(self, work: Callable[[], Stage]) -> Stage:
-        """Do one stage of which nothing is kept, and report the progress."""
+    def timed(self, kind: str, work: Callable[[], Stage]) -> Stage:
+        """Do a part of a stage of some kind."""
+        began = time.process_time()
         made = work()
+        self.spent[kind] = self.spent.get(kind, 0.0) + time.process_time() - began
+        return made
+
+    def step(self, kind: str, work: Callable[[], Stage]) -> Stage:
+        """Do one stage of which nothing is kept, and report the progress."""
+        made = self.timed(kind, work)
         self._done += 1
         if self.progress is not None:
             self.progress(self._done, max(self.total, self._done))

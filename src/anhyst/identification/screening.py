@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from anhyst._core import batch, batch_levels
 from anhyst.data.path import thinned
 from anhyst.identification.fit_records import FitRecord, FitRecords
-from anhyst.identification.no_response import NowhereNearError
 from anhyst.identification.response import LOCAL, Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.support.arrays import FloatArray
-from anhyst.support.errors import InputError
+from anhyst.support.errors import InputError, NowhereNearError
 
 VARIABLE = "ANHYST_DISPATCH"
 """Environment variable that forces an instruction set on the batch."""

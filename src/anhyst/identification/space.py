@@ -105,16 +105,31 @@ class CoordinateSpace:
             return float(np.log(value))
         return float(np.arcsinh(value)) if number.coordinate == "asinh" else value / self.unit(name)
 
-    def outward(self, name: str, coordinate: float) -> tuple[float, float]:
-        """Return the parameter at a coordinate, SI, and its derivative by the coordinate."""
-        number = self.numbers[name]
-        if number.coordinate == "log":
-            value = float(np.exp(coordinate))
-            return value, value
-        if number.coordinate == "asinh":
-            return float(np.sinh(coordinate)), float(np.cosh(coordinate))
-        unit = self.unit(name)
-        return coordinate * unit, unit
+    def outward(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters at coordinates, SI, and their derivatives by these."""
+        log, asinh, units = self._kinds
+        values, slopes = theta * units, units.copy()
+        values[log] = slopes[log] = np.exp(theta[log])
+        values[asinh], slopes[asinh] = np.sinh(theta[asinh]), np.cosh(theta[asinh])
+        return values, slopes
+
+    @cached_property
+    def _kinds(self) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+        """Places of the logarithms and of the inverse hyperbolic sines; units of the others."""
+        kinds = np.array([self.numbers[name].coordinate for name, _ in self.entries])
+        units = np.array([self.unit(name) for name, _ in self.entries])
+        return np.flatnonzero(kinds == "log"), np.flatnonzero(kinds == "asinh"), units
+
+    @cached_property
+    def _places(self) -> NDArray[np.intp]:
+        """Place of the coordinate of each parameter at each gap; -1 of one that is held at zero."""
+        place = {entry: at for at, entry in enumerate(self.entries)}
+        return np.array(
+            [
+                [place.get((name, gap), place.get((name, None), -1)) for name in self.at_gap]
+                for gap in range(self.records.gaps)
+            ]
+        )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -133,10 +148,9 @@ class CoordinateSpace:
 
     def leakage(self, theta: FloatArray) -> float:
         """Leakage under its map: what it takes of the iron's flux for each unit of omega."""
-        part, _ = self.outward("leakage", float(theta[self.names.index("leakage")]))
-        widest = f"omega[{self.records.gaps - 1}]"
-        omega, _ = self.outward("omega", float(theta[self.names.index(widest)]))
-        return part / max(omega, _LEAST_OMEGA)
+        values, _ = self.outward(theta)
+        widest = self.names.index(f"omega[{self.records.gaps - 1}]")
+        return float(values[self.names.index("leakage")] / max(values[widest], _LEAST_OMEGA))
 
     @property
     def size(self) -> int:
@@ -198,57 +212,48 @@ class CoordinateSpace:
 
     def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
-        shared: dict[str, tuple[int, float, float]] = {}
-        single: dict[tuple[str, int], tuple[int, float, float]] = {}
-        for place, ((name, gap), coordinate) in enumerate(zip(self.entries, theta, strict=True)):
-            value, slope = self.outward(name, float(coordinate))
-            if gap is None:
-                shared[name] = (place, value, slope)
-            else:
-                single[name, gap] = (place, value, slope)
+        values, slopes = self.outward(theta)
         found = []
-        names = self.at_gap
-        for gap in range(self.records.gaps):
-            values = dict.fromkeys(names, 0.0)
-            jacobian = np.zeros((len(names), theta.size))
-            for row, name in enumerate(names):
-                at = single.get((name, gap)) or shared.get(name)
-                if at is not None:
-                    values[name] = at[1]
-                    jacobian[row, at[0]] = at[2]
-            if "leakage" in shared:
-                widest = single["omega", self.records.gaps - 1]
-                self._leak(values, jacobian, shared["leakage"], widest)
-            found.append((self._finish(values, jacobian), jacobian))
+        for places, at_gap in zip(
+            self._places, np.append(values, 0.0)[self._places].tolist(), strict=True
+        ):
+            rows = np.flatnonzero(places >= 0)
+            jacobian = np.zeros((places.size, theta.size))
+            jacobian[rows, places[rows]] = slopes[places[rows]]
+            if self.gap_map == "leakage":
+                self._leak(at_gap, jacobian, values, slopes)
+            if self.gap_map in IN_SERIES:
+                self._widen(at_gap, jacobian)
+            found.append((self.form.local(at_gap), jacobian))
         return found
 
-    def _leak(
-        self,
-        values: dict[str, float],
-        jacobian: FloatArray,
-        leakage: tuple[int, float, float],
-        widest: tuple[int, float, float],
-    ) -> None:
-        """Take off the gain what passes beside the gap; place, value, slope are those of unpack."""
-        names, power = self.at_gap, self.form.power
-        row, omega_row = names.index("gain"), names.index("omega")
-        ratio = values["omega"] / max(widest[1], _LEAST_OMEGA)
-        part = max(1.0 - leakage[1] * ratio, LEAST_GAP_FLUX)
-        values["gain"] *= part**power
-        jacobian[row] *= part**power
-        if part > LEAST_GAP_FLUX and widest[1] > _LEAST_OMEGA:
-            by_part = power * values["gain"] / part
-            jacobian[row] -= by_part * leakage[1] / widest[1] * jacobian[omega_row]
-            jacobian[row, widest[0]] += by_part * leakage[1] * ratio / widest[1] * widest[2]
-            jacobian[row, leakage[0]] -= by_part * ratio * leakage[2]
+    @cached_property
+    def _rows(self) -> tuple[int, int, int]:
+        """Places of omega, scale and gain among the parameters at one gap."""
+        omega, scale, gain = (self.at_gap.index(name) for name in ("omega", "scale", "gain"))
+        return omega, scale, gain
 
-    def _finish(self, values: dict[str, float], jacobian: FloatArray) -> Local:
-        """Fill in what follows from the rest: h, and the scale of the reluctance map."""
-        if self.gap_map not in IN_SERIES:
-            return self.form.local(values)
-        row, omega_row = self.at_gap.index("scale"), self.at_gap.index("omega")
-        ratio = 1.0 / (1.0 - min(self.form.h * values["omega"], 0.99))
-        values["scale"] *= ratio
+    def _leak(
+        self, at_gap: list[float], jacobian: FloatArray, values: FloatArray, slopes: FloatArray
+    ) -> None:
+        """Take off the gain what passes beside the gap; coordinates are those of all gaps."""
+        omega_row, _, row = self._rows
+        power, leakage, widest = self.form.power, len(values) - 1, self._places[-1, omega_row]
+        omega = float(values[widest])
+        ratio = at_gap[omega_row] / max(omega, _LEAST_OMEGA)
+        part = max(1.0 - float(values[leakage]) * ratio, LEAST_GAP_FLUX)
+        at_gap[row] *= part**power
+        jacobian[row] *= part**power
+        if part > LEAST_GAP_FLUX and omega > _LEAST_OMEGA:
+            by_part = power * at_gap[row] / part
+            jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
+            jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
+            jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
+
+    def _widen(self, at_gap: list[float], jacobian: FloatArray) -> None:
+        """Take the scale to that behind a reluctance."""
+        omega_row, row, _ = self._rows
+        ratio = 1.0 / (1.0 - min(self.form.h * at_gap[omega_row], 0.99))
+        at_gap[row] *= ratio
         jacobian[row] *= ratio
-        jacobian[row] += values["scale"] * ratio * self.form.h * jacobian[omega_row]
-        return self.form.local(values)
+        jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]

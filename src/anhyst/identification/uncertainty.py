@@ -69,10 +69,11 @@ def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
-    for (name, gap), coordinate, std in zip(space.entries, found.theta, deviation, strict=True):
-        value, slope = space.outward(name, float(coordinate))
-        if name in space.form.names:  # at its gap
-            value = space.form.values(found.sets[gap or 0])[name]
+    at_gaps = [space.form.values(local) for local in found.sets]
+    for (name, gap), plain, slope, std in zip(
+        space.entries, *(one.tolist() for one in space.outward(found.theta)), deviation, strict=True
+    ):
+        value = at_gaps[gap or 0].get(name, plain)
         number = space.numbers[name]
         label = _label(number, units)
         if gap is not None and loopset.schedule is not None:

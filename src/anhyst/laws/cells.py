@@ -117,30 +117,36 @@ class CellWeights:
         return float(self.weights.sum())
 
 
-def thresholds(scales: Sequence[float]) -> FloatArray:
-    """Return the thresholds for pinning scales, geometric above the first, which is 0."""
-    low, high = LEAST_THRESHOLD * min(scales), LARGEST_THRESHOLD * max(scales)
-    return np.concatenate([[0.0], np.geomspace(low, high, PINNED)])
-
-
-def shares(places: FloatArray, scale: float, spread: float) -> FloatArray:
-    """Return the share of a population at each threshold but the first.
+class _Cut(NamedTuple):
+    """Populations cut into cells: what their weights and the derivatives of these are made from.
 
     A cell stands for what lies between the geometric middles to its neighbours; the first for all
     below, the last for all above.
     """
-    left, _ = _left(places, scale, spread)
-    return np.asarray(-np.diff(np.concatenate([[1.0], left, [0.0]])))
+
+    places: FloatArray  # thresholds, geometric above the first, which is 0, A/m; shape (n + 1,)
+    # logarithms of the middles between those above 0, over the pinning scale; shape (J, n - 1)
+    logs: FloatArray
+    shares: FloatArray  # of each population at each threshold above 0; shape (J, n)
+    # derivative of what of each lies above each middle, by the logarithm of
+    # ``u = (middle/scale)**spread``; shape (J, n - 1)
+    by_log: FloatArray
 
 
-def _left(places: FloatArray, scale: float, spread: float) -> tuple[FloatArray, FloatArray]:
-    """Return what of a population lies above each middle, and its derivative by ``ln(u)``.
-
-    ``u = (middle/scale)**spread``; beyond ``exp(-700)`` nothing is left.
-    """
-    middles = np.sqrt(places[1:-1] * places[2:])
-    u = np.exp(np.minimum(spread * np.log(middles / scale), np.log(700.0)))
-    return np.exp(-u), -u * np.exp(-u)
+@lru_cache(maxsize=4)  # weights and their derivatives are made one after the other
+def _cut(pinned: tuple[Population, ...]) -> _Cut:
+    scales = np.array([[one.scale] for one in pinned])
+    spreads = np.array([[one.spread] for one in pinned])
+    low, high = LEAST_THRESHOLD * float(scales.min()), LARGEST_THRESHOLD * float(scales.max())
+    places = np.zeros(PINNED + 1)  # np.geomspace takes as long as all the rest
+    start, end = np.log10(low), np.log10(high)
+    places[1:] = 10.0 ** (np.arange(PINNED) * ((end - start) / (PINNED - 1)) + start)
+    places[1], places[-1] = low, high
+    logs = np.log(np.sqrt(places[1:-1] * places[2:]) / scales)
+    u = np.exp(np.minimum(spreads * logs, np.log(700.0)))  # beyond exp(-700) nothing is left
+    left = np.zeros((len(pinned), PINNED + 1))
+    left[:, 0], left[:, 1:-1] = 1.0, np.exp(-u)
+    return _Cut(places, logs, left[:, :-1] - left[:, 1:], -u * left[:, 1:-1])
 
 
 def populations(
@@ -155,12 +161,13 @@ def populations(
     for one in counting:
         if not all(np.isfinite(one)) or min(one) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
-    places = thresholds([one.scale for one in counting])
+    cut = _cut(tuple(counting))
+    places = cut.places
     magnetisation, width = reversible
     weights = np.zeros((places.size, 1 + len(counting)))
     weights[0, 0] = magnetisation
-    for column, one in enumerate(counting, start=1):
-        weights[1:, column] = one.magnetisation * shares(places, one.scale, one.spread)
+    for column, (one, shares) in enumerate(zip(counting, cut.shares, strict=True), start=1):
+        weights[1:, column] = one.magnetisation * shares
     widths = np.array([width, *(one.width for one in counting)])
     return CellWeights(places, widths, weights, shape)
 
@@ -177,32 +184,28 @@ class Tangents(NamedTuple):
 
 def population_tangents(pinned: Sequence[Population]) -> Tangents:
     """Differentiate :func:`populations` by its ``d = 2 + 4 J`` numbers."""
-    scales = [one.scale for one in pinned]
-    places = thresholds(scales)
-    columns, directions = 1 + len(pinned), 2 + 4 * len(pinned)
+    magnetisation, _, scales, spreads = np.array(pinned).T
+    places, logs, shares, by_log = _cut(tuple(pinned))
+    count, directions = len(pinned), 2 + 4 * len(pinned)
     log_places = np.zeros((PINNED, directions))  # derivatives of the logarithms
     up = np.linspace(0.0, 1.0, PINNED)
-    for part, extreme in ((1.0 - up, min(scales)), (up, max(scales))):
-        log_places[:, 4 * scales.index(extreme) + 4] += part / extreme
-    log_middles = 0.5 * (log_places[:-1] + log_places[1:])
-    middles = np.sqrt(places[1:-1] * places[2:])
-    weights = np.zeros((places.size, columns, directions))
-    widths = np.zeros((columns, directions))
-    weights[0, 0, 0] = widths[0, 1] = 1.0
-    for column, one in enumerate(pinned, start=1):
-        first = 4 * column - 2
-        _, by_log = _left(places, one.scale, one.spread)
-        left = log_middles.copy()  # derivatives of what lies above each middle
-        left[:, first + 2] -= 1.0 / one.scale
-        left *= one.spread * by_log[:, None]
-        left[:, first + 3] = by_log * np.log(middles / one.scale)
-        ends = np.zeros((1, directions))
-        weights[1:, column] = -one.magnetisation * np.diff(
-            np.concatenate([ends, left, ends]), axis=0
-        )
-        weights[1:, column, first] = shares(places, one.scale, one.spread)
-        widths[column, first + 1] = 1.0
-    return Tangents(weights, widths, np.concatenate([ends, places[1:, None] * log_places]))
+    for part, at in ((1.0 - up, scales.argmin()), (up, scales.argmax())):
+        log_places[:, 4 * at + 4] += part / scales[at]
+    every, own = np.arange(count), 4 * np.arange(count) + 2
+    left = np.zeros((count, PINNED + 1, directions))  # of what lies above each middle
+    inner = left[:, 1:-1]
+    inner[:] = 0.5 * (log_places[:-1] + log_places[1:])
+    inner[every, :, own + 2] -= 1.0 / scales[:, None]
+    inner *= (spreads[:, None] * by_log)[:, :, None]
+    inner[every, :, own + 3] = by_log * logs
+    weights = np.zeros((places.size, 1 + count, directions))
+    weights[1:, 1:] = (magnetisation[:, None, None] * (left[:, :-1] - left[:, 1:])).swapaxes(0, 1)
+    weights[1:, 1 + every, own] = shares.T
+    widths = np.zeros((1 + count, directions))
+    weights[0, 0, 0] = widths[0, 1] = widths[1 + every, own + 1] = 1.0
+    thresholds = np.zeros((places.size, directions))
+    thresholds[1:] = places[1:, None] * log_places
+    return Tangents(weights, widths, thresholds)
 
 
 PLACES = 2001

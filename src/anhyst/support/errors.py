@@ -1,4 +1,4 @@
-"""The two ways a verb can end other than well."""
+"""The two ways a verb can end other than well, and what a search meets on its way."""
 
 from __future__ import annotations
 
@@ -78,3 +78,11 @@ class ImplausibleWarning(UserWarning):
 
     Issued once a call from Python; the command line prints it as ``anhyst: warning: ...``.
     """
+
+
+class NoResponseError(ArithmeticError):
+    """A law has no answer for its parameters."""
+
+
+class NowhereNearError(InputError):
+    """No set of parameters that a search begins with comes near the loops."""

@@ -100,12 +100,8 @@ const char *anhyst_component_run(anhyst_component *component)
   if (component->now->of.phase != ANHYST_PHASE_INITIALISING) {
     return "initialisation cannot end before it has begun";
   }
-  const char *trouble = start(component); /* inputs may have been set since */
-  if (trouble != NULL) {
-    return trouble;
-  }
   component->now->of.phase = ANHYST_PHASE_RUNNING;
-  return NULL;
+  return start(component); /* inputs may have been set since */
 }
 
 const char *anhyst_component_end(anhyst_component *component)

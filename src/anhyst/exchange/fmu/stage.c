@@ -30,13 +30,12 @@ static void show(const state_of *now, double *values)
 static int start(const void *tables, void *state, double *values)
 {
   const double middle = -values[FRAME]; /* where both magnets are in the middle of their gaps */
-  const double rest = 0.0;
   state_of *now = (state_of *)state;
   relink(tables, state);
   if (!start_plant(&now->plant)) {
     return -1;
   }
-  anhyst_plant_place(&bearing, &now->plant.plant, &middle, &rest);
+  anhyst_plant_place(&bearing, &now->plant.plant, &middle, &(const double){0.0});
   now->frame = values[FRAME];
   show(now, values);
   return anhyst_stage_controller_start(now->controller);

@@ -36,8 +36,7 @@ static void link_plant(virtual_plant *now)
 static int start_plant(virtual_plant *now)
 {
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
-  int i;
-  for (i = 0; i < BEARING_MAGNETS; i++) {
+  for (int i = 0; i < BEARING_MAGNETS; i++) {
     now->current_loop[i] = current_loops[i];
   }
   return anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
@@ -63,11 +62,10 @@ static const double *recorded(const double *record, anhyst_plant_signal signal)
    magnet, a third number between them left as it is. */
 static void show_plant(const anhyst_plant_state *plant, double *values)
 {
-  int i;
   values[0] = plant->actuator[0].gap;
   values[1] = plant->velocity[0];
   values[2] = plant->force;
-  for (i = 0; i < BEARING_MAGNETS; i++) {
+  for (int i = 0; i < BEARING_MAGNETS; i++) {
     values[3 + 3 * i] = plant->actuator[i].coil.current;
     values[4 + 3 * i] = plant->actuator[i].coil.density;
   }
@@ -76,8 +74,7 @@ static void show_plant(const anhyst_plant_state *plant, double *values)
 /* What was wanted of each magnet, to the numbers that were left. */
 static void show_commands(const double *record, double *values)
 {
-  int i;
-  for (i = 0; i < BEARING_MAGNETS; i++) {
+  for (int i = 0; i < BEARING_MAGNETS; i++) {
     values[5 + 3 * i] = recorded(record, ANHYST_LOOP_COMMAND)[i];
   }
 }

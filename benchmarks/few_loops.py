@@ -1,0 +1,168 @@
+"""Rules that choose among laws where only blocks of samples are left out, on drawn records of few loops.
+
+    python benchmarks/few_loops.py 0 72
+
+Draws of six kinds by six families of iron, each measured twice: with another noise, or, without noise,
+with one sample less. All laws that ``identify`` compares are run along random reversals that were not
+fitted. What a rule chooses is printed over the law that is best there, and how it moves with the noise.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from unittest import mock
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+import drawn
+from anhyst.data import Loop, Loops
+from anhyst.data.verdict import largest_output
+from anhyst.identification import choice, contest, identify
+from anhyst.identification.bare import model_of
+from anhyst.identification.candidates import ModelCandidate
+from anhyst.identification.contest import Contest
+from anhyst.support.errors import InputError, NegativeResult
+from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
+from drawn_irons import answers
+from search import deviation
+
+SEED = 20261126
+
+KINDS = ("ring", "one", "one-two", "two", "coarse", "slow")
+"""A ring; a gap with one loop, and with two; two gaps with one each; 31 samples a way after cycles
+of all of it; two cycles of 200 samples a way at two gaps."""
+
+RULES: dict[str, dict[str, Any]] = {
+    "two standard errors": {"_PLAIN": np.inf},
+    "one standard error": {"_PLAIN": np.inf, "_CERTAIN": 1.0},
+    "least left out": {"_PLAIN": np.inf, "_CERTAIN": 0.0},
+    "two, or two thirds of both": {"_PLAIN": contest._PLAIN},
+}
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One measurement: what each rule chose, and its rms over that of the best law."""
+
+    chosen: dict[str, str]
+    missed: dict[str, float]  # rms on runs not fitted, parts of the largest output
+    least: float  # of the best law
+
+
+class _Compared(Exception):  # noqa: N818  # no error: all that is wanted is there
+    def __init__(self, all_of_it: Contest, loops: Loops) -> None:
+        self.contest, self.loops = all_of_it, loops
+
+
+def draws(number: int) -> list[tuple[Loops, list[drawn.Test]]]:
+    """Draw a magnet and measure it twice."""
+    rng = np.random.default_rng([SEED, number])
+    kind, family = KINDS[number % 6], FAMILIES[number // 6 % 6]
+    magnet, drive, sensors = (
+        from_ranges(SETTINGS[name], rng) for name in ("magnet", "drive", "sensors")
+    )
+    magnet |= {"ring": kind == "ring", "gaps": 2 if kind in {"two", "slow"} else 1}
+    drive |= {"loops": 2 if kind == "one-two" else 1, "ring_loops": 1, "clock": False}
+    if kind == "coarse":
+        drive |= {"bipolar": False, "samples": 31.0, "start": "conditioned"}
+        sensors |= {"noise": 0.1 * sensors["noise"], "bits": 0}
+    if kind == "slow":
+        drive |= {"bipolar": False, "samples": 200.0, "start": "conditioned"}
+        sensors |= {"noise": 3e-4, "bits": 14, "noiseless": False, "offsets": False}
+    iron, true = draw_iron(family, rng)
+    core, gaps = drawn._core(magnet, true)
+    ranges = drawn._ranges(drive, core.ring, magnet["current_A"], rng)
+    records = [one for gap in gaps for one in drawn._measured(drive, ranges, float(gap), rng)]
+    if kind == "slow":
+        twice = [np.concatenate([one.current, one.current[1:]]) for one in records]
+        records = [
+            replace(one, current=path, gap=np.full(path.size, one.gap[0]))
+            for one, path in zip(records, twice, strict=True)
+        ]
+    records += drawn._tests((drive, ranges), gaps, magnet["current_A"], rng)
+    every = {"iron": true, "magnet": magnet, "drive": drive, "sensors": sensors}
+    plan = drawn._Plan(number, family, every, core, iron, records)
+    found = answers(plan.jobs())
+    return [_read(plan, found, [SEED, number, 1, turn], turn) for turn in (0, 1)]
+
+
+def _read(plan: Any, found: Any, seed: list[int], turn: int) -> tuple[Loops, list[drawn.Test]]:
+    """Read a plan; the second time a sample less where there is no noise."""
+    one = drawn.measured(plan, found, np.random.default_rng(seed))
+    if not turn or not plan.true["sensors"]["noiseless"]:
+        return one.loops, list(one.tests)
+    less = [_without(loop, loop.n // 3) for loop in one.loops.loops]
+    return one.loops.with_loops(less), list(one.tests)
+
+
+def _without(loop: Loop, place: int) -> Loop:
+    gap = None if loop.schedule is None else np.delete(loop.schedule, place)
+    return replace(
+        loop, input=np.delete(loop.input, place), output=np.delete(loop.output, place), schedule=gap
+    )
+
+
+def measure(loops: Loops, tests: Sequence[drawn.Test]) -> Tried | None:
+    """Compare all laws; None where the first leaves only noise."""
+    compare: Callable[..., ModelCandidate] = choice._compare_cells
+
+    def stop(run: Any, some: Loops, all_of_it: Contest, *others: Any) -> None:
+        compare(run, some, all_of_it, *others)
+        raise _Compared(all_of_it, some)
+
+    try:
+        with mock.patch.object(choice, "_compare_cells", stop):
+            identify(loops)
+    except _Compared as end:
+        return _judged(end.contest, end.loops, tests)
+    except (InputError, NegativeResult):
+        pass
+    return None
+
+
+def _judged(all_of_it: Contest, loops: Loops, tests: Sequence[drawn.Test]) -> Tried:
+    missed = {}
+    for one in all_of_it.entrants:
+        model = model_of(all_of_it.fits[one].found, loops)
+        off = [deviation(model, test) for test in tests if test.kind in {"other", "unseen"}]
+        missed[one] = float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest_output(loops)
+    chosen = {}
+    for name, settings in RULES.items():
+        with mock.patch.multiple(contest, **settings):
+            again = replace(all_of_it, entrants=list(all_of_it.entrants))
+            chosen[name] = choice._accepted(again, loops)
+    return Tried(
+        {name: f"{one.title('effective-field')}, {one.gap_map}" for name, one in chosen.items()},
+        {name: missed[one] for name, one in chosen.items()},
+        min(missed.values()),
+    )
+
+
+def main() -> None:
+    """Try some draws, and print a line a rule."""
+    warnings.simplefilter("ignore")
+    first, last = (int(text) for text in sys.argv[1:3])
+    pairs = [[measure(*one) for one in draws(number)] for number in range(first, last)]
+    every = [one for pair in pairs for one in pair if one]
+    both = [(one, two) for one, two in pairs if one and two]
+    for name in RULES:
+        over = np.array([max(one.missed[name], 1e-5) / max(one.least, 1e-5) for one in every])
+        rms = 100.0 * np.array([one.missed[name] for one in every])
+        jumps = np.mean([one.chosen[name] != two.chosen[name] for one, two in both])
+        print(
+            f"{name}: missed {np.median(rms):.3f} %, 90 of 100 {np.quantile(rms, 0.9):.2f}, worst "
+            f"{rms.max():.2f}; over the best law {np.exp(np.log(over).mean()):.3f}, 90 of 100 "
+            f"{np.quantile(over, 0.9):.2f}; another law after another noise {100.0 * jumps:.0f} % "
+            f"({len(every)} measurements of {len(pairs)} draws)"
+        )
+
+
+if __name__ == "__main__":
+    main()
