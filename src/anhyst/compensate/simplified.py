@@ -213,10 +213,7 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
 
 
 def _arms(groups: list[list[_Task]], lags: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return bias, flux arm and lag arm with the least worst error in force, and the errors.
-
-    A row for each gap: all gaps are fitted at once.
-    """
+    """Return bias, flux arm and lag arm of least worst error in force, and the errors: a row a gap."""
     shape = len(groups), -1
     tasks = [task for group in groups for task in group]
     weight = np.array([task.weight for task in tasks]).reshape(shape)

@@ -78,10 +78,7 @@ def _fixed_sizes() -> dict[str, int]:
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:
-    """Add up the members of structures, each one aligned to four bytes as a whole.
-
-    Members of less than four bytes stand together at the end, so that nothing else is padded.
-    """
+    """Add up the members of structures, short ones at the end, each a multiple of four bytes."""
     sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2}
     for text in texts:
         plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)

@@ -42,10 +42,7 @@ _ALONE = "1"
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """The columns of one source in SI units, not yet cut into loops.
-
-    ``where`` turns a row into words for a message, such as ``file.csv: line 12``.
-    """
+    """Columns of one source in SI units, not yet cut into loops; ``where`` puts a row into words."""
 
     place: str
     input: FloatArray

@@ -151,10 +151,7 @@ def _variables(model: Model, middle: float) -> list[Variable]:
 
 
 def _constants(model: Model) -> list[Variable]:
-    """Return the parameters that do not run over the scheduling variable, to be read.
-
-    Their names are the keys of a model file; what is around the iron has its unit in there.
-    """
+    """Return the parameters, as in a model file, that do not run over the scheduling variable."""
     units: dict[str, str] = {spec.name: spec.unit for spec in model.operator_law.parameters}
     return [
         Variable(

@@ -90,10 +90,7 @@ def actuator_defines(name: str) -> dict[str, str]:
 
 
 def _actuator(folder: Path) -> str:
-    """Return what the actuator of a folder is called in the C.
-
-    Refused is a rate that a board's clock cannot keep: a tick is a whole number of its cycles.
-    """
+    """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
     place = folder / _MANIFEST
     try:
         manifest = json.loads(place.read_text(encoding="utf-8"))

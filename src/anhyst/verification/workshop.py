@@ -103,10 +103,7 @@ CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
 
 
 def _add_control(place: Path) -> None:
-    """Put the core's PIDD2 beside a bundle that has none, so that a whole tick is measured.
-
-    It is in fixed point always.
-    """
+    """Put the core's PIDD2, in fixed point, beside a bundle without one: a whole tick is measured."""
     for name, text in core_files(PIDD2).items():
         path = place / name
         if not path.exists():

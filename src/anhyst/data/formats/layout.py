@@ -190,10 +190,7 @@ def _text_above(lines: list[tuple[str, int]], first: int, start: int) -> int:
 
 @dataclass(slots=True)
 class _Run:
-    """Rows one below the other with as many fields, of which the same ones are numbers.
-
-    ``used`` is how many columns there are up to the last that holds anything.
-    """
+    """Rows of as many fields, the same ones numbers; ``used`` counts columns to the last filled one."""
 
     start: int
     width: int

@@ -130,10 +130,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
 
 
 def _forces(ax: Axes, rig: Rig, outcome: ForceOutcome) -> None:
-    """Demand, measured with compensation, simulated program, and the constant ratio.
-
-    The demand lies below, wide and pale, so that what follows it is seen on it.
-    """
+    """Draw the demand (pale, below), what was measured, the simulated program, the constant ratio."""
     curves = (
         ("demand", outcome.trial.demand.force, DEMAND, 4.0, "-"),
         ("constant ratio", outcome.recordings["ratio"]["force_read_N"], FALLING, 0.9, "-"),

@@ -182,10 +182,7 @@ class StageBench:
         self._plant.place([self.rig.gap - stray], [0.0])
 
     def _control(self) -> None:
-        """Put a controller in force that remembers what flowed, and goes on with the integral.
-
-        The integral of an amplifier that takes a voltage begins anew.
-        """
+        """Put a controller in force that remembers what flowed; the integral of the loop goes on."""
         rig = self._setup.rig
         settings = rig.settings.changed({"control.crossover_Hz": self._values["crossover"]})
         setup = replace(self._setup, rig=replace(rig, settings=settings))

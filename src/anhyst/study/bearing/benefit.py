@@ -272,10 +272,7 @@ def _cell(
 
 
 def _values(runs: _Runs, measure: Measure, hold: float) -> FloatArray:
-    """Return one value a seed: the larger one of up and down.
-
-    A step that did not settle counts as if it had at the end of its hold.
-    """
+    """Return the larger one of up and down a seed; what did not settle did so when the hold ended."""
     most = hold if measure == "settling_in_noise_s" else math.inf
     return np.array([max(min(one[measure], most) for one in pair) for pair in runs])
 

@@ -130,10 +130,7 @@ class LinearLoop:
 
 
 def _controller(controller: Pidd2) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Matrices of the core's controller; inputs reference and position, the output is the demand.
-
-    States: filtered position, filtered velocity and integral, as in ``pidd2_real.h``.
-    """
+    """Matrices from reference and position to the demand; the states are those of ``pidd2_real.h``."""
     p, k, d, e, _, _, s, t, weight = controller.per_tick[:9]
     # first = s (y - position), second = t (first - velocity)
     a = np.array([[1.0 - s, 0.0, 0.0], [-s * t, 1.0 - t, 0.0], [0.0, 0.0, 1.0]])

@@ -83,10 +83,7 @@ class BearingWork:
 def _judge(
     rig: BearingRig, drifted: RigFile, scenario: Scenario, recording: Recording
 ) -> dict[str, Any]:
-    """Judge what an ideal sensor with the gain and offset of this one would read.
-
-    An offset of the sensor moves every gap by as much and would otherwise count as overshoot.
-    """
+    """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
     sensor = drifted.gap_sensor
     read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
     time, reference = recording["t_s"], recording["reference_m"]

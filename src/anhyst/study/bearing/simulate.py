@@ -237,10 +237,7 @@ def _model_file(out: PathLike) -> Path:
 def _beside(
     mine: Setup, controller: ControllerFile, knowledge: IdentifiedMagnet
 ) -> tuple[dict[MethodName, Setup], dict[MethodName, str]]:
-    """Fit what is compared with a setup; where something cannot be made, report why.
-
-    A magnet without hysteresis to speak of has no simplified law, and is worth a simulation.
-    """
+    """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
     setups: dict[MethodName, Setup] = {}
     left_out: dict[MethodName, str] = {}
     for name in compared(mine.rig, mine.name):
