@@ -78,6 +78,12 @@ def test_flux_probes_are_balanced_the_same_way() -> None:
     assert less < 0.2 * about
 
 
+def test_a_method_is_calibrated_alike_alone_and_after_another() -> None:
+    methods: list[MethodName] = ["play", "full"]
+    both = calibrate(short(), recorded(), magnet=bearings.knowledge(), methods=methods)
+    assert both.file.method[1] == taught("full", recorded()).found
+
+
 def test_what_no_motion_showed_stays_and_is_said() -> None:
     found = {one.name: one for one in taught("full", recorded()).found.parameter}
     unseen = found["gap_zero_5_m"]  # of the pair along y, which rests

@@ -174,7 +174,7 @@ class AxesLaw(MotionLaw):
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = on_grid("width", values.get(f"width_{number}", 0.0))
-        key = (id(self), number, scale, zero, width)
+        key = (self, number, scale, zero, width)
         if key not in motion.kept:
             gap = motion.read[column("gap_read", "m", number)] - zero
             if self.method == "flux":
