@@ -21,6 +21,7 @@ from anhyst.study.tracking.calibrate import calibrate
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.measures import cross_talk, measure
 from anhyst.study.tracking.plants import ERRORS_OF_AXES, stage_plants
+from anhyst.support.errors import InputError
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import EXAMPLES, PLANAR, planar
@@ -132,9 +133,12 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
     setup = make_stage(named, bearings.knowledge(), "flux")
     assert setup.correction is not None
     assert setup.correction[9, 2] == 1.0 + learnt.value("scale_10") != 1.0
-    with refused("unknown-name: calibration.toml"):
-        out.write_text(out.read_text().replace('"scale_1"', '"skale_1"'))
-        calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
+    text = out.read_text()
+    for wrong in ("skale_1", "scale_99", "scale_01", "scale", "width", "wi_3dth"):
+        out.write_text(text.replace('"scale_1"', f'"{wrong}"'))
+        with pytest.raises(InputError, match=wrong) as caught:
+            calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
+        assert caught.value.code == "unknown-name"
 
 
 def test_a_recording_without_what_was_read_is_refused() -> None:

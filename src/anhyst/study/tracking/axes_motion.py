@@ -26,6 +26,7 @@ from anhyst.rig.stage.file import (
     believed,
     head_rows,
     mass_matrix,
+    numbers_of,
     pull_rows,
     weight,
 )
@@ -131,14 +132,10 @@ class AxesLaw(MotionLaw):
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)
         self._count = range(1, len(rig.settings.placed) + 1)
-        kinds = ["scale_{}"]
-        if method != "flux":
-            kinds.append("gap_zero_{}_m")
-        if method in ("full", "play"):
-            kinds.append("width_{}")
+        without = {"flux": ("gap_zero", "width"), "full": (), "play": ()}.get(method, ("width",))
+        numbers = numbers_of(rig.settings)
         self.names: Sequence[ParameterName] = [
-            *(kind.format(number) for kind in kinds for number in self._count),
-            *_STEPS,
+            name for name in numbers if not name.startswith(without)
         ]
 
     @property
