@@ -153,6 +153,14 @@ def test_a_recording_without_what_was_read_is_refused() -> None:
         calibrate(short(), Recording(turned), magnet=bearings.knowledge())
 
 
+def test_a_flux_that_is_no_number_and_a_clock_that_stands_are_refused() -> None:
+    read = recorded("flux").columns
+    for wrong, why in (("flux_read_3_T", "not-finite flux_read_3_T"), ("t_s", "rate-differs t_s")):
+        off = {wrong: np.full(len(read["t_s"]), np.nan if wrong != "t_s" else 0.0)}
+        with refused(why):
+            calibrate(short(), Recording({**read, **off}), magnet=bearings.knowledge())
+
+
 def test_keys_of_spread_belong_to_one_coordinate_or_to_several(tmp_path: Path) -> None:
     place = tmp_path / "rig.toml"
     place.write_text(PLANAR.replace("[spread]", "[spread]\neddy_s = 1e-5"))
