@@ -100,10 +100,6 @@ const char *anhyst_component_run(anhyst_component *component)
   if (component->now->of.phase != ANHYST_PHASE_INITIALISING) {
     return "initialisation cannot end before it has begun";
   }
-  const char *trouble = start(component); /* inputs may have been set since */
-  if (trouble != NULL) {
-    return trouble;
-  }
   component->now->of.phase = ANHYST_PHASE_RUNNING;
   return NULL;
 }
@@ -150,7 +146,7 @@ const char *anhyst_component_set(anhyst_component *component, const unsigned *at
   for (i = 0; i < n; i++) {
     component->now->of.values[at[i]] = values[i];
   }
-  return NULL;
+  return component->now->of.phase <= ANHYST_PHASE_INITIALISING ? start(component) : NULL;
 }
 
 const char *anhyst_component_step(anhyst_component *component, double now, double step)
