@@ -37,6 +37,10 @@ from anhyst.support.arrays import FloatArray
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
 """By which a number of the body is moved for its derivative."""
 
+START_S = 0.01
+"""From when on anything is compared: the weight is taken up in one step, from which no supply lets
+the currents follow their commands."""
+
 
 def law_of(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
     """Return the law of a method of a stage of one or several coordinates."""
@@ -119,7 +123,7 @@ class AxesMotion(Motion):
         least = DEAD * self.rig.settings.tracking.force_max_N
         asked = np.linalg.norm(self.asked.reshape(-1, self.rows)[::every], axis=1)
         ticks = every * np.flatnonzero(asked > least)
-        ticks = ticks[ticks >= self.begin]
+        ticks = ticks[ticks >= max(self.begin, round(START_S / self.rig.dt))]
         return (self.rows * ticks[:, None] + np.arange(self.rows)).ravel()
 
 
