@@ -142,6 +142,10 @@ def test_the_verb_writes_a_file_that_the_rig_file_names(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=wrong) as caught:
             calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
         assert caught.value.code == "unknown-name"
+    fewer = [line for line in text.splitlines() if '"scale_10"' not in line]
+    out.write_text("\n".join(fewer))
+    with refused("unknown-name scale_10: calibration.toml"):  # of nine magnets
+        calibration_of(replace(named, settings=named.settings.model_copy()), "flux")
 
 
 def test_a_recording_without_what_was_read_is_refused() -> None:

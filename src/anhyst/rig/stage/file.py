@@ -110,11 +110,15 @@ class StageRig:
                 code="mass-differs",
                 key="mass_kg",
             )
-        known = numbers_of(self.settings)
-        for name in (number.name for one in file.method for number in one.parameter):
-            if name not in known:
+        known = {*numbers_of(self.settings)}
+        for one in file.method:
+            names = {number.name for number in one.parameter}
+            kinds = {kind_of(name) for name in names}
+            missing = {name for name in known - names if kind_of(name) in kinds}
+            for name in sorted(names - known) or sorted(missing):
                 raise InputError(
-                    f"{place}: {name} is no number of {self.path}; calibrate this one",
+                    f"{place}: {name}: {self.path} has other magnets or coordinates; calibrate "
+                    "this one",
                     code="unknown-name",
                     key=name,
                 )
