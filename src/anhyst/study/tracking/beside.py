@@ -158,6 +158,7 @@ class BenchLearner:
         learners, on, setup = self._learners, self.on, None
         learner, kept = learners.get(lap.method), self._kept.setdefault(lap.method, _Kept())
         own = any(lap.setup is one.setup for one in self._bench.variants)
+        untouched = own and (learner is None or not any(learner.applied.values()))
         applied = {} if own else kept.applied(lap)
         better = None if applied is None else kept.better(lap, applied, average)
         if on and better is not None and learner is not None:
@@ -171,7 +172,7 @@ class BenchLearner:
         def act() -> None:
             if learners is not self._learners:
                 return  # it was reverted meanwhile
-            if own:
+            if untouched:
                 self._before[lap.method] = average
             if setup is not None and learner is not None:
                 self._bench.correct(setup)
