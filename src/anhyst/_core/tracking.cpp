@@ -114,11 +114,7 @@ public:
     }
   }
 
-  void correct(const InTable &rows)
-  {
-    drives_.correct(rows);
-    axes_.drive = drives_.data();
-  }
+  void correct(const InTable &rows) { drives_.correct(rows); }
   anhyst_loop_controller handle() override { return {&axes_, anhyst_tracking_axes_tick}; }
 
 private:
