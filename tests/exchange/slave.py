@@ -48,13 +48,12 @@ class Slave:
         )
         self.raw.instantiate()
 
-    def begin(self, start: float = 0.0, inputs: Mapping[str, float] | None = None) -> None:
+    def begin(self, start: float = 0.0) -> None:
         if self.second:
             self.raw.setupExperiment(startTime=start)
             self.raw.enterInitializationMode()
         else:
             self.raw.enterInitializationMode(startTime=start)
-        self.write(inputs or {})
         self.raw.exitInitializationMode()
 
     def write(self, values: Mapping[str, float]) -> None:

@@ -282,8 +282,11 @@ def test_a_stage_at_rest_that_is_given_nothing_stays_there(scan: Scan, tmp_path:
         rows = made.run({"frame": frame}, ["position"], TICK)
         assert max(abs(place) for (place,) in rows) < 1e-7
         made.raw.reset()
-        made.begin(inputs={"frame": 0.9 * frame[0]})
+        made.raw.setupExperiment(startTime=0.0)
+        made.raw.enterInitializationMode()
+        made.write({"frame": 0.9 * frame[0]})
         assert made.read("gap", "position") == pytest.approx([0.405e-3, 0.0])
+        made.raw.exitInitializationMode()
         rows = made.run({"frame": [0.9 * frame[0]] * 200}, ["position"], TICK)
         assert max(abs(place) for (place,) in rows) < 1e-7
         with pytest.raises(fmpy.fmi1.FMICallException):

@@ -135,6 +135,24 @@ def test_laps_that_wait_to_be_looked_at_when_all_is_forgotten_teach_nothing(
     assert [one.values for one in beside.learner.laps] == [{}, {}]
 
 
+def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside: Beside) -> None:
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps(6)
+    before = beside.learner.status()["before_m"]["full"]
+    last = beside.learner.laps[-1].lap
+    waiting = [beside.bench.advance(200)]
+    while beside.bench.laps[-1].number < last + 4:
+        waiting.append(beside.bench.advance(200))
+    beside.learner.revert()
+    for rows in waiting:
+        beside.learner.take(rows, lambda act: act())
+    assert beside.learner.status()["before_m"]["full"] == before
+    beside.laps(6)
+    assert beside.learner.on
+    assert beside.learner.status()["trouble"] == ""
+
+
 def test_at_rest_no_number_moves_however_long(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:

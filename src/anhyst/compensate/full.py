@@ -101,10 +101,7 @@ def _rising_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArr
 
 
 def _free_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArray) -> float:
-    """Return the largest field where the iron counts against the air: on the anhysteretic curve.
-
-    No magnetisation is above it at the largest field there ever was.
-    """
+    """Return the largest field on the anhysteretic curve, where the iron counts against the air."""
     x = np.full(drive.shape, np.inf)
     for _ in range(DESCENTS):
         x = (drive - arm * langevin(x)[0]) / (own + arm * law.air)

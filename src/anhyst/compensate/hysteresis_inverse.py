@@ -68,10 +68,7 @@ def simplified_inverse(sources: Sources, number_format: NumberFormat) -> Hystere
 def _compile(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
-    """Compile as for a controller; floating point takes the tables chosen for fixed point.
-
-    Solid iron is followed where that can be compiled: by the full law, in floating point.
-    """
+    """Compile as for a controller; floats take the tables of fixed point, and follow solid iron."""
     model, where = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")

@@ -271,11 +271,7 @@ def find_limits(model: Model) -> DemandLimits:
 
 
 def _largest_word(model: Model, limits: DemandLimits) -> float:
-    """Return the largest magnitude that the words of a demand hold.
-
-    What has no natural zero may lie far from the output at zero flux: that, and the way from there,
-    must fit too.
-    """
+    """Return the largest magnitude of a demand's words: its ends, the way to them from zero flux."""
     largest = largest_output(limits)
     if output_map(model.output).from_zero:
         return largest

@@ -97,11 +97,7 @@ def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
 
 
 def _smooth(force: FloatArray, current: FloatArray) -> FloatArray:
-    """Take off the noise of the sensors, which would make the slope of the curve restless.
-
-    What is smoothed is the distance from a polynomial over the root of the force, along which the
-    current of a magnet is nearly straight.
-    """
+    """Take noise, which makes slopes restless, off what a polynomial of the force's root leaves."""
     from scipy.signal import savgol_filter  # slow to load, and used for maps alone
 
     root = np.sqrt(force / force[-1])

@@ -275,10 +275,7 @@ def _planned(
     controller: Controller | None,
     progress: Progress | None,
 ) -> tuple[Plan, Budget]:
-    """Plan, and plan tighter where another path than that of the plan breaks the allowance.
-
-    With a controller and no accuracy asked for, the first plan stays: it is what simulations run.
-    """
+    """Plan, and tighter where another path breaks the allowance, unless a controller asked for none."""
     shares: tuple[float, ...] = SHARES
     if controller is not None:
         model = controller.narrowed(model)

@@ -231,10 +231,7 @@ def _compare_cells(
 
 
 def _may_do_without(run: SearchRun, base: ModelCandidate) -> bool:
-    """Whether cells are tried without interaction too: one loop hardly tells it from pinning.
-
-    Behind a gap the same number is its reluctance.
-    """
+    """Whether cells are tried without interaction: one loop hardly tells it from pinning, or a gap."""
     alone = len(run.searched.loops) == 1 and base.gap_map == "none"
     return alone and run.form.power == 1 and "omega" not in base.held
 

@@ -405,10 +405,7 @@ def _fewer(loopset: Loops) -> Loops:
 
 
 def _known(loop: Loop) -> NDArray[np.bool_]:
-    """Return from where on it does not matter how a body came to rest: after the first far end.
-
-    A body that has never been driven is in a state that no turning points lead to.
-    """
+    """Return from where on it does not matter how a body came to rest: after the first far end."""
     counted = np.ones(loop.n, dtype=np.bool_)
     if loop.history.kind == "settled":
         return counted

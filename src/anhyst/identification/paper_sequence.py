@@ -104,10 +104,7 @@ def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[Model, FoundM
 
 
 def _may_be_reluctance(bench: SearchBench, wanted: str) -> bool:
-    """Whether alpha over the schedule can be a reluctance: physics of a gap, unless asked for.
-
-    In the law of 1986 alpha acts on the irreversible part alone, which a reluctance does not.
-    """
+    """Whether alpha over the schedule can be a reluctance: of a gap, and in no law of 1986."""
     schedule = bench.loopset.schedule
     of_a_gap = wanted == "reluctance" or (schedule is not None and schedule.name == "gap")
     circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled

@@ -97,10 +97,7 @@ class SampledIron(ABC):
         return field + self.step(state, field)[0]
 
     def _root(self, state: State, of_field: float, of_flux: float, wanted: float) -> float:
-        """Return the field at which a sum of field and ``B/mu0`` is what is wanted.
-
-        The sum rises with the field at least as fast as the field itself.
-        """
+        """Return the field that with its ``B/mu0`` adds up to what is wanted; the sum rises at least as it."""
 
         def missing(field: float) -> float:
             return of_field * field + of_flux * self._flux(state, field) - wanted

@@ -142,10 +142,7 @@ def _is_header(lines: list[tuple[str, int]], place: int, least: int) -> bool:
 def _skip_preamble(
     path: Path, lines: list[tuple[str, int]], first: int, least: int, *, last: bool
 ) -> tuple[int, str | None]:
-    """Find the header, and its delimiter, above the first long run of rows of numbers.
-
-    A file without such a run has its header in its first line, and so has one that begins with it.
-    """
+    """Find header and delimiter above the first long run of numbers; else they are the first line's."""
     runs = [(_find_run(lines, first, sign, least), sign) for sign in _DELIMITERS]
     found = [(run, sign) for run, sign in runs if run is not None]
     if not found and not last:

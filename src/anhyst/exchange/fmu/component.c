@@ -67,16 +67,14 @@ static const char *start(anhyst_component *component)
 {
   moment *now = component->now;
   (void)memset(now + 1, 0, anhyst_the_part.state);
-  return anhyst_the_part.start(component->tables, now + 1, now->of.values) == 0
-             ? NULL
-             : "the parameters are damaged";
+  const int bad = anhyst_the_part.start(component->tables, now + 1, now->of.values);
+  return bad == 0 ? NULL : "the parameters are damaged";
 }
 
 const char *anhyst_component_reset(anhyst_component *component)
 {
-  moment *now = component->now;
-  (void)memset(now, 0, size_of_moment());
-  (void)memcpy(now->of.values, first_values, sizeof first_values);
+  (void)memset(component->now, 0, size_of_moment());
+  (void)memcpy(component->now->of.values, first_values, sizeof first_values);
   return start(component);
 }
 
@@ -121,8 +119,7 @@ int anhyst_component_is(const anhyst_component *component, anhyst_phase phase)
 const char *anhyst_component_get(const anhyst_component *component, const unsigned *at, size_t n,
                                  double *values)
 {
-  size_t i;
-  for (i = 0; i < n; i++) {
+  for (size_t i = 0; i < n; i++) {
     if (at[i] >= PART_VALUES) {
       return "no such variable";
     }
@@ -134,8 +131,7 @@ const char *anhyst_component_get(const anhyst_component *component, const unsign
 const char *anhyst_component_set(anhyst_component *component, const unsigned *at, size_t n,
                                  const double *values)
 {
-  size_t i;
-  for (i = 0; i < n; i++) {
+  for (size_t i = 0; i < n; i++) {
     if (at[i] < 1 || at[i] >= FIRST_OUTPUT) {
       return "no such input";
     }
@@ -143,10 +139,10 @@ const char *anhyst_component_set(anhyst_component *component, const unsigned *at
       return "an input is not a finite number";
     }
   }
-  for (i = 0; i < n; i++) {
+  for (size_t i = 0; i < n; i++) {
     component->now->of.values[at[i]] = values[i];
   }
-  return NULL;
+  return component->now->of.phase <= ANHYST_PHASE_INITIALISING ? start(component) : NULL;
 }
 
 const char *anhyst_component_step(anhyst_component *component, double now, double step)

@@ -115,10 +115,7 @@ def _part(
 def _linear(
     simulation: Simulation,
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
-    """Return loop gain and sensitivity, linearised, of the own variant and the paper's case.
-
-    A variant that is no constant is drawn as if it knew the static slopes.
-    """
+    """Return linearised loop gain and sensitivity: own variant, as if of static slopes; the paper's."""
     rate = simulation.rig.settings.timing.rate_Hz
     frequency = np.geomspace(5.0, 0.4 * rate, _FREQUENCIES)
     gains: dict[MethodName, Response] = {}

@@ -104,6 +104,7 @@ class StageLap(NamedTuple):
     method: MethodName  # that drove it
     motion: SetPoint
     under: tuple[object, ...]  # plant, gains and all else in force but what is learnt
+    setup: StageSetup  # in force, with what was learnt
 
 
 class StageBench:
@@ -235,9 +236,8 @@ class StageBench:
             self._lap, self._side = self._laps, -self._side
             method, begin = self._setup.compensator.method, self.tick + 1
             under = (*self._values.values(), *self._gains, self._load)
-            self.laps.append(
-                StageLap(self._lap, begin, len(self._way), self._known, method, self._motion, under)
-            )
+            of_way = self._lap, begin, len(self._way), self._known
+            self.laps.append(StageLap(*of_way, method, self._motion, under, self._setup))
 
     def _begin(self, course: Course) -> None:
         self._course, self._at = course, 0

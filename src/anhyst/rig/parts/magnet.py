@@ -173,10 +173,7 @@ def law_magnet(
 
 
 def _even(table: FluxTable) -> FloatArray:
-    """Return a table on a fine grid of equal steps, rising where the given one does.
-
-    Between its points the flux runs over the current as a monotone cubic, and so over the gap.
-    """
+    """Return a table on a fine grid of equal steps, by monotone cubics; it rises where the given does."""
     current = np.linspace(0.0, float(table.current[-1]), _CURRENTS)
     gap = np.linspace(float(table.gap[0]), float(table.gap[-1]), _GAPS)
     rows = PchipInterpolator(table.current, table.psi, axis=1)(current)

@@ -110,6 +110,18 @@ class StageRig:
                 code="mass-differs",
                 key="mass_kg",
             )
+        known = {*numbers_of(self.settings)}
+        for one in file.method:
+            names = {number.name for number in one.parameter}
+            kinds = {kind_of(name) for name in names}
+            missing = {name for name in known - names if kind_of(name) in kinds}
+            for name in sorted(names - known) or sorted(missing):
+                raise InputError(
+                    f"{place}: {name}: {self.path} has other magnets or coordinates; calibrate "
+                    "this one",
+                    code="unknown-name",
+                    key=name,
+                )
         return file
 
 
@@ -245,6 +257,11 @@ flux behind the current. Of the body: ``bias_N``, a force that no magnet makes, 
 by which it is heavier, ``centre``, by which its centre of mass is off, and ``cable_N_per_m``, the
 stiffness that pulls it back to where a motion begins."""
 CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
+OF_ONE: tuple[ParameterName, ...] = (
+    *("scale_1", "scale_2", "gap_zero_m", "width", "lag_s"),
+    *("bias_N", "payload", "cable_N_per_m"),
+)
+"""All numbers of a stage of one coordinate, in the order of files."""
 LIMITS: Mapping[str, float] = {
     "scale": 0.3,
     "gap_zero_m": 1e-4,
@@ -261,6 +278,14 @@ LIMITS: Mapping[str, float] = {
 def kind_of(name: ParameterName) -> str:
     """Return what a number is, whichever magnet it is of."""
     return re.sub(r"_\d+", "", name)
+
+
+def numbers_of(file: RigFile) -> tuple[ParameterName, ...]:
+    """Return all numbers that a stage has."""
+    if not file.several:
+        return OF_ONE
+    count, kinds = range(1, len(file.placed) + 1), ("scale_{}", "gap_zero_{}_m", "width_{}")
+    return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
 
 
 def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:

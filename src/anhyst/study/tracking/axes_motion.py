@@ -26,6 +26,7 @@ from anhyst.rig.stage.file import (
     believed,
     head_rows,
     mass_matrix,
+    numbers_of,
     pull_rows,
     weight,
 )
@@ -35,6 +36,10 @@ from anhyst.support.arrays import FloatArray
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
 """By which a number of the body is moved for its derivative."""
+
+START_S = 0.01
+"""From when on anything is compared: the weight is taken up in one step, from which no supply lets
+the currents follow their commands."""
 
 
 def law_of(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> MotionLaw:
@@ -53,7 +58,7 @@ class AxesMotion(Motion):
 
     @cached_property
     def kept(self) -> dict[tuple[object, ...], FloatArray]:
-        """Wrenches of single magnets, by method and numbers, that were asked for before."""
+        """Wrenches of single magnets that were asked for before."""
         return {}
 
     def in_newtons(self, wrench: FloatArray, late: float = 0.0) -> FloatArray:
@@ -118,7 +123,7 @@ class AxesMotion(Motion):
         least = DEAD * self.rig.settings.tracking.force_max_N
         asked = np.linalg.norm(self.asked.reshape(-1, self.rows)[::every], axis=1)
         ticks = every * np.flatnonzero(asked > least)
-        ticks = ticks[ticks >= self.begin]
+        ticks = ticks[ticks >= max(self.begin, round(START_S / self.rig.dt))]
         return (self.rows * ticks[:, None] + np.arange(self.rows)).ravel()
 
 
@@ -131,14 +136,10 @@ class AxesLaw(MotionLaw):
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)
         self._count = range(1, len(rig.settings.placed) + 1)
-        kinds = ["scale_{}"]
-        if method != "flux":
-            kinds.append("gap_zero_{}_m")
-        if method in ("full", "play"):
-            kinds.append("width_{}")
+        without = {"flux": ("gap_zero", "width"), "full": (), "play": ()}.get(method, ("width",))
+        numbers = numbers_of(rig.settings)
         self.names: Sequence[ParameterName] = [
-            *(kind.format(number) for kind in kinds for number in self._count),
-            *_STEPS,
+            name for name in numbers if not name.startswith(without)
         ]
 
     @property
@@ -174,7 +175,7 @@ class AxesLaw(MotionLaw):
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = on_grid("width", values.get(f"width_{number}", 0.0))
-        key = (self.method, number, scale, zero, width)
+        key = (self, number, scale, zero, width)
         if key not in motion.kept:
             gap = motion.read[column("gap_read", "m", number)] - zero
             if self.method == "flux":

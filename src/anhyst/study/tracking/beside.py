@@ -56,16 +56,25 @@ class _Kept:
     """What was in force of a method when its laps left least, and what has been since."""
 
     def __init__(self) -> None:
-        self.in_force: deque[tuple[int, Numbers]] = deque([(0, {})], maxlen=LAPS)  # from a tick on
+        self._in_force: deque[tuple[StageSetup, Numbers]] = deque(maxlen=LAPS)
         self._under: tuple[object, ...] = ()
         self._last = self._least = math.inf  # moving averages, m: a lap's, the larger of two laps'
         self._best: Numbers = {}
 
-    def better(self, lap: StageLap, average: float) -> tuple[Numbers, float] | None:
+    def put(self, setup: StageSetup, numbers: Numbers) -> None:
+        """Keep what corrects a setup that is put in force."""
+        self._in_force.append((setup, {name: one for name, one in numbers.items() if one}))
+
+    def applied(self, lap: StageLap) -> Numbers | None:
+        """Return what a lap was corrected by; None where that is forgotten."""
+        return next((numbers for setup, numbers in self._in_force if setup is lap.setup), None)
+
+    def better(
+        self, lap: StageLap, applied: Numbers, average: float
+    ) -> tuple[Numbers, float] | None:
         """Return what left less than these last two laps do, and how much; None if nothing did."""
         if lap.under != self._under:  # another plant, load or gain: nothing is known of it
             self._under, self._last, self._least = lap.under, math.inf, math.inf
-        applied = [numbers for due, numbers in self.in_force if due <= lap.begin][-1]
         pair, self._last = (self._last, average), average
         if max(pair) < self._least:
             self._least, self._best = max(pair), applied
@@ -148,8 +157,10 @@ class BenchLearner:
         average = max((peak(mean) for mean, _ in windows if mean.size), default=most)
         learners, on, setup = self._learners, self.on, None
         learner, kept = learners.get(lap.method), self._kept.setdefault(lap.method, _Kept())
-        untouched = learner is None or not any(learner.applied.values())
-        better = kept.better(lap, average)
+        own = any(lap.setup is one.setup for one in self._bench.variants)
+        untouched = own and (learner is None or not any(learner.applied.values()))
+        applied = {} if own else kept.applied(lap)
+        better = None if applied is None else kept.better(lap, applied, average)
         if on and better is not None and learner is not None:
             setup = self._go_back(learner, *better, average)
         elif on and lap.known >= first and end > self._since:
@@ -164,7 +175,8 @@ class BenchLearner:
             if untouched:
                 self._before[lap.method] = average
             if setup is not None and learner is not None:
-                kept.in_force.append((self._bench.correct(setup), dict(learner.applied)))
+                self._bench.correct(setup)
+                kept.put(setup, learner.applied)
             values = {} if learner is None else _values(learner)
             refused = 0 if learner is None else learner.refused
             self.laps.append(

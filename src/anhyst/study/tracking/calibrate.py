@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -96,7 +97,8 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
                 code="column-missing",
                 key=name,
             )
-        if not np.isfinite(columns[name]).all():
+    for name in (*_needed(rig), *_probes(rig)):
+        if not np.isfinite(columns.get(name, 0.0)).all():
             raise InputError(
                 f"{where}: {name} holds what is no number; leave out what comes before it",
                 code="not-finite",
@@ -128,7 +130,8 @@ def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
             code="too-short",
             key="t_s",
         )
-    rate = (time.size - 1) / (time[-1] - time[0])
+    lasted = float(time[-1] - time[0])
+    rate = (time.size - 1) / lasted if lasted else math.inf
     steps = np.diff(time) / rig.dt
     if abs(rate * rig.dt - 1.0) > 1e-3 and abs(float(np.median(steps)) - 1.0) > 1e-3:
         raise InputError(

@@ -22,6 +22,7 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.stage.file import (
     CENTRE,
+    OF_ONE,
     CalibratedMethod,
     ParameterName,
     StageRig,
@@ -170,10 +171,7 @@ class Motion:
 class MotionLaw:
     """A method as it is fitted to the loops, and with other numbers."""
 
-    names: Sequence[ParameterName] = (
-        *("scale_1", "scale_2", "gap_zero_m", "width", "lag_s"),
-        *_OF_BODY,
-    )
+    names: Sequence[ParameterName] = OF_ONE
     """All numbers of it, in the order of files."""
     trust = 0.004
     """Standard deviation of a comparison, in parts of the largest force: what a good law leaves."""
