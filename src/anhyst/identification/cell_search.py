@@ -49,7 +49,6 @@ _TRIED, _FOLLOWED, _ENDED = 12, 4, 2
 _POLISHED = 8
 """Steps in which every weight moves by itself, at most."""
 
-
 _END = (1e-5, 60)
 """Gain of a step, in parts of the cost, with which a descent has come to its end, and steps at most."""
 

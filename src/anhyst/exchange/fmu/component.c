@@ -99,7 +99,7 @@ const char *anhyst_component_run(anhyst_component *component)
     return "initialisation cannot end before it has begun";
   }
   component->now->of.phase = ANHYST_PHASE_RUNNING;
-  return start(component); /* inputs may have been set since */
+  return NULL;
 }
 
 const char *anhyst_component_end(anhyst_component *component)

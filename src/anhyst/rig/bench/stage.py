@@ -101,10 +101,14 @@ class StageLap(NamedTuple):
     begin: int  # its first tick
     ticks: int
     known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
-    method: MethodName  # that drove it
     motion: SetPoint
     under: tuple[object, ...]  # plant, gains and all else in force but what is learnt
     setup: StageSetup  # in force, with what was learnt
+
+    @property
+    def method(self) -> MethodName:
+        """The one that drove it."""
+        return self.setup.compensator.method
 
 
 class StageBench:
@@ -234,10 +238,10 @@ class StageBench:
             self._begin(self._way if self._side > 0.0 else self._way.back())
             self._laps += 1
             self._lap, self._side = self._laps, -self._side
-            method, begin = self._setup.compensator.method, self.tick + 1
             under = (*self._values.values(), *self._gains, self._load)
-            of_way = self._lap, begin, len(self._way), self._known
-            self.laps.append(StageLap(*of_way, method, self._motion, under, self._setup))
+            begin, ticks = self.tick + 1, len(self._way)
+            lap = StageLap(self._lap, begin, ticks, self._known, self._motion, under, self._setup)
+            self.laps.append(lap)
 
     def _begin(self, course: Course) -> None:
         self._course, self._at = course, 0

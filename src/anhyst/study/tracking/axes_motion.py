@@ -56,11 +56,6 @@ class AxesMotion(Motion):
         """Coordinates."""
         return len(self.rig.settings.body.free)
 
-    @cached_property
-    def kept(self) -> dict[tuple[object, ...], FloatArray]:
-        """Wrenches of single magnets that were asked for before."""
-        return {}
-
     def in_newtons(self, wrench: FloatArray, late: float = 0.0) -> FloatArray:
         """Return a wrench a tick through the filter, moments by the radius of gyration, in a row."""
         passed = [self.filtered(one, late) for one in (wrench / self._radii).T]
@@ -135,6 +130,8 @@ class AxesLaw(MotionLaw):
 
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)
+        self._of: AxesMotion | None = None
+        self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
         self._count = range(1, len(rig.settings.placed) + 1)
         without = {"flux": ("gap_zero", "width"), "full": (), "play": ()}.get(method, ("width",))
         numbers = numbers_of(rig.settings)
@@ -175,8 +172,10 @@ class AxesLaw(MotionLaw):
         scale = 1.0 + values.get(f"scale_{number}", 0.0)
         zero = values.get(f"gap_zero_{number}_m", 0.0)
         width = on_grid("width", values.get(f"width_{number}", 0.0))
-        key = (self, number, scale, zero, width)
-        if key not in motion.kept:
+        if motion is not self._of:
+            self._of, self._kept = motion, {}
+        key = number, scale, zero, width
+        if key not in self._kept:
             gap = motion.read[column("gap_read", "m", number)] - zero
             if self.method == "flux":
                 flux = motion.read[column("flux_read", "T", number)]
@@ -186,5 +185,5 @@ class AxesLaw(MotionLaw):
                 later = np.interp(motion.ticks + motion.late, motion.ticks, gap)
                 force, late = self.compensator(width).fresh().follow(current, later), motion.late
             wrench = np.outer(force, pull_rows(self.rig.settings)[number - 1])
-            motion.kept[key] = motion.in_newtons(wrench, late)
-        return motion.kept[key]
+            self._kept[key] = motion.in_newtons(wrench, late)
+        return self._kept[key]

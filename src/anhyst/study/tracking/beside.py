@@ -185,11 +185,9 @@ class BenchLearner:
 
         do(act)
 
-    def _go_back(
-        self, learner: Learner, best: Numbers, least: float, average: float
-    ) -> StageSetup | None:
+    def _go_back(self, learner: Learner, best: Numbers, least: float, average: float) -> StageSetup:
         """End learning, and return what the method was corrected by when its laps left least."""
-        learner.applied |= dict.fromkeys(learner.applied, 0.0) | dict(best)
+        learner.applied = dict.fromkeys(learner.applied, 0.0) | dict(best)
         self._trouble, self.on = (
             f"learning ended: the moving average of {learner.law.method} grew from "
             f"{1e9 * least:.3g} to {1e9 * average:.3g} nm; what left least is in force again",

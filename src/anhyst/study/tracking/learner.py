@@ -310,6 +310,6 @@ def at_work(
 def fit(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
     """Find the numbers with which a law explains motions best; what is not seen stays where it was."""
     learner = Learner(law)
-    for motion in motions:  # taken anew: what a motion keeps of a law is no longer needed after
-        learner.learn(law.motion(motion.read, motion.begin))
+    for motion in motions:
+        learner.learn(motion)
     return learner.found
