@@ -46,15 +46,16 @@ def test_at_rest_stands_beside_what_follows_solid_iron_and_nowhere_else() -> Non
     names = ("full", "at-rest")
     made, _ = make_variants(solid(), late())
     assert set(names) <= set(made)
-    assert "at-rest" not in make_variants(solid(**{"control.format": "fixed"}), late())[0]
     assert "at-rest" not in make_variants(solid(), bearings.knowledge())[0]
 
 
-def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not() -> None:
+@pytest.mark.parametrize("number_format", ["f64", "fixed"])
+def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not(number_format: str) -> None:
+    rig = solid(**{"control.format": number_format})
     demand = 40.0 + 30.0 * np.sin(np.linspace(0.0, 12.0, 400))
 
     def run(magnet: IdentifiedMagnet, method: Any) -> np.ndarray:
-        return make_stage(solid(), magnet, method).compensator.run(demand, 0.45e-3)
+        return make_stage(rig, magnet, method).compensator.run(demand, 0.45e-3)
 
     thin = run(bearings.knowledge(), "full")
     assert np.array_equal(run(late(), "at-rest"), thin)
@@ -102,7 +103,7 @@ def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
             "force_sensor.bandwidth_Hz": 20e3,
         }
     )
-    magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops, late=True)
+    magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
     motion, slit = stages.unseen(rig), rig.settings.scan.slit_s
 
     def found(method: Any, drift: Drift = NO_DRIFT) -> Measures:

@@ -5,11 +5,12 @@
 #include "lockstep.h"
 #include "position/position.h"
 
-/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the current moves by a
+/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the force moves by a
    twentieth, an armature in the air does not. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
     .stuck_current = INT32_MAX / 20,
+    .stuck_demand = INT32_MAX / 20,
     .still_ticks = ACTUATOR_CONTROLLER_RATE_HZ / 500U,
     .max_implausible_samples = 3,
     .missed_ticks = 2,

@@ -5,11 +5,12 @@
 #include "nucleo.h"
 #include "position/position.h"
 
-/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the current moves by a
+/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the force moves by a
    tenth, an armature in the air does not. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 0},
     .stuck_current = INT32_MAX / 10,
+    .stuck_demand = INT32_MAX / 10,
     .still_ticks = ACTUATOR_CONTROLLER_RATE_HZ / 500U,
     .max_implausible_samples = 3,
     .missed_ticks = 2,

@@ -68,14 +68,14 @@ def simplified_inverse(sources: Sources, number_format: NumberFormat) -> Hystere
 def _compile(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
-    """Compile as for a controller; floats take the tables of fixed point, and follow solid iron."""
+    """Compile as for a controller; floats of thin iron take the tables of fixed point."""
     model, where = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
     narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
-    solid = kind == "full" and number_format != "fixed" and has_layers(narrowed)
+    solid = kind == "full" and has_layers(narrowed)
     narrowed = narrowed if solid else narrowed.at_rest
-    io: Io = "f32" if solid else "q31"
+    io: Io = "f32" if solid and number_format != "fixed" else "q31"
     request = CompileRequest(kind, io, where.rate)
     plan = kept("plans", lambda: make_plan(narrowed, request, 0), narrowed, request)
     block = plan.block

@@ -56,7 +56,9 @@ def manifest(
 
 
 def _controller(controller: ControllerPlan) -> dict[str, Any]:
-    return described(controller) | {"state_bytes": controller_bytes(controller.magnets)}
+    return described(controller) | {
+        "state_bytes": controller_bytes(controller.magnets, controller.block)
+    }
 
 
 def _words(plan: Plan, block: Block) -> Iterator[dict[str, Any]]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 
+from anhyst.compensate.block import Block
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.twin import AnyBlock
 from anhyst.compilation.core import read_core
@@ -50,7 +51,7 @@ def state_bytes(block: AnyBlock) -> int:
     return sizes["anhyst_compensator"] + sizes["anhyst_deeper"] * (memories(block) - 1)
 
 
-def controller_bytes(magnets: int) -> int:
+def controller_bytes(magnets: int, block: Block) -> int:
     """Return the size of everything that changes in a position controller and its force controllers."""
     headers = (
         *("control/supervisor.h", "control/levitation.h", "numeric/factor.h", "control/pidd2.h"),
@@ -63,7 +64,8 @@ def controller_bytes(magnets: int) -> int:
         MAGNETS=2,
         CELLS=CELLS,
     )
-    return sizes["anhyst_position_q31"] + magnets * sizes["anhyst_force_controller_q31"]
+    deeper = sizes["anhyst_deeper"] * (memories(block) - 1)
+    return sizes["anhyst_position_q31"] + magnets * (sizes["anhyst_force_controller_q31"] + deeper)
 
 
 def _in_q31(text: str) -> str:

@@ -178,7 +178,7 @@ def compile_model(
     """Compile a model into a folder of C, with a controller of the position or without."""
     check_folder(out)
     model = read_model(model_path)
-    model, late = compilable(model, request, controller=controller_path is not None)
+    model, late = compilable(model, request)
     controller = None
     if controller_path is not None:
         controller = read_fitting(controller_path, request, model_path)
@@ -211,11 +211,9 @@ def compile_model(
     return Compiled(Path(out), plan, budget, described, (*files, "manifest.json"), late)
 
 
-def compilable(
-    model: Model, request: CompileRequest, *, controller: bool = False
-) -> tuple[Model, tuple[str, ...]]:
+def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str, ...]]:
     """Return what of a model is compiled, and say what is not."""
-    if has_layers(model) and request.kind == "full" and not controller:
+    if has_layers(model) and request.kind == "full":
         return model, not_compiled(model, layers=True)
     return model.at_rest, not_compiled(model)
 
@@ -224,9 +222,7 @@ def not_compiled(model: Model, *, layers: bool = False) -> tuple[str, ...]:
     """Say what comes late and is left to what stands around the compensator."""
     late, said = model.dynamics, []
     if model.has_eddy_currents and not layers:
-        better = (
-            "; --kind full without a controller of the position has it" if has_layers(model) else ""
-        )
+        better = "; --kind full has it" if has_layers(model) else ""
         said.append(
             "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
             f"are, and anhyst predict with column t_s says what that leaves{better}"

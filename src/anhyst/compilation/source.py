@@ -55,7 +55,7 @@ def sources(
     if controller is not None:
         files |= _controller_files(common, plan.name, controller)
         guide |= controller_values(controller, plan.name) | {
-            "controller_bytes": controller_bytes(controller.magnets)
+            "controller_bytes": controller_bytes(controller.magnets, controller.block)
         }
     files["DROP_IN.md"] = render("DROP_IN.md.j2", guide)
     return files if real else {**files, PORT: read_core(PORT)}

@@ -80,19 +80,13 @@ def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[Fi
 
 
 def identify_loops(
-    loops: Loops,
-    options: IdentifyTable,
-    gap_map: str,
-    progress: Progress | None = None,
-    *,
-    late: bool = False,
+    loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
 ) -> Model:
-    """Identify a model as a rig file wants it, at rest but for `late`; once of the same loops."""
+    """Identify a model as a rig file wants it; once of the same loops."""
     wanted = options.searching(gap_map)
 
     def whole() -> Model:
         return whole_search(identify(loops, **wanted, progress=progress)).model
 
     # What else is registered has sources that the cache does not know.
-    model = whole() if LAWS.keys() - OWN else kept("models", whole, loops, wanted)
-    return model if late else model.at_rest
+    return whole() if LAWS.keys() - OWN else kept("models", whole, loops, wanted)

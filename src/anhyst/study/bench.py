@@ -132,7 +132,7 @@ def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     wanted = manifest["model"]["sha256"]
     for place in (one for folder in folders for one in sorted(folder.glob("*.toml"))):
         if hashlib.sha256(place.read_bytes()).hexdigest() == wanted:
-            return read_model(place).at_rest
+            return read_model(place)
     places = " or ".join(str(folder) for folder in folders)
     raise InputError(
         f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from anhyst.compensate.baselines import fit_ratio
 from anhyst.compensate.bearing import bearing_model
-from anhyst.compensate.block import Block, DemandLimits, Scales
+from anhyst.compensate.block import Block, DemandLimits, Kind, Scales
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
+from anhyst.model.compilable import has_layers
 from anhyst.model.fit_record import ValidRange
 from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.loop import Setup
@@ -91,10 +92,11 @@ class PreparedBearing:
                 code="currents-not-covered",
                 key="model",
             )
-        narrowed = bearing_model(model, current, force, gaps)
         request = CompileRequest(
             "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
         )
+        followed = _followed(model, self.model, request.kind)
+        narrowed = bearing_model(followed, current, force, gaps)
         return make_plan(narrowed, request, 0, scales=scales)
 
 
@@ -151,7 +153,8 @@ class PreparedForce:
     def compile(self, model: Model) -> Plan:
         """Compile another model for the running board."""
         request = CompileRequest(self.program.kind, "q31", self.whole.settings.timing.rate_Hz)
-        return _plan(model, request, self.program.scales, self.program.block.limits)
+        followed = _followed(model, self.model, request.kind)
+        return _plan(followed, request, self.program.scales, self.program.block.limits)
 
 
 @dataclass(frozen=True)
@@ -195,7 +198,8 @@ class PreparedBoard:
                 code="single-gap",
                 key="model",
             )
-        return _plan(model, self.request, self.scales, self.limits)
+        followed = _followed(model, self.model, self.request.kind)
+        return _plan(followed, self.request, self.scales, self.limits)
 
 
 @dataclass(frozen=True)
@@ -229,6 +233,21 @@ def block_of(plan: Plan) -> Block:
     """Return the fixed-point parameters of a plan."""
     assert isinstance(plan.block, Block)
     return plan.block
+
+
+def _followed(model: Model, running: Model, kind: Kind) -> Model:
+    """Return what a board follows of a model: layers as far as it has memories for them."""
+    if kind != "full" or running.layers is None or not has_layers(running):
+        return model.at_rest
+    if not has_layers(model):
+        raise InputError(
+            "model: does not say how late solid iron answers, which the controller follows; measure "
+            "at several speeds too (measurement.fast_A_per_s)",
+            code="rate-not-measured",
+            key="model",
+        )
+    assert model.layers is not None
+    return model if model.layers.memories <= running.layers.memories else model.at_rest
 
 
 def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:

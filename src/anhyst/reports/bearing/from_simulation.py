@@ -72,7 +72,7 @@ def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
         forces=_part(chosen, rig.dt, up[-1]),
         run=_part(chosen, rig.dt, up[-1]) if single else {},
         measured=tuple(nearest_loops(loops, tried.gap_m)) if single else (),
-        identified=identified_loop(simulation.knowledge.model, tried.gap_m, 0.0, current)
+        identified=identified_loop(simulation.knowledge.model.at_rest, tried.gap_m, 0.0, current)
         if single
         else None,
         tracked=tuple(one for one in _tracked(simulation.setups, tried) if one.recordings),

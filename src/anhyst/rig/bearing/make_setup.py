@@ -34,14 +34,9 @@ class IdentifiedMagnet:
     model: Model  # identified from them
 
 
-def identify_magnet(
-    loops: Loops, options: IdentifyTable | None = None, *, late: bool = False
-) -> IdentifiedMagnet:
-    """Identify the model of a bearing's magnet from its loops; the armature may move under it.
-
-    At rest, or with what answers late.
-    """
-    model = identify_loops(loops, options or IdentifyTable(), "circuit", late=late)
+def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
+    """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
+    model = identify_loops(loops, options or IdentifyTable(), "circuit")
     return IdentifiedMagnet(loops, model)
 
 

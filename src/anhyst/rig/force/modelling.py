@@ -47,21 +47,19 @@ def loops_at(loops: Loops, gap: float) -> Loops:
     return loops.with_loops(loop for loop in loops.loops if _near(loop.schedule_value, gap))
 
 
-def find_model(
-    rig: Rig, loops: Loops, progress: Progress | None = None, *, late: bool = False
-) -> Model:
+def find_model(rig: Rig, loops: Loops, progress: Progress | None = None) -> Model:
     """Identify a model of these loops and make it ready for force control.
 
     One position gives a model of this gap alone; several give one of the map ``circuit``, under
     which the armature may move. Noise of the position sensor must not wear the memory away: where
     it does not stay within the dead band that the loops allow, that is widened to span it. The
     valid range ends at the largest force of the rig, so that a program is compiled for what is
-    used, or at :data:`PLAUSIBLE` of the largest measured one. It is a model at rest but for `late`:
-    then it has the layers that can be compiled.
+    used, or at :data:`PLAUSIBLE` of the largest measured one. Of what answers late it has the layers
+    that can be compiled.
     """
     several = len(loops.by_schedule()) > 1
     options = rig.settings.loops
-    found = identify_loops(loops, options, "circuit" if several else "auto", progress, late=late)
+    found = identify_loops(loops, options, "circuit" if several else "auto", progress)
     found = found if has_layers(found) else found.at_rest
     if options.dead_band:
         found = _spanning(found, _least_dead_band(found, rig))

@@ -493,7 +493,7 @@ def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
 
 def identify_stage(rig: StageRig) -> IdentifiedMagnet:
     """Identify what is known of the magnets of a stage, with what answers late, from its loops."""
-    return identify_magnet(rig.measured.read(), rig.settings.loops, late=True)
+    return identify_magnet(rig.measured.read(), rig.settings.loops)
 
 
 def make_stage(

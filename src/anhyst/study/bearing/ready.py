@@ -77,7 +77,7 @@ def make_ready(
 def _controller_model(controller: ControllerFile, rig: BearingRig) -> Model | None:
     if controller.model is None:
         return None
-    model = read_model(controller.model).at_rest
+    model = read_model(controller.model)
     if not is_electromagnet(model) or not model.needs_schedule:
         raise InputError(
             f"{controller.model}: a bearing needs a model of force over current and gap; identify "

@@ -11,6 +11,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.writing import check_recording
+from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
@@ -240,7 +241,8 @@ def _beside(
     """Fit what is compared with a setup; report what cannot be made, such as a law without a loop."""
     setups: dict[MethodName, Setup] = {}
     left_out: dict[MethodName, str] = {}
-    for name in compared(mine.rig, mine.name):
+    late: tuple[MethodName, ...] = ("at-rest",) if has_layers(knowledge.model) else ()
+    for name in (*compared(mine.rig, mine.name), *late):
         try:
             setups |= (
                 {name: mine}

@@ -225,7 +225,7 @@ def _run(
 
 
 def _model(task: tuple[Rig, Loops]) -> Model:
-    return find_model(*task, late=True)
+    return find_model(*task)
 
 
 def _compared(model: Model) -> tuple[MethodName, ...]:

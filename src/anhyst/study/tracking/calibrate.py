@@ -12,6 +12,7 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.data.table import read_columns
+from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.recording import CURRENTS, Recording, of_magnets
 from anhyst.rig.stage.file import CalibrationFile, StageRig, read_stage
@@ -25,7 +26,6 @@ from anhyst.rig.stage.loop import (
 from anhyst.study.tracking.axes_motion import law_of
 from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import DEAD, MOVED, Motion, MotionLaw, refuse_uncalibratable
-from anhyst.study.tracking.simulate import follows_rate
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
@@ -288,7 +288,7 @@ def calibrate(
         check_writable(out, [stage.path, *stage.measured.files, *files])
     known = magnet or identify_stage(stage)
     motions = [_motion(law_of(stage, known, "full"), one) for one in given]
-    left_out = set() if follows_rate(stage, known.model) else {"at-rest"}
+    left_out = set() if has_layers(known.model) else {"at-rest"}
     probes = _probes(stage)
     if not probes or not all(name in one.read for one in motions for name in probes):
         left_out.add("flux")

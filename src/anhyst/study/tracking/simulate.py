@@ -15,7 +15,6 @@ from scipy.optimize import minimize
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.data.writing import check_recording
-from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.file import RigFile
@@ -379,11 +378,6 @@ def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> float:
     return rms(np.concatenate([run["error_m"][part] for part in cruises(moved, run.dt)]))
 
 
-def follows_rate(rig: StageRig, model: Model) -> bool:
-    """Whether the compensator of a stage follows iron that answers late."""
-    return rig.settings.tracking.format != "fixed" and has_layers(model)
-
-
 def make_variants(
     rig: StageRig, magnet: IdentifiedMagnet, names: Sequence[MethodName] = ()
 ) -> tuple[dict[MethodName, StageSetup], dict[MethodName, str]]:
@@ -394,7 +388,7 @@ def make_variants(
     """
     made: dict[MethodName, StageSetup] = {}
     left_out: dict[MethodName, str] = {}
-    beside: tuple[MethodName, ...] = ("at-rest",) if follows_rate(rig, magnet.model) else ()
+    beside: tuple[MethodName, ...] = ("at-rest",) if has_layers(magnet.model) else ()
     for name in names or (*(OF_AXES if rig.settings.several else COMPARED), *beside):
         if name == "flux" and rig.settings.hall_probe is None:
             left_out[name] = "the rig has no Hall probe"
