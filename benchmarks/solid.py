@@ -23,12 +23,14 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import identify_magnet
+from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.magnet_table import SolidTable
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.bearing.ready import read_files
+from anhyst.study.bearing.responses import StepCell, compare
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains
 from rows import ROOT, Row
@@ -47,6 +49,9 @@ STAGE: tuple[MethodName, ...] = ("single-valued", "at-rest", "full", "flux")
 STAGE_IRONS = ("cells", "preisach-usual", "duhem-usual")
 STAGE_SOLID = SolidTable(depth_m=4e-3, conductivity_S_per_m=2e6, path_m=0.05)
 STAGE_FAST = [45.0, 450.0, 1350.0]  # A/s: full triangles of 5, 50 and 150 Hz
+BEARING_SOLID = ((4e-3, 0.05), (8e-3, 0.05), (6e-3, 0.1), (10e-3, 0.15))
+"""Depth and path of the solid part of the bearing's magnet, m, of 2e6 S/m."""
+BEARING_STEP, BEARING_SEEDS = 50e-6, (1, 2, 3)
 
 
 @dataclass(frozen=True)
@@ -165,6 +170,46 @@ def stage_rows() -> list[Row]:
     return rows
 
 
+def on_bearing(depth: float, path: float) -> dict[MethodName, StepCell]:
+    """Let the example's bearing step with solid iron, its controller in fixed point and untouched."""
+    rig, controller = read_files(ROOT / "examples" / "bearing" / "rig.toml", None)
+    rig = changed(
+        rig,
+        {
+            "magnet.solid": SolidTable(depth_m=depth, conductivity_S_per_m=2e6, path_m=path),
+            "measurement.fast_A_per_s": STAGE_FAST,
+            "force_sensor.bandwidth_Hz": 20e3,
+        },
+    )
+    magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
+    setups = [make_setup(rig, controller.settings, magnet, name, "fixed") for name in STAGE]
+    cells = compare(setups, [rig.settings.gap_m], [BEARING_STEP], [rig.load], BEARING_SEEDS, jobs=1)
+    return dict(zip(STAGE, cells, strict=True))
+
+
+def bearing_rows() -> list[Row]:
+    """Return what following solid iron is worth on a bearing."""
+    rows = []
+    for depth, path in BEARING_SOLID:
+        found = on_bearing(depth, path)
+        force = {name: cell.of("force_error_rms_N").mean for name, cell in found.items()}
+        told = "; ".join(
+            f"{name} {force[name]:.3g} N, {cell.of('overshoot_percent').mean:.2g} %, "
+            f"{1e9 * cell.of('standstill_rms_m').mean:.3g} nm"
+            for name, cell in found.items()
+        )
+        rows.append(
+            Row(
+                f"bearing, {1e3 * depth:g} mm deep, {1e3 * path:g} mm of path solid, a step: force, "
+                "rms; overshoot; standstill (nan: levitation lost)",
+                "force <= 0.8 of at-rest",
+                told,
+                force["full"] <= 0.8 * force["at-rest"],
+            )
+        )
+    return rows
+
+
 def rows() -> list[Row]:
     """Judge all magnets, those that were looked at and the others apart."""
     judged = [judge(number) for number in range(COUNT)]
@@ -208,7 +253,7 @@ def rows() -> list[Row]:
     most = max(one.seconds for one in judged)
     told = f"median {np.median([one.seconds for one in judged]):.1f} s, worst {most:.1f} s"
     lines.append(Row("identify, nine records", "<= 10 s", told, most <= 10.0, most))
-    return lines + stage_rows()
+    return lines + stage_rows() + bearing_rows()
 
 
 def draw(path: Path, magnet: SolidMagnet) -> None:

@@ -93,7 +93,7 @@ def test_iron_that_answers_late_stands_still_with_its_layers_and_not_at_rest(
     }
 
 
-def test_a_board_takes_layers_as_far_as_it_has_memories_for_them() -> None:
+def test_a_board_takes_layers_that_it_has_memories_for_and_never_loses_its_own() -> None:
     thin = bearings.knowledge().model
     setup = make_setup(solid(), bearings.controller().settings, late(), "full", "fixed")
     board = PreparedBearing(setup, late().model, Path())
@@ -107,7 +107,8 @@ def test_a_board_takes_layers_as_far_as_it_has_memories_for_them() -> None:
         return block.word("SOLID_LAYERS")
 
     assert layers_of(late().model, fewer) == 2
-    assert layers_of(late().model, more) == 0
     assert layers_of(thin, late().model) == 0
     with refused("rate-not-measured model"):
         layers_of(late().model, thin)
+    with refused("too-many-layers model"):
+        layers_of(late().model, more)

@@ -236,7 +236,7 @@ def block_of(plan: Plan) -> Block:
 
 
 def _followed(model: Model, running: Model, kind: Kind) -> Model:
-    """Return what a board follows of a model: layers as far as it has memories for them."""
+    """Return what a board follows of a model: layers where it has memories for them."""
     if kind != "full" or running.layers is None or not has_layers(running):
         return model.at_rest
     if not has_layers(model):
@@ -247,7 +247,14 @@ def _followed(model: Model, running: Model, kind: Kind) -> Model:
             key="model",
         )
     assert model.layers is not None
-    return model if model.layers.memories <= running.layers.memories else model.at_rest
+    if model.layers.memories > running.layers.memories:
+        raise InputError(
+            f"model: {model.layers.memories} memories of its iron, the controller has room for "
+            f"{running.layers.memories}; build the firmware around it",
+            code="too-many-layers",
+            key="model",
+        )
+    return model
 
 
 def _plan(model: Model, request: CompileRequest, scales: Scales, limits: DemandLimits) -> Plan:
