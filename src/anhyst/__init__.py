@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from anhyst.study.engine.monte_carlo import MonteCarlo
     from anhyst.study.excite.excite import Excitation
     from anhyst.study.fleet.fleet import Fleet
-    from anhyst.study.fleet.verb import judge_fleet as fleet
+    from anhyst.study.fleet.fleet import judge_fleet as fleet
     from anhyst.study.force.force_control import ForceControl, force_control
     from anhyst.study.piezo.track import PiezoTracking
     from anhyst.study.tracking.calibrate import Calibration, calibrate
@@ -157,7 +157,7 @@ _PLACES = {
     "example_files": "draft.examples",
     "excite": "reports.measuring:excite_rig",
     "export": "exchange.verb",
-    "fleet": "study.fleet.verb:judge_fleet",
+    "fleet": "study.fleet.fleet:judge_fleet",
     "force_control": "study.force.force_control",
     "identify": "identification.identify",
     "init": "draft.drafting",

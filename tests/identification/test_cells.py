@@ -15,11 +15,10 @@ from anhyst.identification import identify
 from anhyst.identification.bare import model_of
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.default import FoundModel
-from anhyst.identification.fit_records import records_of
+from anhyst.identification.fit_records import Past, records_of
 from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import OFFSETS
-from anhyst.identification.past import Past
 from anhyst.identification.space import CoordinateSpace
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import Model

@@ -24,7 +24,7 @@ from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
-from anhyst.link.xcp_frame import framed, key_for
+from anhyst.link.wire import framed, key_for
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
 

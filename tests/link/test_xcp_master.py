@@ -15,8 +15,8 @@ from anhyst.control.states import Command, State
 from anhyst.control.xcp_map import SIGNALS
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
+from anhyst.link.wire import framed
 from anhyst.link.xcp import XcpMaster
-from anhyst.link.xcp_frame import framed
 from anhyst.link.xcp_line import AnswerLost, XcpLine
 from tests.refusals import refused
 

@@ -16,7 +16,7 @@ from pyxcp.types import XcpResponseError
 
 from anhyst.control.xcp_map import AREAS, INPUTS, SETTINGS, SIGNALS
 from anhyst.link.process import Running
-from anhyst.link.xcp_frame import key_for
+from anhyst.link.wire import key_for
 
 ECU, XCP = 0x01, 0x02
 SEGMENT = 0

@@ -10,7 +10,7 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-from anhyst.link.xcp_frame import framed, split
+from anhyst.link.wire import framed, split
 
 _POLL_S = 0.02
 

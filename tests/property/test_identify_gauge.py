@@ -10,10 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anhyst.data.history import DEMAGNETISED
-from anhyst.identification.fit_records import FitRecord, FitRecords
+from anhyst.identification.fit_records import FitRecord, FitRecords, Past
 from anhyst.identification.gauge import AIR_CORE, form_of, physical
 from anhyst.identification.objective import Objective
-from anhyst.identification.past import Past
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import CoordinateSpace
 from anhyst.model.actuator import Model

@@ -21,12 +21,11 @@ from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncer
 from anhyst.model.parameters import Parameter
 from anhyst.model.writer import write_model
 from anhyst.reports import write_plots, write_report
-from anhyst.reports.model.evidence import gather, own_figures
 from anhyst.reports.model.figures import figure_between, figure_differences, figure_residuals
 from anhyst.reports.model.headline import headline
 from anhyst.reports.model.page import subject_of
 from anhyst.reports.model.sections_model import section_gap_map
-from anhyst.reports.model.subject import ModelSubject
+from anhyst.reports.model.subject import ModelSubject, gather, own_figures
 from anhyst.support.page.style import svg_text, write_png
 from anhyst.support.pays import LOOPS
 from anhyst.support.units import QUANTITIES, Quantity

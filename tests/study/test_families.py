@@ -16,7 +16,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.compensate.paths import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
-from anhyst.identification.first_rise import first_rise
+from anhyst.identification.left_open import first_rise
 from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.study.bearing.slopes import measure_reversal
+from anhyst.study.bearing.operating import measure_reversal
 
 C, GAP, CURRENT = 1e-5, 0.45e-3, 1.75
 

@@ -28,7 +28,7 @@ from anhyst.compensate.scheduled import (
     pack_common,
     refuse_uncompilable,
 )
-from anhyst.laws.ascending_branch import ascending_branch
+from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

@@ -15,9 +15,8 @@ from anhyst.draft.instruments import (
 )
 from anhyst.draft.machine import Machine, Value
 from anhyst.draft.magnet import MeasuredMagnet
-from anhyst.draft.rounding import down, nearest, step_down, step_up, up
 from anhyst.draft.rules import LIFT_S, Numbers
-from anhyst.draft.text import Draft, Entry, FileSection
+from anhyst.draft.text import Draft, Entry, FileSection, down, nearest, step_down, step_up, up
 
 EXAMPLE = "as in the example bearing"
 PACE = (0.01, 1.0)

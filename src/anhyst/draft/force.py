@@ -15,8 +15,7 @@ from anhyst.draft.instruments import (
     sensor_section,
 )
 from anhyst.draft.magnet import MeasuredMagnet
-from anhyst.draft.rounding import down, nearest, up
-from anhyst.draft.text import Draft, Entry, FileSection
+from anhyst.draft.text import Draft, Entry, FileSection, down, nearest, up
 from anhyst.support.errors import InputError
 
 EXAMPLE = "as in the example solenoid"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from anhyst.draft.rounding import nearest, up
-from anhyst.draft.text import Entry, FileSection
+from anhyst.draft.text import Entry, FileSection, nearest, up
 
 
 def loops_section(

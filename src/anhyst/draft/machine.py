@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from anhyst.draft.magnet import MeasuredMagnet
-from anhyst.draft.rounding import down, nearest
+from anhyst.draft.text import down, nearest
 from anhyst.support.errors import InputError
 
 GRAVITY = 9.81

@@ -14,7 +14,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.speeds import rate_matters, slow_loops, speeds_of
-from anhyst.draft.rounding import nearest
+from anhyst.draft.text import nearest
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from anhyst.compensate.surface import Tangent
 from anhyst.draft.machine import Machine
 from anhyst.draft.magnet import MeasuredMagnet
-from anhyst.draft.rounding import down, nearest, step_down, step_up, up
+from anhyst.draft.text import down, nearest, step_down, step_up, up
 from anhyst.support.errors import InputError
 
 POLES_IN_BANDWIDTH = 1.4

@@ -12,7 +12,6 @@ from anhyst.data import Loops
 from anhyst.data.noise import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.identification.bare import model_of, valid_range
-from anhyst.identification.between_gaps import bends
 from anhyst.identification.candidates import (
     ModelCandidate,
     cell_candidates,
@@ -48,11 +47,17 @@ from anhyst.identification.default import (
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fitting import Evaluation
+from anhyst.identification.left_open import (
+    ALIKE,
+    FARTHEST,
+    bends,
+    first_rise,
+    is_guessed,
+    left_open,
+)
 from anhyst.identification.objective import Objective
 from anhyst.identification.offsets import only_demanded
-from anhyst.identification.one_loop import ALIKE, left_open
 from anhyst.identification.response import Local
 from anhyst.identification.run import SearchRun
 from anhyst.identification.screening import starts

@@ -23,9 +23,9 @@ from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default import TO_END, FoundModel, follow
-from anhyst.identification.first_rise import FARTHEST, first_rise, is_guessed
 from anhyst.identification.fit_records import records_of
 from anhyst.identification.gauge import form_of
+from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
@@ -46,7 +46,7 @@ from anhyst.model.fit_record import (
     Uncertainty,
     fit_figures,
 )
-from anhyst.model.left_over_text import left_of, told
+from anhyst.model.left_over import left_of, told
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError

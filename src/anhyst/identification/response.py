@@ -17,8 +17,7 @@ import numpy as np
 
 from anhyst._core import Operator, demagnetised, langevin, status_text
 from anhyst.identification.cell_kernel import CellKernel, WeightKernel
-from anhyst.identification.fit_records import FitRecord
-from anhyst.identification.past import Past
+from anhyst.identification.fit_records import FitRecord, Past
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.arrays import FloatArray

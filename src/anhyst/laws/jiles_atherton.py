@@ -1,4 +1,4 @@
-"""What the two laws on the Langevin curve share: parameters, and what they are in the core's units.
+"""The two laws on the Langevin curve: `effective-field` and `jiles-atherton-1986`.
 
 The numbers of a fit are ``kappa = k/a`` and ``c``; ``M_s`` and ``a`` are scales of output and
 input, and ``alpha`` acts through the interaction ``omega`` (docs/theory.md).
@@ -6,7 +6,15 @@ input, and ``alpha`` acts through the interaction ``omega`` (docs/theory.md).
 
 from __future__ import annotations
 
-from anhyst.laws.law import FitNumber, ParameterSpec
+from collections.abc import Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+from anhyst.laws.law import FitNumber, Kernel, Law, ParameterSpec
+
+if TYPE_CHECKING:
+    from anhyst._core import Iron, Operator
+    from anhyst.support.arrays import FloatArray
 
 PARAMETERS = (
     ParameterSpec(
@@ -42,3 +50,83 @@ NUMBERS = (
     FitNumber("c", "c", 0.0, 0.999),
 )
 """What a fit moves of the law itself."""
+
+
+STEEP_UNTIL = 20.0
+"""Field over the shape field up to which the steepest place of a branch is looked for."""
+
+
+def ascending_branch(kappa: float, x: FloatArray) -> FloatArray:
+    """Return the irreversible part after a rise from far below, in units of the law."""
+    import numpy as np
+
+    from anhyst._core import Operator, langevin
+
+    start = float(x[0]) - 60.0 * kappa - 1.0
+    pinned = Operator(kappa, 0.0)
+    state = np.array([start, langevin(np.array([start]))[0][0], start])
+    _, m, _, status, _ = pinned.run(np.zeros(x.size), np.ascontiguousarray(x), state)
+    assert status == 0
+    return np.asarray(m)
+
+
+def steepest_slope(kappa: float, c: float) -> float:
+    """Return the largest slope that a law ever has, in units of the law; at most 1/3.
+
+    A lag that has forgotten less of its past has risen less, and a play takes the two parts of the
+    slope further apart: no path is steeper than the ascending branch without a play.
+    """
+    import numpy as np
+
+    from anhyst._core import langevin
+
+    x = np.linspace(0.0, STEEP_UNTIL, 401)
+    level, slope = langevin(x)
+    irreversible = (level - ascending_branch(kappa, x)) / kappa
+    return float(((1.0 - c) * irreversible + c * slope).max())
+
+
+def least_slope(iron: Mapping[str, float], rho: FloatArray) -> FloatArray:
+    """Return ``1 + w*S`` of the effective-field law; see :mod:`anhyst.model.compilable`."""
+    steepest = steepest_slope(iron["k"] / iron["a"], iron["c"]) * iron["M_s"] / iron["a"]
+    slopes: FloatArray = 1.0 + (rho / (1.0 + rho) - iron["alpha"]) * steepest
+    return slopes
+
+
+def _iron(name: str, m_s: float, a: float, k: float, c: float, alpha: float, r_d: float) -> Iron:
+    from anhyst._core import Iron
+
+    return Iron(m_s, a, k, c, alpha, r_d, name)
+
+
+def _lagging(kappa: float, c: float, play: float, _omega: float) -> Operator:
+    from anhyst._core import Operator
+
+    return Operator(kappa, c, play)
+
+
+def _of_1986(kappa: float, c: float, play: float, omega: float) -> Operator:
+    from anhyst._core import Operator
+
+    return Operator(kappa, c, play, -omega * c, "jiles-atherton-1986")
+
+
+# A first-order lag of the anhysteretic curve, in distance travelled by the field.
+EFFECTIVE_FIELD = Law(
+    name="effective-field",
+    title="effective-field Jiles-Atherton law",
+    parameters=PARAMETERS,
+    iron=partial(_iron, "effective-field"),
+    kernel=Kernel(_lagging, NUMBERS, differentiated=True, coupled=False),
+    least_slope=least_slope,
+)
+
+# The lag in the field that the irreversible part itself makes.
+JILES_ATHERTON_1986 = Law(
+    name="jiles-atherton-1986",
+    title="Jiles-Atherton law of 1986",
+    parameters=PARAMETERS,
+    iron=partial(_iron, "jiles-atherton-1986"),
+    kernel=Kernel(_of_1986, NUMBERS, differentiated=False, coupled=True),
+    obstacle="its step has no closed form",
+)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from anhyst.laws.effective_field import EFFECTIVE_FIELD
-from anhyst.laws.jiles_atherton_1986 import JILES_ATHERTON_1986
+from anhyst.laws.jiles_atherton import EFFECTIVE_FIELD, JILES_ATHERTON_1986
 from anhyst.laws.law import Law
 from anhyst.laws.play_cells import PLAY_CELLS, PLAY_CELLS_LANGEVIN
 

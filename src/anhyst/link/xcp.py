@@ -31,7 +31,7 @@ from anhyst.link.frames import (
     TargetRequest,
 )
 from anhyst.link.transport import BAUD
-from anhyst.link.xcp_frame import key_for
+from anhyst.link.wire import key_for
 from anhyst.link.xcp_line import AnswerLost, XcpLine
 from anhyst.support.errors import InputError
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason, XcpPacketsAnswer, XcpRequest
-from anhyst.link.xcp_frame import framed, split
+from anhyst.link.wire import framed, split
 from anhyst.support.errors import InputError
 
 _DISCONNECT = b"\xfe"

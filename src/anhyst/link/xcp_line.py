@@ -8,7 +8,7 @@ from collections import deque
 from queue import Empty, Queue
 
 from anhyst.link.transport import Port
-from anhyst.link.xcp_frame import framed, split
+from anhyst.link.wire import framed, split
 from anhyst.support.errors import InputError
 
 _EVENT = 0xFD

@@ -11,7 +11,6 @@ from anhyst.data.loops import Loops
 from anhyst.model.acceptance import check_over_drive
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.reports.model.evidence import gather, own_figures
 from anhyst.reports.model.figures import (
     figure_between,
     figure_loops,
@@ -35,7 +34,7 @@ from anhyst.reports.model.sections_model import (
     section_parameters_over,
     section_reduction,
 )
-from anhyst.reports.model.subject import ModelSubject
+from anhyst.reports.model.subject import ModelSubject, gather, own_figures
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError

@@ -15,7 +15,6 @@ from anhyst.data.speeds import speeds_of
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import GAMMA
 from anhyst.model.fit_record import LoopFit
-from anhyst.reports.model.evidence import Evidence
 from anhyst.reports.model.figures import (
     MOST_PANELS,
     figure_differences,
@@ -29,7 +28,7 @@ from anhyst.reports.model.figures import (
     speed_text,
 )
 from anhyst.reports.model.headline import share
-from anhyst.reports.model.subject import ModelSubject
+from anhyst.reports.model.subject import Evidence, ModelSubject
 from anhyst.support.arrays import FloatArray
 from anhyst.support.page.blocks import Block, Cell, Items, PageTable, Picture, Section, Text, table
 from anhyst.support.page.numbers import (

@@ -1,14 +1,23 @@
-"""What one report is about: a model, what is known of it, and the scales its numbers are in."""
+"""What one report is about and can lean on: a model, its scales, and the measurements, read again."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from anhyst.data.clean import DEFAULT_STEPS, clean
+from anhyst.data.inspection import Inspection, inspect
+from anhyst.data.loops import Loops
+from anhyst.data.read_options import PREFIX
+from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
 from anhyst.model.actuator import Model
-from anhyst.model.fit_record import FitFigures
-from anhyst.reports.model.evidence import Evidence
+from anhyst.model.fit_record import FitFigures, fit_figures
+from anhyst.model.left_over import left_of, told
+from anhyst.model.sources import read_sources
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.page.numbers import Scale, name_of, scale_for
 
 
@@ -71,3 +80,91 @@ class ModelSubject:
         """Scale of the scheduling variable: that of its nodes."""
         schedule = self.model.schedule
         return scale_for(schedule, self.model.nodes) if schedule else Scale(1.0, "")
+
+
+STALE = 0.02
+"""Relative difference of the mean deviation above which the figures of a file are not its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Measurements of a model and what they say about it."""
+
+    loops: Loops  # as they were fitted
+    # modelled output of each loop; None where the model cannot be computed
+    fitted: tuple[FloatArray | None, ...]
+    # of the record before thinning; None if it cannot be what its headers say
+    inspection: Inspection | None
+    verdict: Verdict  # the baseline: the best single-valued curve, on the loops as they were fitted
+    # what the best single-valued curve leaves over, loop by loop, in units of the output
+    baseline: tuple[FloatArray, ...]
+    warnings: tuple[str, ...]  # what a reader has to know
+
+
+def gather(model: Model, folder: PathLike) -> Evidence:
+    """Read the measurements of a model again and run the model over them."""
+    whole, loops = _read(model, folder)
+    warnings = []
+    try:
+        inspection = inspect(whole)
+    except InputError as error:
+        inspection = None
+        warnings.append(f"the measurements look odd: {error}")
+    fitted: list[FloatArray | None] = []
+    for loop in loops.loops:
+        try:
+            run = model.predict(loop.input, loop.schedule, loop.time, loop.history)
+            fitted.append(run.output)
+        except (InputError, NegativeResult) as error:
+            fitted.append(None)
+            warnings.append(f"the model cannot be computed on {loops.describe(loop)}: {error}")
+    baseline = {id(loop): over for loop, over in single_valued(loops)}
+    return Evidence(
+        loops=loops,
+        fitted=tuple(fitted),
+        inspection=inspection,
+        verdict=judge(loops),
+        baseline=tuple(baseline[id(loop)] for loop in loops.loops),
+        warnings=tuple(warnings),
+    )
+
+
+def _read(model: Model, folder: PathLike) -> tuple[Loops, Loops]:
+    """Read the loops before thinning, which hides noise and skew, and as they were fitted."""
+    origin = model.provenance
+    written = origin.settings.get(f"{PREFIX}clean", ",".join(DEFAULT_STEPS))
+    steps = [step.strip() for step in str(written).split(",")]
+    if steps[-1] != "thin":
+        loops = read_sources(model, folder)
+        return loops, loops
+    settings = dict(origin.settings) | {f"{PREFIX}clean": ",".join(steps[:-1]) or "none"}
+    unthinned = replace(model, provenance=replace(origin, settings=settings))
+    whole = read_sources(unthinned, folder)
+    return whole, clean(whole, ("thin",))
+
+
+def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, str]:
+    """Return the fit figures that belong to these parameters, and what is wrong with the file's."""
+    fitted = [output for output in evidence.fitted if output is not None]
+    if len(fitted) < len(evidence.fitted):
+        return model.fit, ""
+    left = left_of(evidence.loops, fitted)
+    fresh = replace(
+        fit_figures(evidence.loops, fitted),
+        not_noise=left.beyond,
+        left_over=told(left, evidence.loops, model),
+    )
+    if model.fit is None:
+        return fresh, ""
+    kept = replace(
+        fresh,
+        left_out=model.fit.left_out,
+        monotone=model.fit.monotone,
+        cross_validation=model.fit.cross_validation,
+    )
+    if abs(fresh.mean_abs - model.fit.mean_abs) <= STALE * max(fresh.mean_abs, model.fit.mean_abs):
+        return kept, ""
+    return kept, (
+        "the fit figures in the model file do not belong to its parameters, which were changed "
+        "after the identification; the figures of this report were computed again"
+    )

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from anhyst.compensate.block import Kind as BlockKind
+from anhyst.compensate.twin import Io
 from anhyst.data.formats.text import write_csv
+from anhyst.identification.identify import check_wanted
 from anhyst.study.fleet.judge import MODEL, FleetSettings, SharedTask, judge, share
 from anhyst.study.fleet.members import Member, find_members
 from anhyst.study.fleet.pilots import decide
@@ -18,7 +21,7 @@ from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, coordinate_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import all_of, workers_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 from anhyst.support.result import Result, columns_of
@@ -291,3 +294,67 @@ def _compared(
         jobs=jobs,
     )
     return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)
+
+
+def judge_fleet(
+    magnets: PathLike,
+    out: PathLike,
+    *,
+    rate: float = 10_000.0,
+    tolerance: float = 1.0,
+    law: str = "auto",
+    gap_map: str = "auto",
+    kind: BlockKind = "full",
+    io: Io = "q31",
+    on: str = "host",
+    seed: int = 1,
+    history: str | None = None,
+    scheduler: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Identify, compile, verify and judge many magnets of one type.
+
+    All get the same law and gap map, so that their parameters compare. A run that was stopped goes
+    on where it was.
+
+    Parameters
+    ----------
+    magnets : path-like
+        Folder with a file of loops, or a folder of them, for each magnet.
+    out : path-like
+        Folder to write to.
+    rate : float
+        Ticks a second of the controllers.
+    tolerance : float
+        Largest rms deviation of a good magnet from its loops, per cent of the largest output.
+    law, gap_map : str
+        For all; ``"auto"``: what most of the first magnets choose.
+    kind, io, on : str
+        Of the compensators, as of `compile` and `verify`.
+    seed : int
+        Of everything random.
+    history : str, optional
+        What happened before every loop; as sidecars say, or as each record proposes, if left out.
+    scheduler : str, optional
+        Of dask, such as ``"tcp://host:8786"``, whose workers do the work.
+    jobs : int, optional
+        Processes of this machine; as many as there are cores if left out.
+    progress : callable, optional
+        Called with magnets done and all.
+
+    Returns
+    -------
+    Fleet
+
+    Raises
+    ------
+    InputError
+        The folder holds no magnet, or a place cannot be written.
+    NegativeResult
+        Not one magnet could be judged.
+    """
+    check_wanted(law, gap_map, "default")
+    settings = FleetSettings(rate, kind, io, law, gap_map, on, tolerance, seed, history)
+    with workers_of(scheduler):
+        return fleet(magnets, out, settings, progress=progress, jobs=jobs)
