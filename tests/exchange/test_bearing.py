@@ -27,6 +27,7 @@ from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once
 from tests.refusals import refused, says
 from tests.study import bearings, stages
+from tests.study.test_solid_stage import late
 from tests.truths import truth
 
 pytestmark = [needs_binary, pytest.mark.slow]
@@ -34,6 +35,7 @@ pytestmark = [needs_binary, pytest.mark.slow]
 ROOT = Path(__file__).resolve().parents[2]
 TICK = 1.0 / 20e3
 INPUTS = ("target_gap", "load", "command")
+KNOWN = 'applied = "reference"', 'applied = "reference"\nmodel = "model.toml"'
 AT_THE_TICK = {
     "reference_gap": "reference_m",
     "gap_read": "gap_read_m",
@@ -82,8 +84,7 @@ def copied(folder: Path, **changes: tuple[str, str]) -> Path:
 
 def made(folder: Path) -> None:
     """Fill a folder with a bearing whose model is known, and its FMU of either version."""
-    known = ('applied = "reference"', 'applied = "reference"\nmodel = "model.toml"')
-    rig = copied(folder, controller=known)
+    rig = copied(folder, controller=KNOWN)
     truth("bearing").save(folder / "model.toml")
     for fmi in ("2.0", "3.0"):
         export_fmu(rig, folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
@@ -91,8 +92,11 @@ def made(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    return flown(made_once(tmp_path_factory, "fmu-bearing", made))
+
+
+def flown(folder: Path) -> Flight:
     """Lift off, step up and down, and let the load push."""
-    folder = made_once(tmp_path_factory, "fmu-bearing", made)
     rig, controller = read_files(folder / "rig.toml", None)
     ready = make_ready(rig, controller)
     setup = make_setups(ready.rig, controller, ready.knowledge(), ("full",))["full"]
@@ -104,6 +108,20 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
 
 
 def test_it_flies_as_the_simulation_does_bit_for_bit(flight: Flight, tmp_path: Path) -> None:
+    flies_alike(flight, tmp_path)
+
+
+def test_so_does_solid_iron_and_what_follows_its_layers(tmp_path: Path) -> None:
+    copied(tmp_path, controller=KNOWN)
+    rig = tmp_path / "rig.toml"
+    solid = "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }"
+    rig.write_text(rig.read_text().replace("turns = 250", solid))
+    late().model.save(tmp_path / "model.toml")
+    export_fmu(rig, tmp_path / "2.fmu", platforms=[HERE])
+    flies_alike(flown(tmp_path), tmp_path)
+
+
+def flies_alike(flight: Flight, tmp_path: Path) -> None:
     ticks = flight.scenario.ticks
     names = (*AT_THE_TICK, *AFTER_IT)
     with slave(flight.path, tmp_path) as made:
@@ -151,9 +169,6 @@ def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
     done = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
     assert done.returncode == 2
     assert says(done.stderr, "option-not-for-this: --rate")
-    solid = "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6 }"
-    with refused("solid-not-exported magnet.solid"):
-        export_fmu(copied(tmp_path, rig=("turns = 250", solid)), tmp_path / "b.fmu")
     assert not (tmp_path / "b.fmu").exists()
 
 
@@ -312,11 +327,6 @@ def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Pat
             "force_max_N = 240.0",
             "force_max_N = 240.0\ncalibrate = true",
             "calibration-not-exported",
-        ),
-        (
-            "turns = 250",
-            "turns = 250\nsolid = { depth_m = 4e-3, conductivity_S_per_m = 2e6 }",
-            "solid-not-exported magnet.solid",
         ),
     ],
 )

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.compilation.core import SOURCES, core_files
+from anhyst.compilation.floating_source import memories
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
@@ -90,7 +91,7 @@ def bearing_part(rig_path: PathLike) -> Part:
             folder / f"{name}_{of}.{end}" for of in ("parameters", "controller") for end in "ch"
         ]
         sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
-    sources |= {path: text.encode() for path, text in core_files(_CORE).items()}
+    sources = {path: text.encode() for path, text in core_files(_CORE).items()} | sources
     sources |= _plant_sources("tracking|piezo")
     for own_file in (
         "bearing.c",
@@ -116,7 +117,10 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     _refuse_plant(rig.bearing)
     setup = make_stage(rig, identify_stage(rig), "full")
-    sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE).items()}
+    sources = {
+        path: text.encode()
+        for path, text in core_files(_CORE_OF_STAGE, memories(block_of(setup))).items()
+    }
     sources |= _plant_sources("piezo|position|axes")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
@@ -181,12 +185,6 @@ def _controller_numbers(setup: StageSetup) -> str:
 
 
 def _refuse_plant(rig: BearingRig) -> None:
-    if rig.settings.magnet.solid is not None:
-        raise InputError(
-            f"{rig.path}: an FMU of a rig has no solid iron; take magnet.solid out",
-            code="solid-not-exported",
-            key="magnet.solid",
-        )
     if rig.settings.magnet.kind == "law" or not isinstance(rig.settings.steel.steel(), CellSteel):
         raise InputError(
             f'{rig.path}: an FMU of a rig knows an iron of cells; give force = "cells" with '
@@ -254,6 +252,12 @@ def _numbers(rig: BearingRig) -> str:
     circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
                               settings.gap_m)  # fmt: skip
     winding = {key: circuit.pop(key) for key in ("turns", "resistance")}
+    solid = settings.magnet.solid_iron
+    slab: dict[str, object] = {"volumes": 0}
+    if solid is not None:
+        share, drag = solid.numbers()
+        part = solid.length / settings.magnet.poles.iron_length
+        slab = {"volumes": solid.volumes, "part": part, "share": row(share), "drag": row(drag)}
     magnet = _fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
     actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
     bearing = {
@@ -267,14 +271,16 @@ def _numbers(rig: BearingRig) -> str:
     }
     text = (
         '#include "anhyst_plant/body.h"\n\n'
+        f"static const anhyst_plant_solid bearing_solid = {_fields(slab)};\n"
         "static const anhyst_plant_circuit bearing_circuit = "
-        f"{_fields({'iron': _iron(rig), **circuit})};\n"
+        f"{_fields({'iron': _iron(rig), **circuit, 'solid': '&bearing_solid' if solid else 'NULL'})};\n"
         f"static const anhyst_plant_actuator bearing_actuators[] = {_fields(actuators)};\n"
         f"static const anhyst_plant_head bearing_heads[] = {_fields(numbers.heads)};\n"
         f"static const anhyst_plant_body bearing = {_fields(bearing)};\n\n"
     )
     defined = {
         "BEARING_MAGNETS": len(rig.magnets),
+        "BEARING_VOLUMES": max(1, solid.volumes if solid else 0),
         "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
         "BEARING_HEADS": len(numbers.heads),
         "BEARING_CURRENT_LOOPS": _fields(current_loops(rig)),

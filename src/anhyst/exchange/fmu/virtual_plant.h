@@ -13,6 +13,7 @@
 typedef struct {
   anhyst_plant_state plant;
   anhyst_plant_actuator_state actuator[BEARING_MAGNETS];
+  anhyst_plant_memory volume[BEARING_MAGNETS][BEARING_VOLUMES];
   anhyst_plant_head_state head[BEARING_HEADS];
   anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
   uint64_t ticks;
@@ -30,16 +31,25 @@ static void link_plant(virtual_plant *now)
 {
   now->plant.actuator = now->actuator;
   now->plant.head = now->head;
+  for (int i = 0; i < BEARING_MAGNETS; i++) {
+    now->actuator[i].coil.volume = now->volume[i];
+  }
 }
 
 /* As anhyst_plant_start. */
 static int start_plant(virtual_plant *now)
 {
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
+  static const virtual_plant fresh;
+  const int started = anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
   for (int i = 0; i < BEARING_MAGNETS; i++) {
     now->current_loop[i] = current_loops[i];
+    for (int j = 0; j < BEARING_VOLUMES; j++) {
+      now->volume[i][j] = fresh.volume[i][j];
+    }
   }
-  return anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
+  link_plant(now);
+  return started;
 }
 
 /* One tick; record has room for a row. */
