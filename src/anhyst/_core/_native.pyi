@@ -551,7 +551,13 @@ class TrackingAxes(LoopController):
         rows: Mapping[str, _Array],
         settings: _Numbers,
     ) -> None: ...
+    def tick(
+        self, head: Sequence[float], forward: Sequence[float], gap: Sequence[float]
+    ) -> tuple[list[float], list[float], int]:
+        """Return currents, wanted wrench and flags; heads are counted from the target, m."""
     def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
+
+class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "anhyst_plant/tracking.h"
+#include "anhyst_plant/tracking_axes.h"
 #include "force_controllers.h"
 #include "gains.h"
 #include "settings.h"
@@ -158,10 +159,17 @@ struct TrackingF64 {
   using Adapter = anhyst_tracking_adapter_f64;
   using Correction = anhyst_correction_f64;
   using Corrected = anhyst_corrected_f64;
+  using AxesSettings = anhyst_axes_settings_f64;
+  using Axes = anhyst_tracking_axes_f64;
+  using AxesSample = anhyst_axes_sample_f64;
+  using AxesAnswer = anhyst_axes_answer_f64;
   static constexpr bool any_drive = true; // whatever its format
   static constexpr auto init = anhyst_tracking_init_f64;
   static constexpr auto correct = anhyst_force_controller_init_corrected_f64;
   static constexpr auto tick = anhyst_tracking_adapter_tick_f64;
+  static constexpr auto axes_init = anhyst_axes_init_f64;
+  static constexpr auto axes_tick = anhyst_axes_tick_f64;
+  static constexpr auto axes_loop_tick = anhyst_tracking_axes_tick_f64;
   static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
   static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
 };
@@ -179,10 +187,17 @@ struct TrackingF32 {
   using Adapter = anhyst_tracking_adapter_f32;
   using Correction = anhyst_correction_f32;
   using Corrected = anhyst_corrected_f32;
+  using AxesSettings = anhyst_axes_settings_f32;
+  using Axes = anhyst_tracking_axes_f32;
+  using AxesSample = anhyst_axes_sample_f32;
+  using AxesAnswer = anhyst_axes_answer_f32;
   static constexpr bool any_drive = false;
   static constexpr auto init = anhyst_tracking_init_f32;
   static constexpr auto correct = anhyst_force_controller_init_corrected_f32;
   static constexpr auto tick = anhyst_tracking_adapter_tick_f32;
+  static constexpr auto axes_init = anhyst_axes_init_f32;
+  static constexpr auto axes_tick = anhyst_axes_tick_f32;
+  static constexpr auto axes_loop_tick = anhyst_tracking_axes_tick_f32;
   static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
   static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
 };

@@ -15,6 +15,7 @@ from anhyst._core import (
     PlantLoop,
     Tracking,
     TrackingAxes,
+    TrackingAxesF32,
     TrackingF32,
 )
 from anhyst.compensate.block import Block
@@ -406,26 +407,37 @@ def make_loop_controller(
     The drives, one a magnet, may remember something; demagnetised ones if left out.
     """
     several = setup.rig.settings.several
-    return _axes_controller(setup, drives) if several else make_controller(setup, drives)
+    return axes_controller(setup, drives) if several else make_controller(setup, drives)
 
 
-def _axes_controller(setup: StageSetup, drives: Sequence[ForceController]) -> LoopController:
-    """Return PIDs, decoupling and allocation in double precision, compensators in their format."""
-    file, settings = setup.rig.settings, controller_settings(setup)
-    settings.pop("gap_total")
-    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
+    """Return the matrices of a controller of several coordinates, by their names in the core.
+
+    Beside them `at`, what each head reads of a pose.
+    """
+    file, at = setup.rig.settings, head_rows(setup.rig.settings)
     decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass = file.body.mass_kg
-    controller = TrackingAxes(
+    return {
+        "at": at,
+        "see": np.ascontiguousarray(np.linalg.pinv(at)),
+        "decouple": decouple,
+        "weigh": weigh,
+        "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
+    }
+
+
+def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
+    """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
+    settings = controller_settings(setup)
+    settings.pop("gap_total")
+    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+    made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
+    controller = made(
         [one.native for one in drives or setup.fresh()],
-        wrench_layout(file, kind, idle),
-        {
-            "see": np.ascontiguousarray(np.linalg.pinv(head_rows(file))),
-            "decouple": decouple,
-            "weigh": weigh,
-            "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        },
+        wrench_layout(setup.rig.settings, kind, idle),
+        axes_rows(setup),
         settings,
     )
     if setup.correction is not None:
