@@ -6,8 +6,8 @@
 #define AXES ANHYST_WRENCH_AXES
 #define DRIVES ANHYST_WRENCH_DRIVES
 
-/* Least part of its row that a pivot keeps: less is no axis of its own, or in single precision noise
-   of the forces. */
+/* Least part of its row that a pivot keeps: less is no axis of its own, or in single precision
+   noise of the forces. */
 #define LEAST_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
 
 /* Part of the least force by which rounding may miss it. */

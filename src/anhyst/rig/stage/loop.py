@@ -232,22 +232,32 @@ def _track_axes(
     The magnets ride on the frame, the position heads do not. What is fed forward moves the centre
     of mass, and carries the weight.
     """
-    rig, file, n = setup.rig, setup.rig.settings, forward.size
-    along = scan_direction(file)
-    frame = np.outer(reference + strayed, along)
-    wrench = fed_wrench(setup.believed, forward)
+    rig, n = setup.rig, forward.size
+    frame = np.outer(reference + strayed, scan_direction(rig.settings))
+    run = fly(setup, seed, reference[:n], frame, fed_wrench(setup.believed, forward))
+    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
+
+
+def fly(
+    setup: StageSetup, seed: int, reference: FloatArray, frame: FloatArray, wrench: FloatArray
+) -> Recording:
+    """Return the loop's own record of a body of several coordinates that follows a reference.
+
+    The frame has a row more than the reference, which goes along the direction of the set-point.
+    """
+    rig, n = setup.rig, reference.size
+    along = scan_direction(rig.settings)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
-        np.outer(reference[:n], along).ravel(),
+        np.outer(reference, along).ravel(),
         np.zeros(n),
         np.zeros(n * along.size),
         wrench.ravel(),
         np.zeros(n, dtype=np.uint32),
         frame.ravel(),
     )
-    run = Recording.of_table(rows, [column(*signal) for signal in loop.signals])
-    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
+    return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
 
 
 def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
