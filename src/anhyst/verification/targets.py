@@ -51,14 +51,15 @@ class ProcessProgram:
                 code="time-limit",
                 key=self.name,
             ) from None
-        if done.returncode or len(done.stdout) != len(requests) * BOX_BYTES:
+        size = requests[0].box_bytes
+        if done.returncode or len(done.stdout) != len(requests) * size:
             raise NegativeResult(
                 f"target {self.name}: {_reason(done.stderr, done.returncode)}",
                 code="target-failed",
                 key=self.name,
             )
-        boxes = range(0, len(done.stdout), BOX_BYTES)
-        return [Reply.unpack(done.stdout[at : at + BOX_BYTES]) for at in boxes]
+        boxes = range(0, len(done.stdout), size)
+        return [Reply.unpack(done.stdout[at : at + size]) for at in boxes]
 
 
 def _reason(stderr: bytes, code: int) -> str:
@@ -114,6 +115,7 @@ CORTEX = {
     "cortex-m0plus": Cortex("cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
     "cortex-m3": Cortex("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
     "cortex-m4": Cortex("cortex_m4", "UC_CPU_ARM_CORTEX_M4", "+vfp4d16sp", has_port=True),
+    "cortex-m33": Cortex("cortex_m33", "UC_CPU_ARM_CORTEX_M33", "+fp_armv8d16sp"),
     "cortex-m7": Cortex("cortex_m7", "UC_CPU_ARM_CORTEX_M7", "+fp_armv8d16sp", has_port=True),
 }
 
