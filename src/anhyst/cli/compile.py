@@ -38,7 +38,7 @@ ModelOrRig = Annotated[
     Path,
     typer.Argument(
         metavar="MODEL",
-        help="A model.toml, or the rig file of a stage of several coordinates.",
+        help="A model.toml, or the rig file of a stage.",
         callback=of_its_kind,
     ),
 ]

@@ -195,8 +195,9 @@ def pull_rows(file: RigFile) -> FloatArray:
 
 
 def head_rows(file: RigFile) -> FloatArray:
-    """Return what each head reads of a coordinate, a row a head."""
-    sensors = [(one.position_m or [], one.direction or []) for one in file.position_sensors]
+    """Return what each head reads of a coordinate, a row a head; that of one coordinate along it."""
+    places, along = file.position_sensors, [1.0, 0.0, 0.0]
+    sensors = [(one.position_m or [0.0] * 3, one.direction or along) for one in places]
     return _rows(file, sensors)
 
 

@@ -17,7 +17,7 @@ from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import StageController, stage_sources
 from anhyst.compilation.verb import compile_actuator
 from anhyst.model.actuator import Model
-from anhyst.rig.recording import column
+from anhyst.rig.recording import Loss, column
 from anhyst.rig.stage.file import (
     StageRig,
     mass_matrix,
@@ -41,6 +41,7 @@ from anhyst.rig.stage.loop import (
     instants,
     make_stage,
     stray,
+    track,
 )
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.support.arrays import FloatArray
@@ -128,8 +129,8 @@ def compile_file(
     Parameters
     ----------
     model : Model or path-like
-        The model, or its file: demand in, current out. Or the rig file of a stage of several
-        coordinates: position heads, gaps and feedforward in, the currents of all magnets out.
+        The model, or its file: demand in, current out. Or the rig file of a stage: position heads,
+        gaps and feedforward in, the currents of all magnets out.
     out : path-like
         The folder to write; one that was compiled before is replaced, any other is left alone.
     rate : float, optional
@@ -217,13 +218,6 @@ def compile_stage(
 
 def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
-    if not rig.settings.several:
-        raise InputError(
-            f"{rig.path}: body.free: the controller of one coordinate is not compiled yet; "
-            "anhyst export makes an FMU of such a stage",
-            code="several-coordinates-only",
-            key="body.free",
-        )
     if io != "f32":
         raise InputError(
             f"--io: {io} is not for a stage, whose controller is compiled in single precision; "
@@ -277,6 +271,20 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
 
     The answers are those of a fresh controller to inputs in single precision.
     """
+    file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
+    given = fly_it(setup, rows).astype(np.float32)
+    magnets, heads = len(file.placed), len(file.position_sensors)
+    controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
+    answers = []
+    for row in given.T.tolist():
+        current, demand, flags = controller.tick(row[:begin], row[begin:end], row[end:])
+        answers.append([*current, *demand, flags])
+    signals = [*given, *np.array(answers).T]
+    return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
+
+
+def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
+    """Return what the controller of several coordinates is given: heads off target, wrench, gaps."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
     time = instants(rig, rows + 1)
@@ -284,25 +292,34 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
     frame = np.outer(reference + stray(rig, motion, time), along)
     run = fly(setup, 0, reference[:rows], frame, wrench)
-    if (loss := axes_loss(rig, run, rows)) is not None:
+    _refuse_lost(rig, axes_loss(rig, run, rows))
+    magnets, heads = len(file.placed), len(file.position_sensors)
+    read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
+    target, off = np.outer(reference[:rows], along), np.array(read[magnets:])
+    for head, row in enumerate(axes_rows(setup)["at"].tolist()):
+        for axis, part in enumerate(row):
+            off[head] -= part * target[:, axis]
+    return np.vstack([off, wrench.T, read[:magnets]])
+
+
+def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
+    """Return the same of one coordinate."""
+    rig, file = setup.rig, setup.rig.settings
+    motion = motion_of(file.scan, file.scan.test_m_per_s2)
+    run = track(setup, motion, Feedforward())
+    _refuse_lost(rig, run.loss)
+    assert file.gap_total_m is not None
+    off, gap = run["position_read_m"] - run["reference_m"], run["gap_read_m"]
+    forward = feed(setup, motion, Feedforward())
+    return np.vstack([off, forward, gap, file.gap_total_m - gap])[:, :rows]
+
+
+def _refuse_lost(rig: StageRig, loss: Loss | None) -> None:
+    if loss is not None:
         raise NegativeResult(
             f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",
             code="lost",
         )
-    magnets, heads = len(file.placed), len(file.position_sensors)
-    read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
-    target, off = np.outer(reference[: len(run)], along), np.array(read[magnets:])
-    for head, row in enumerate(axes_rows(setup)["at"].tolist()):
-        for axis, part in enumerate(row):
-            off[head] -= part * target[:, axis]
-    given = np.vstack([off, wrench[: len(run)].T, read[:magnets]]).astype(np.float32)
-    controller, begin, end = axes_controller(setup), heads, heads + along.size
-    answers = []
-    for row in given.T.tolist():
-        current, demand, flags = controller.tick(row[:begin], row[begin:end], row[end:])
-        answers.append([*current, *demand, flags])
-    signals = [*given, *np.array(answers).T]
-    return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 
 
 def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
