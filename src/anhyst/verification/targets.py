@@ -184,7 +184,8 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
 def cortex_m(name: str, workshop: Workshop) -> Offer:
     """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
 
-    In fixed point those are the port header's, in floating point those of its floating-point unit.
+    In fixed point those are the port header's, in floating point those of its floating-point unit;
+    a stage is not run without that.
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return Offer(missing=missing)
@@ -192,6 +193,7 @@ def cortex_m(name: str, workshop: Workshop) -> Offer:
     floating = workshop.bundle.io == "f32"
     builds = [("soft float" if floating else "portable", "")]
     if floating and CORTEX[name].float_unit:
+        builds = [] if workshop.form is not None else builds
         builds.append(("hard float", CORTEX[name].float_unit))
     elif CORTEX[name].has_port and workshop.bundle.has_port:
         builds.append(("port header", ""))

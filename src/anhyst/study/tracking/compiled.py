@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 StageKind = Literal["full", "simplified", "play", "single-valued"]
 
 ROWS = 2000
-"""Ticks of the flight that become golden vectors."""
+"""Ticks of the flight that become golden vectors: at rest, the first acceleration, and after it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -204,12 +204,13 @@ def compile_stage(
     single = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
     setup = replace(make_stage(single, identify_stage(rig), kind), law="f32")
     if progress is not None:
-        progress(1, 3)
-    stage = _controller(setup, kind, name or c_name(rig.settings.name))
-    vectors = fly_vectors(setup)
-    if progress is not None:
         progress(2, 3)
-    version = running_version()
+    return write_stage(setup, kind, out, name or c_name(rig.settings.name))
+
+
+def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
+    """Write the folder of a controller in single precision, with its flight."""
+    stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
     files = stage_sources(stage, version, ROWS) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
     write_folder(out, files, described)
