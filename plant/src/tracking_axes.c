@@ -22,25 +22,28 @@ void anhyst_tracking_axes_tick_f64(void *self, const anhyst_loop_sample *sample,
   refer(sample, answer);
 }
 
-/* What a head reads less what it would read at the target. */
-static float off_target(const anhyst_tracking_axes_f32 *controller,
-                        const anhyst_loop_sample *sample, int head)
+static void narrow(const double *values, float *found, int count)
 {
-  const anhyst_axes_settings_f32 *settings = controller->axes.settings;
-  const int axes = (int)settings->layout.axes;
-  double off = sample->head[(int)settings->layout.drives + head];
-  int k;
-  for (k = 0; k < axes; k++) {
-    off -= controller->at[head * axes + k] * sample->target[k];
+  int i;
+  for (i = 0; i < count; i++) {
+    found[i] = (float)values[i];
   }
-  return (float)off;
+}
+
+static void widen(const float *values, double *found, int count)
+{
+  int i;
+  for (i = 0; i < count; i++) {
+    found[i] = (double)values[i];
+  }
 }
 
 void anhyst_tracking_axes_tick_f32(void *self, const anhyst_loop_sample *sample,
                                    anhyst_loop_answer *answer)
 {
   anhyst_tracking_axes_f32 *controller = self;
-  const anhyst_axes_settings_f32 *settings = controller->axes.settings;
+  const int axes = (int)controller->axes.settings->layout.axes;
+  const int drives = (int)controller->axes.settings->layout.drives;
   const float target[ANHYST_WRENCH_AXES] = {0};
   float head[ANHYST_TRACKING_AXES_HEADS];
   float forward[ANHYST_WRENCH_AXES];
@@ -51,23 +54,20 @@ void anhyst_tracking_axes_tick_f32(void *self, const anhyst_loop_sample *sample,
   const anhyst_axes_sample_f32 in = {head, target, forward, gap, flux};
   anhyst_axes_answer_f32 out = {current, demand, 0};
   int i;
-  for (i = 0; i < (int)settings->heads; i++) {
-    head[i] = off_target(controller, sample, i);
+  int k;
+  for (i = 0; i < (int)controller->axes.settings->heads; i++) {
+    double off = sample->head[drives + i];
+    for (k = 0; k < axes; k++) {
+      off -= controller->at[i * axes + k] * sample->target[k];
+    }
+    head[i] = (float)off;
   }
-  for (i = 0; i < (int)settings->layout.axes; i++) {
-    forward[i] = (float)sample->load[i];
-  }
-  for (i = 0; i < (int)settings->layout.drives; i++) {
-    gap[i] = (float)sample->head[i];
-    flux[i] = (float)sample->flux[i];
-  }
+  narrow(sample->load, forward, axes);
+  narrow(sample->head, gap, drives);
+  narrow(sample->flux, flux, drives);
   anhyst_axes_tick_f32(&controller->axes, &in, &out);
-  for (i = 0; i < (int)settings->layout.drives; i++) {
-    answer->current[i] = (double)current[i];
-  }
-  for (i = 0; i < (int)settings->layout.axes; i++) {
-    answer->demand[i] = (double)demand[i];
-  }
+  widen(current, answer->current, drives);
+  widen(demand, answer->demand, axes);
   answer->flags = out.flags;
   refer(sample, answer);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
 typedef struct {
-  ANHYST_REAL factor[AXES][AXES]; /* lower, of the matrix of the free drives */
-  unsigned char free[DRIVES];     /* drives whose force is still to be found; of a pair the first */
+  ANHYST_NAME(anhyst_wrench_factor) factor; /* of the matrix of the free drives */
+  unsigned char free[DRIVES]; /* drives whose force is still to be found; of a pair the first */
 } ANHYST_NAME(search);
 
 static int ANHYST_NAME(is_alone)(const ANHYST_NAME(anhyst_wrench_layout) *layout, int j)
@@ -50,14 +50,14 @@ static int ANHYST_NAME(factorise)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NA
       }
       whole = sum;
       for (j = 0; j < k; j++) {
-        sum -= s->factor[i][j] * s->factor[k][j];
+        sum -= s->factor.lower[i][j] * s->factor.lower[k][j];
       }
       if (k < i) {
-        s->factor[i][k] = sum / s->factor[k][k];
+        s->factor.lower[i][k] = sum / s->factor.lower[k][k];
       } else if (!(sum > LEAST_PIVOT * whole)) {
         return 0;
       } else {
-        s->factor[i][i] = ANHYST_SQRT(sum);
+        s->factor.lower[i][i] = ANHYST_SQRT(sum);
       }
     }
   }
@@ -82,15 +82,15 @@ static void ANHYST_NAME(least_squares)(const ANHYST_NAME(anhyst_wrench) *w,
           ANHYST_NAME(is_alone)(layout, j) && !s->free[j] ? w->pull[j][i] * layout->least : R(0.0);
     }
     for (j = 0; j < i; j++) {
-      x[i] -= s->factor[i][j] * x[j];
+      x[i] -= s->factor.lower[i][j] * x[j];
     }
-    x[i] /= s->factor[i][i];
+    x[i] /= s->factor.lower[i][i];
   }
   for (i = n - 1; i >= 0; i--) {
     for (j = i + 1; j < n; j++) {
-      x[i] -= s->factor[j][i] * x[j];
+      x[i] -= s->factor.lower[j][i] * x[j];
     }
-    x[i] /= s->factor[i][i];
+    x[i] /= s->factor.lower[i][i];
   }
   for (j = 0; j < (int)layout->drives; j++) {
     ANHYST_REAL sum = R(0.0);
@@ -143,15 +143,10 @@ static int ANHYST_NAME(hold_back)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NA
 static void ANHYST_NAME(start)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(search) *s)
 {
   int i;
-  int k;
   for (i = 0; i < (int)w->layout->drives; i++) {
     s->free[i] = w->layout->against[i] >= (uint16_t)i;
   }
-  for (i = 0; i < AXES; i++) {
-    for (k = 0; k < AXES; k++) {
-      s->factor[i][k] = w->factor[i][k];
-    }
-  }
+  s->factor = w->factor;
 }
 
 anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
@@ -164,7 +159,6 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
               layout->pair.kind != ANHYST_ALLOCATE_SINGLE &&
               ANHYST_NAME(anhyst_allocation_is_valid)(&layout->pair);
   int i;
-  int k;
   for (i = 0; valid && i < (int)layout->drives; i++) {
     valid =
         layout->against[i] < layout->drives && layout->against[layout->against[i]] == (uint16_t)i;
@@ -177,11 +171,7 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
   if (!ANHYST_NAME(factorise)(w, &s)) {
     return ANHYST_BAD_PARAMETER;
   }
-  for (i = 0; i < AXES; i++) {
-    for (k = 0; k < AXES; k++) {
-      w->factor[i][k] = s.factor[i][k];
-    }
-  }
+  w->factor = s.factor;
   return ANHYST_OK;
 }
 

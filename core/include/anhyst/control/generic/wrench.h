@@ -11,12 +11,16 @@ typedef struct {
   ANHYST_REAL least;                   /* of a drive that stands alone, N, >= 0 */
 } ANHYST_NAME(anhyst_wrench_layout);
 
+typedef struct {
+  ANHYST_REAL lower[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES];
+} ANHYST_NAME(anhyst_wrench_factor);
+
 /* What every search begins with. */
 typedef struct {
   const ANHYST_NAME(anhyst_wrench_layout) *layout;
   ANHYST_REAL scale[ANHYST_WRENCH_AXES]; /* of each axis, so that all weigh alike */
   ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled */
-  ANHYST_REAL factor[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES]; /* with all drives free */
+  ANHYST_NAME(anhyst_wrench_factor) factor;                   /* with all drives free */
 } ANHYST_NAME(anhyst_wrench);
 
 /* ANHYST_OK where numbers, pairs and idle force are valid and the drives can push along every axis,
