@@ -3,6 +3,7 @@
 // body of several axes: the very functions that run on a controller.
 #include "tracking.h"
 
+#include <algorithm>
 #include <limits>
 
 #include <nanobind/stl/vector.h>
@@ -95,9 +96,6 @@ public:
     const InTable at = matrices.take<InTable>("at");
     const size_t heads = at.shape(0);
     same_shape(heads, axes, at, "at");
-    if (heads > ANHYST_TRACKING_AXES_HEADS) {
-      throw std::invalid_argument("a controller has up to 32 heads");
-    }
     at_.assign(at.data(), at.data() + at.size());
     see_ = copy(matrices, "see", axes, heads);
     decouple_ = copy(matrices, "decouple", axes, axes);
@@ -111,6 +109,8 @@ public:
     Settings given(settings);
     drives_.start(magnets, take_scales(given));
     same_length(drives_.size(), wide.drives, "magnets");
+    current_.resize(wide.drives);
+    demand_.resize(axes);
     settings_ = {{wide.axes,
                   wide.drives,
                   pull_.data(),
@@ -126,14 +126,13 @@ public:
                  given.take<Real>("current_high"),
                  given.take<Real>("current_step")};
     given.finish();
-    axes_.at = at_.data();
-    if (F::axes_init(&axes_.axes, &settings_, drives_.data()) != ANHYST_OK) {
+    if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
     }
   }
 
   void correct(const InTable &rows) { drives_.correct(rows); }
-  anhyst_loop_controller handle() override { return {&axes_, F::axes_loop_tick}; }
+  anhyst_loop_controller handle() override { return {this, loop_tick}; }
 
   // One tick without a plant, heads counted from the target: currents, wrench, flags.
   nb::tuple tick(const Row &head, const Row &forward, const Row &gap)
@@ -141,18 +140,47 @@ public:
     same_length(settings_.heads, head.size(), "head");
     same_length(settings_.layout.axes, forward.size(), "forward");
     same_length(drives_.size(), gap.size(), "gap");
-    const Row target(forward.size(), 0);
     const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
-    Row current(gap.size());
-    Row demand(forward.size());
-    const typename F::AxesSample in = {head.data(), target.data(), forward.data(), gap.data(),
-                                       flux.data()};
-    typename F::AxesAnswer out = {current.data(), demand.data(), 0};
-    F::axes_tick(&axes_.axes, &in, &out);
-    return nb::make_tuple(current, demand, out.flags);
+    const uint16_t flags = run(head, Row(forward.size(), 0), forward, gap, flux);
+    return nb::make_tuple(current_, demand_, flags);
   }
 
 private:
+  uint16_t run(const Row &head, const Row &target, const Row &forward, const Row &gap,
+               const Row &flux)
+  {
+    const typename F::AxesSample in = {head.data(), target.data(), forward.data(), gap.data(),
+                                       flux.data()};
+    typename F::AxesAnswer out = {current_.data(), demand_.data(), 0};
+    F::axes_tick(&axes_, &in, &out);
+    return out.flags;
+  }
+
+  // As a loop sees it: its heads are the gap sensors, one a magnet, and then the position heads;
+  // its load is the wrench that is fed forward. In single precision heads are counted from the
+  // target before they are rounded.
+  static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
+  {
+    auto &c = *static_cast<TrackingAxes *>(self);
+    const size_t axes = c.demand_.size();
+    const size_t drives = c.current_.size();
+    std::vector<double> head(sample->head + drives, sample->head + drives + c.settings_.heads);
+    Row target(sample->target, sample->target + axes);
+    if (std::is_same_v<Real, float>) {
+      for (size_t i = 0; i < head.size() * axes; i++) {
+        head[i / axes] -= c.at_[i] * sample->target[i % axes];
+      }
+      target.assign(axes, 0);
+    }
+    const double *gap = sample->head;
+    answer->flags =
+        c.run(Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
+              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives));
+    std::copy(c.current_.begin(), c.current_.end(), answer->current);
+    std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
+    std::copy(sample->target, sample->target + axes, answer->reference);
+  }
+
   static Row copy(Settings &given, const char *name, size_t rows, size_t columns)
   {
     const InTable table = given.take<InTable>(name);
@@ -166,6 +194,8 @@ private:
   Row decouple_;
   Row weigh_;
   Row pull_;
+  Row current_;
+  Row demand_;
   std::vector<typename F::Filter> pid_;
   typename F::AxesSettings settings_{};
   typename F::Axes axes_{};

@@ -5,8 +5,8 @@
 #include <deque>
 #include <vector>
 
+#include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
-#include "anhyst_plant/tracking_axes.h"
 #include "force_controllers.h"
 #include "gains.h"
 #include "settings.h"
@@ -161,7 +161,7 @@ template <class Coefficients> Coefficients to_biquad(const In &row)
     using Correction = anhyst_correction_##f;                                                      \
     using Corrected = anhyst_corrected_##f;                                                        \
     using AxesSettings = anhyst_axes_settings_##f;                                                 \
-    using Axes = anhyst_tracking_axes_##f;                                                         \
+    using Axes = anhyst_axes_##f;                                                                  \
     using AxesSample = anhyst_axes_sample_##f;                                                     \
     using AxesAnswer = anhyst_axes_answer_##f;                                                     \
     static constexpr bool any_drive = std::is_same_v<Real, double>;                                \
@@ -170,7 +170,6 @@ template <class Coefficients> Coefficients to_biquad(const In &row)
     static constexpr auto tick = anhyst_tracking_adapter_tick_##f;                                 \
     static constexpr auto axes_init = anhyst_axes_init_##f;                                        \
     static constexpr auto axes_tick = anhyst_axes_tick_##f;                                        \
-    static constexpr auto axes_loop_tick = anhyst_tracking_axes_tick_##f;                          \
     static Filter filter(const Row &row) { return to_biquad<Filter>(row); }                        \
     static Pid pid(const Row &row) { return to_biquad<Pid>(row); }                                 \
   }
