@@ -128,10 +128,10 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
         )
     name = _text(place, manifest, "name")
     around = [f"{name}_controller.h", f"{name}_controller.c"]
-    needed = [f"{name}_parameters.c", VECTORS]
-    needed += around if manifest.get("stage") else [f"{name}_parameters.h"]
+    needed = around if manifest.get("stage") else [f"{name}_parameters.h"]
+    needed = [*needed, f"{name}_parameters.c", VECTORS]
     if manifest.get("controller") is not None:
-        needed += [*around, LEVITATION]
+        needed = [*needed, *around, LEVITATION]
     for file in needed:
         if file not in files:
             raise InputError(
