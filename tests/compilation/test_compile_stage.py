@@ -141,6 +141,11 @@ def test_a_stage_that_learns_as_it_runs_is_refused(tmp_path: Path) -> None:
         anhyst.compile(path, tmp_path / "out")
 
 
+def test_a_file_that_is_not_there_is_said_before_a_rate_is_asked_for(tmp_path: Path) -> None:
+    with refused("no-such-file: absent.toml"):
+        anhyst.compile("absent.toml", tmp_path / "out")
+
+
 def test_a_model_has_no_curve_without_memory(tmp_path: Path) -> None:
     assert main(["compile", "model.toml", "--kind", "single-valued", "--out", str(tmp_path)]) == 2
     with refused("option-not-for-this --kind"):

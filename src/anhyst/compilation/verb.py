@@ -12,6 +12,7 @@ from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.play import CompiledPlay, compile_play
 from anhyst.control.controller_file import read_controller
 from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -39,6 +40,8 @@ def compile_actuator(
                 path, out, rate=rate, kind=kind, io=io, accuracy=accuracy, name=name,
                 controller=controller, progress=progress,
             )  # fmt: skip
+    if rate is None and controller is None:
+        read_model(model)  # a file that is none is said before what is missing beside it
     ticks = _rate(rate, controller)
     if kind == "play":
         _refuse_for_play(controller, accuracy)
