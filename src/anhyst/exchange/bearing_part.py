@@ -117,7 +117,7 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_plant(rig.bearing)
     setup = make_stage(rig, identify_stage(rig), "full")
     sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE).items()}
-    sources |= _plant_sources("piezo|position|axes")
+    sources |= _plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
     sources["bearing_numbers.h"] = _numbers(rig.bearing).encode()
