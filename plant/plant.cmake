@@ -12,7 +12,6 @@ set(ANHYST_PLANT_SOURCES
   "${ANHYST_PLANT_DIR}/src/loop.c"
   "${ANHYST_PLANT_DIR}/src/position.c"
   "${ANHYST_PLANT_DIR}/src/tracking.c"
-  "${ANHYST_PLANT_DIR}/src/tracking_axes.c"
   "${ANHYST_PLANT_DIR}/src/piezo.c"
   "${ANHYST_PLANT_DIR}/src/bus.c")
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from anhyst.compilation.output import Compiled
     from anhyst.compilation.play import CompiledPlay
-    from anhyst.compilation.verb import compile_actuator as compile  # noqa: A004
     from anhyst.dashboard.verb import live
     from anhyst.data.clean import clean
     from anhyst.data.inspection import Inspection, inspect
@@ -61,6 +60,8 @@ if TYPE_CHECKING:
     from anhyst.study.force.force_control import ForceControl, force_control
     from anhyst.study.piezo.track import PiezoTracking
     from anhyst.study.tracking.calibrate import Calibration, calibrate
+    from anhyst.study.tracking.compiled import CompiledStage
+    from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.tuning import tune
@@ -75,6 +76,7 @@ __all__ = [
     "Calibration",
     "Compiled",
     "CompiledPlay",
+    "CompiledStage",
     "Drafted",
     "Excitation",
     "Fleet",
@@ -129,6 +131,7 @@ _PLACES = {
     "Calibration": "study.tracking.calibrate",
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
+    "CompiledStage": "study.tracking.compiled",
     "Drafted": "draft.drafting",
     "Excitation": "study.excite.excite",
     "Fleet": "study.fleet.fleet",
@@ -151,7 +154,7 @@ _PLACES = {
     "Verification": "verification.result",
     "calibrate": "study.tracking.calibrate",
     "clean": "data.clean",
-    "compile": "compilation.verb:compile_actuator",
+    "compile": "study.tracking.compiled:compile_file",
     "convert": "exchange.convert",
     "diff": "model.diff",
     "example_files": "draft.examples",

@@ -56,7 +56,7 @@ WORKS = {
     "invert": MODEL,
     "report": MODEL,
     "diff": MODEL,
-    "compile": MODEL,
+    "compile": {"model", "stage"},
     "watch": MODEL,
     "export": {"model", "bearing", "stage"},
     "verify": {"compiled"},

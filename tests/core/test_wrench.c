@@ -6,18 +6,19 @@
 
 static double pull[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
 static uint16_t against[ANHYST_WRENCH_DRIVES];
+static anhyst_wrench_f64 drives;
 
 static double any_part(void) { return (double)any_within(-1000000, 1000000) / 1e6; }
 
 /* Drives that stand anywhere; the first two of many are a pair. */
-static anhyst_wrench_layout any_layout(void)
+static anhyst_wrench_layout_f64 any_layout(void)
 {
-  const anhyst_wrench_layout layout = {(uint16_t)any_within(1, ANHYST_WRENCH_AXES),
-                                       (uint16_t)any_within(1, ANHYST_WRENCH_DRIVES),
-                                       pull,
-                                       against,
-                                       {5.0, ANHYST_ALLOCATE_CLASS_AB},
-                                       0.5};
+  const anhyst_wrench_layout_f64 layout = {(uint16_t)any_within(1, ANHYST_WRENCH_AXES),
+                                           (uint16_t)any_within(1, ANHYST_WRENCH_DRIVES),
+                                           pull,
+                                           against,
+                                           {5.0, ANHYST_ALLOCATE_CLASS_AB},
+                                           0.5};
   for (int j = 0; j < (int)layout.drives; j++) {
     against[j] = (uint16_t)j;
     for (int k = 0; k < (int)layout.axes; k++) {
@@ -34,7 +35,7 @@ static anhyst_wrench_layout any_layout(void)
   return layout;
 }
 
-static double residual(const anhyst_wrench_layout *layout, const double *wrench,
+static double residual(const anhyst_wrench_layout_f64 *layout, const double *wrench,
                        const double *force)
 {
   double worst = 0.0;
@@ -57,16 +58,16 @@ static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
   double worst = 0.0;
   int made = 0;
   for (int i = 0; i < 200000; i++) {
-    const anhyst_wrench_layout layout = any_layout();
+    const anhyst_wrench_layout_f64 layout = any_layout();
     double wrench[ANHYST_WRENCH_AXES] = {0};
     double force[ANHYST_WRENCH_DRIVES];
-    if (anhyst_wrench_check(&layout) != ANHYST_OK) {
+    if (anhyst_wrench_init_f64(&drives, &layout) != ANHYST_OK) {
       continue;
     }
     for (int k = 0; k < (int)layout.axes; k++) {
       wrench[k] = 100.0 * any_part();
     }
-    if (anhyst_wrench_share(&layout, wrench, force)) {
+    if (anhyst_wrench_share_f64(&drives, wrench, force)) {
       keep_worst(&worst, residual(&layout, wrench, force));
       made++;
     }
@@ -78,15 +79,60 @@ static void what_is_said_to_be_made_is_made_and_drives_only_pull(void)
   CHECK_BELOW("residual, of the largest force", worst, 1e-9);
 }
 
+/* Every number of a layout rounded; pull and against are those above. */
+static anhyst_wrench_layout_f32 rounded(const anhyst_wrench_layout_f64 *layout)
+{
+  static float narrow[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
+  const anhyst_wrench_layout_f32 found = {
+      layout->axes, layout->drives, narrow, against, {5.0F, ANHYST_ALLOCATE_CLASS_AB}, 0.5F};
+  for (int i = 0; i < (int)layout->drives * (int)layout->axes; i++) {
+    narrow[i] = (float)pull[i];
+  }
+  return found;
+}
+
+static void single_precision_makes_the_same_wrenches(void)
+{
+  double worst = 0.0;
+  int made = 0;
+  for (int i = 0; i < 100000; i++) {
+    const anhyst_wrench_layout_f64 wide = any_layout();
+    const anhyst_wrench_layout_f32 layout = rounded(&wide);
+    anhyst_wrench_f32 narrow;
+    float wrench[ANHYST_WRENCH_AXES] = {0};
+    double wanted[ANHYST_WRENCH_AXES] = {0};
+    float force[ANHYST_WRENCH_DRIVES];
+    double found[ANHYST_WRENCH_DRIVES] = {0};
+    if (anhyst_wrench_init_f32(&narrow, &layout) != ANHYST_OK) {
+      continue;
+    }
+    for (int k = 0; k < (int)layout.axes; k++) {
+      wrench[k] = (float)(100.0 * any_part());
+      wanted[k] = (double)wrench[k];
+    }
+    const int is_made = anhyst_wrench_share_f32(&narrow, wrench, force);
+    for (int j = 0; j < (int)layout.drives; j++) {
+      CHECK(force[j] > 0.0F && (against[j] != j || force[j] >= 0.5F * (1.0F - 1e-6F)));
+      found[j] = (double)force[j];
+    }
+    if (is_made) {
+      keep_worst(&worst, residual(&wide, wanted, found));
+      made++;
+    }
+  }
+  CHECK(made > 10000);
+  CHECK_BELOW("residual in single precision, of the largest force", worst, 2e-4);
+}
+
 static void no_number_makes_nothing(void)
 {
   const double wrench[ANHYST_WRENCH_AXES] = {0.0, (double)NAN, (double)INFINITY, 0.0, 0.0, 0.0};
   double force[ANHYST_WRENCH_DRIVES];
   int tried = 0;
   for (int i = 0; i < 1000; i++) {
-    const anhyst_wrench_layout layout = any_layout();
-    if (layout.axes > 1U && anhyst_wrench_check(&layout) == ANHYST_OK) {
-      CHECK(!anhyst_wrench_share(&layout, wrench, force));
+    const anhyst_wrench_layout_f64 layout = any_layout();
+    if (layout.axes > 1U && anhyst_wrench_init_f64(&drives, &layout) == ANHYST_OK) {
+      CHECK(!anhyst_wrench_share_f64(&drives, wrench, force));
       tried++;
     }
   }
@@ -98,21 +144,22 @@ static void bad_layouts_are_refused(void)
   const double one[2] = {1.0, -1.0};
   const uint16_t alone[2] = {0, 1};
   const uint16_t astray[2] = {1, 1};
-  anhyst_wrench_layout layout = {1, 2, one, alone, {5.0, ANHYST_ALLOCATE_CLASS_AB}, 0.5};
-  CHECK(anhyst_wrench_check(&layout) == ANHYST_OK);
+  anhyst_wrench_layout_f64 layout = {1, 2, one, alone, {5.0, ANHYST_ALLOCATE_CLASS_AB}, 0.5};
+  CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_OK);
   layout.against = astray;
-  CHECK(anhyst_wrench_check(&layout) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_BAD_PARAMETER);
   layout.against = alone;
   layout.least = -1.0;
-  CHECK(anhyst_wrench_check(&layout) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_BAD_PARAMETER);
   layout.least = 0.5;
   layout.drives = ANHYST_WRENCH_DRIVES + 1;
-  CHECK(anhyst_wrench_check(&layout) == ANHYST_BAD_PARAMETER);
+  CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_BAD_PARAMETER);
 }
 
 int main(void)
 {
   what_is_said_to_be_made_is_made_and_drives_only_pull();
+  single_precision_makes_the_same_wrenches();
   no_number_makes_nothing();
   bad_layouts_are_refused();
   return verdict();

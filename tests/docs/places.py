@@ -48,7 +48,7 @@ def _bash(line: str) -> None:
 
 def fill(place: Path) -> None:
     """Lay out what pages speak of: the examples, and loops, a model and its C of one of them."""
-    for name in ("bearing", "electromagnet", "piezo", "solenoid", "stage"):
+    for name in ("bearing", "electromagnet", "piezo", "planar", "solenoid", "stage"):
         shutil.copytree(ROOT / "examples" / name, place / "examples" / name)
     for name in ("loops.csv", "loops.toml"):
         shutil.copy(place / "examples" / "electromagnet" / name, place / name)

@@ -66,6 +66,29 @@ def test_twice_the_sub_steps_change_little_once_the_body_is_lifted() -> None:
         assert np.abs(coarse[name] - fine[name])[lifted:].max() < most
 
 
+def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> None:
+    rig, scan = planar(), planar().settings.scan
+    motion = motion_of(scan, scan.test_m_per_s2[:1])
+    wide, narrow = (
+        track(
+            replace(
+                make_stage(
+                    replace(rig, settings=rig.settings.changed({"control.format": law})),
+                    bearings.knowledge(),
+                    "full",
+                ),
+                law=law,
+            ),
+            motion,
+            Feedforward(),
+        )
+        for law in ("f64", "f32")
+    )
+    assert not narrow.lost
+    for name, most in (("error_m", 1e-9), ("error_z_m", 1e-9), ("error_rz_rad", 5e-9)):
+        assert np.abs(wide[name] - narrow[name]).max() < most
+
+
 Y1 = 'like = "x1"\nposition_m = [0.0, 0.15, 0.0]\ndirection = '
 SCAN = "direction = [1.0, 0.0, 0.0]           # of the"
 

@@ -515,6 +515,7 @@ class BusController(LoopController):
     def tick(self) -> int:
         """Number of the last sample; 0 before the first."""
 
+_Rows = Mapping[str, _Array]
 _Drive = ForceController | ForceControllerF32 | FixedForceController
 
 class Tracking(LoopController):
@@ -545,13 +546,14 @@ class TrackingAxes(LoopController):
     """PIDs of several axes and allocation, core/include/anhyst/control/axes.h: rows as there."""
 
     def __init__(
-        self,
-        magnets: list[_Drive],
-        layout: WrenchLayout,
-        rows: Mapping[str, _Array],
-        settings: _Numbers,
+        self, magnets: list[_Drive], layout: WrenchLayout, rows: _Rows, settings: _Numbers
     ) -> None: ...
     def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
+    def tick(
+        self, head: Sequence[float], forward: Sequence[float], gap: Sequence[float]
+    ) -> tuple[list[float], list[float], int]: ...  # currents, wrench, flags; heads off target, m
+
+class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

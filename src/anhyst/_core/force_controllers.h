@@ -12,43 +12,28 @@
 #include "arrays.h"
 #include "real_parameters.h"
 
-struct ForceControllerF64 {
-  using Real = double;
-  using Format = F64;
-  using Map = anhyst_map_f64;
-  using Loop = anhyst_flux_loop_f64;
-  using Law = anhyst_play_law_f64;
-  using Play = anhyst_play_map_f64;
-  using State = anhyst_force_controller_f64;
-  static constexpr auto init_map = anhyst_force_controller_init_map_f64;
-  static constexpr auto init_compensator = anhyst_force_controller_init_compensator_f64;
-  static constexpr auto init_flux = anhyst_force_controller_init_flux_f64;
-  static constexpr auto make_play = anhyst_play_map_init_f64;
-  static constexpr auto init_play = anhyst_force_controller_init_play_f64;
-  static constexpr auto solve = anhyst_force_controller_solve_f64;
-  static constexpr auto commit = anhyst_force_controller_commit_f64;
-  static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_f64;
-  static constexpr auto conditioning = anhyst_force_controller_conditioning_f64;
-};
-
-struct ForceControllerF32 {
-  using Real = float;
-  using Format = F32;
-  using Map = anhyst_map_f32;
-  using Loop = anhyst_flux_loop_f32;
-  using Law = anhyst_play_law_f32;
-  using Play = anhyst_play_map_f32;
-  using State = anhyst_force_controller_f32;
-  static constexpr auto init_map = anhyst_force_controller_init_map_f32;
-  static constexpr auto init_compensator = anhyst_force_controller_init_compensator_f32;
-  static constexpr auto init_flux = anhyst_force_controller_init_flux_f32;
-  static constexpr auto make_play = anhyst_play_map_init_f32;
-  static constexpr auto init_play = anhyst_force_controller_init_play_f32;
-  static constexpr auto solve = anhyst_force_controller_solve_f32;
-  static constexpr auto commit = anhyst_force_controller_commit_f32;
-  static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_f32;
-  static constexpr auto conditioning = anhyst_force_controller_conditioning_f32;
-};
+#define FORCE_CONTROLLER(F, REAL, f)                                                               \
+  struct ForceController##F {                                                                      \
+    using Real = REAL;                                                                             \
+    using Format = F;                                                                              \
+    using Map = anhyst_map_##f;                                                                    \
+    using Loop = anhyst_flux_loop_##f;                                                             \
+    using Law = anhyst_play_law_##f;                                                               \
+    using Play = anhyst_play_map_##f;                                                              \
+    using State = anhyst_force_controller_##f;                                                     \
+    static constexpr auto init_map = anhyst_force_controller_init_map_##f;                         \
+    static constexpr auto init_compensator = anhyst_force_controller_init_compensator_##f;         \
+    static constexpr auto init_flux = anhyst_force_controller_init_flux_##f;                       \
+    static constexpr auto make_play = anhyst_play_map_init_##f;                                    \
+    static constexpr auto init_play = anhyst_force_controller_init_play_##f;                       \
+    static constexpr auto solve = anhyst_force_controller_solve_##f;                               \
+    static constexpr auto commit = anhyst_force_controller_commit_##f;                             \
+    static constexpr auto conditioning_length = anhyst_force_controller_conditioning_length_##f;   \
+    static constexpr auto conditioning = anhyst_force_controller_conditioning_##f;                 \
+  }
+FORCE_CONTROLLER(F64, double, f64);
+FORCE_CONTROLLER(F32, float, f32);
+#undef FORCE_CONTROLLER
 
 inline void check_controller(anhyst_status status)
 {

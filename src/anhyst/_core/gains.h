@@ -65,23 +65,18 @@ template <class Number, class Gains, class State, class Candidate> struct RealGa
   }
 };
 
-struct GainsF64 : RealGains<double, anhyst_pidd2_gains_f64, anhyst_pidd2_state_f64,
-                            anhyst_pidd2_candidate_f64> {
-  static constexpr auto check = anhyst_pidd2_check_f64;
-  static constexpr auto start = anhyst_pidd2_start_f64;
-  static constexpr auto solve = anhyst_pidd2_solve_f64;
-  static constexpr auto commit = anhyst_pidd2_commit_f64;
-  static constexpr auto change = anhyst_pidd2_change_f64;
-};
-
-struct GainsF32
-    : RealGains<float, anhyst_pidd2_gains_f32, anhyst_pidd2_state_f32, anhyst_pidd2_candidate_f32> {
-  static constexpr auto check = anhyst_pidd2_check_f32;
-  static constexpr auto start = anhyst_pidd2_start_f32;
-  static constexpr auto solve = anhyst_pidd2_solve_f32;
-  static constexpr auto commit = anhyst_pidd2_commit_f32;
-  static constexpr auto change = anhyst_pidd2_change_f32;
-};
+#define GAINS(F, REAL, f)                                                                          \
+  struct Gains##F : RealGains<REAL, anhyst_pidd2_gains_##f, anhyst_pidd2_state_##f,                \
+                              anhyst_pidd2_candidate_##f> {                                        \
+    static constexpr auto check = anhyst_pidd2_check_##f;                                          \
+    static constexpr auto start = anhyst_pidd2_start_##f;                                          \
+    static constexpr auto solve = anhyst_pidd2_solve_##f;                                          \
+    static constexpr auto commit = anhyst_pidd2_commit_##f;                                        \
+    static constexpr auto change = anhyst_pidd2_change_##f;                                        \
+  }
+GAINS(F64, double, f64);
+GAINS(F32, float, f32);
+#undef GAINS
 
 // Gains that the core has found valid.
 template <class Format> typename Format::gains valid_gains(const typename Format::row &row)

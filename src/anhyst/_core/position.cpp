@@ -57,27 +57,20 @@ template <class N> struct RealFormat {
   }
 };
 
-struct FormatF64 : RealFormat<double> {
-  using Gains = GainsF64;
-  using ForceController = RealForceController<ForceControllerF64>;
-  using State = anhyst_position_f64;
-  using Limits = anhyst_position_limits_f64;
-  using Chosen = anhyst_position_settings_f64;
-  using Adapter = anhyst_position_adapter_f64;
-  static constexpr auto init = anhyst_position_init_f64;
-  static constexpr auto tick = anhyst_position_adapter_tick_f64;
-};
-
-struct FormatF32 : RealFormat<float> {
-  using Gains = GainsF32;
-  using ForceController = RealForceController<ForceControllerF32>;
-  using State = anhyst_position_f32;
-  using Limits = anhyst_position_limits_f32;
-  using Chosen = anhyst_position_settings_f32;
-  using Adapter = anhyst_position_adapter_f32;
-  static constexpr auto init = anhyst_position_init_f32;
-  static constexpr auto tick = anhyst_position_adapter_tick_f32;
-};
+#define POSITION(F, REAL, f)                                                                       \
+  struct Format##F : RealFormat<REAL> {                                                            \
+    using Gains = Gains##F;                                                                        \
+    using ForceController = RealForceController<ForceController##F>;                               \
+    using State = anhyst_position_##f;                                                             \
+    using Limits = anhyst_position_limits_##f;                                                     \
+    using Chosen = anhyst_position_settings_##f;                                                   \
+    using Adapter = anhyst_position_adapter_##f;                                                   \
+    static constexpr auto init = anhyst_position_init_##f;                                         \
+    static constexpr auto tick = anhyst_position_adapter_tick_##f;                                 \
+  }
+POSITION(F64, double, f64);
+POSITION(F32, float, f32);
+#undef POSITION
 
 anhyst_levitation_limits levitation_limits(Settings &from)
 {

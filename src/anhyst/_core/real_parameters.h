@@ -9,53 +9,33 @@
 #include "arrays.h"
 
 // The C types and functions of one number format.
-struct F64 {
-  using Real = double;
-  using AtGap = anhyst_at_gap_f64;
-  using Full = anhyst_full_law_f64;
-  using Simplified = anhyst_simplified_law_f64;
-  using Cells = anhyst_cells_law_f64;
-  using Solid = anhyst_solid_f64;
-  using Parameters = anhyst_parameters_f64;
-  using Memory = anhyst_memory_f64;
-  using Compensator = anhyst_compensator_f64;
-  static constexpr auto kernel_full = &anhyst_kernel_full_f64;
-  static constexpr auto kernel_simplified = &anhyst_kernel_simplified_f64;
-  static constexpr auto kernel_cells = &anhyst_kernel_cells_f64;
-  static constexpr auto cells_stand = anhyst_cells_stand_f64;
-  static constexpr auto check = anhyst_parameters_check_f64;
-  static constexpr auto init = anhyst_compensator_init_f64;
-  static constexpr auto swap = anhyst_compensator_swap_f64;
-  static constexpr auto solve = anhyst_compensator_solve_f64;
-  static constexpr auto commit = anhyst_compensator_commit_f64;
-  static constexpr auto output = anhyst_compensator_output_f64;
-  static constexpr auto conditioning_length = anhyst_conditioning_length_f64;
-  static constexpr auto conditioning = anhyst_conditioning_f64;
-};
-
-struct F32 {
-  using Real = float;
-  using AtGap = anhyst_at_gap_f32;
-  using Full = anhyst_full_law_f32;
-  using Simplified = anhyst_simplified_law_f32;
-  using Cells = anhyst_cells_law_f32;
-  using Solid = anhyst_solid_f32;
-  using Parameters = anhyst_parameters_f32;
-  using Memory = anhyst_memory_f32;
-  using Compensator = anhyst_compensator_f32;
-  static constexpr auto kernel_full = &anhyst_kernel_full_f32;
-  static constexpr auto kernel_simplified = &anhyst_kernel_simplified_f32;
-  static constexpr auto kernel_cells = &anhyst_kernel_cells_f32;
-  static constexpr auto cells_stand = anhyst_cells_stand_f32;
-  static constexpr auto check = anhyst_parameters_check_f32;
-  static constexpr auto init = anhyst_compensator_init_f32;
-  static constexpr auto swap = anhyst_compensator_swap_f32;
-  static constexpr auto solve = anhyst_compensator_solve_f32;
-  static constexpr auto commit = anhyst_compensator_commit_f32;
-  static constexpr auto output = anhyst_compensator_output_f32;
-  static constexpr auto conditioning_length = anhyst_conditioning_length_f32;
-  static constexpr auto conditioning = anhyst_conditioning_f32;
-};
+#define FORMAT(F, REAL, f)                                                                         \
+  struct F {                                                                                       \
+    using Real = REAL;                                                                             \
+    using AtGap = anhyst_at_gap_##f;                                                               \
+    using Full = anhyst_full_law_##f;                                                              \
+    using Simplified = anhyst_simplified_law_##f;                                                  \
+    using Cells = anhyst_cells_law_##f;                                                            \
+    using Solid = anhyst_solid_##f;                                                                \
+    using Parameters = anhyst_parameters_##f;                                                      \
+    using Memory = anhyst_memory_##f;                                                              \
+    using Compensator = anhyst_compensator_##f;                                                    \
+    static constexpr auto kernel_full = &anhyst_kernel_full_##f;                                   \
+    static constexpr auto kernel_simplified = &anhyst_kernel_simplified_##f;                       \
+    static constexpr auto kernel_cells = &anhyst_kernel_cells_##f;                                 \
+    static constexpr auto cells_stand = anhyst_cells_stand_##f;                                    \
+    static constexpr auto check = anhyst_parameters_check_##f;                                     \
+    static constexpr auto init = anhyst_compensator_init_##f;                                      \
+    static constexpr auto swap = anhyst_compensator_swap_##f;                                      \
+    static constexpr auto solve = anhyst_compensator_solve_##f;                                    \
+    static constexpr auto commit = anhyst_compensator_commit_##f;                                  \
+    static constexpr auto output = anhyst_compensator_output_##f;                                  \
+    static constexpr auto conditioning_length = anhyst_conditioning_length_##f;                    \
+    static constexpr auto conditioning = anhyst_conditioning_##f;                                  \
+  }
+FORMAT(F64, double, f64);
+FORMAT(F32, float, f32);
+#undef FORMAT
 
 using InRows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 

@@ -3,9 +3,11 @@
 // body of several axes: the very functions that run on a controller.
 #include "tracking.h"
 
+#include <algorithm>
+#include <limits>
+
 #include <nanobind/stl/vector.h>
 
-#include "anhyst_plant/tracking_axes.h"
 #include "position.h"
 
 namespace {
@@ -55,7 +57,8 @@ public:
                against_.data(),
                {idle, kind},
                least};
-    if (pull.shape(0) > ANHYST_WRENCH_DRIVES || anhyst_wrench_check(&layout_) != ANHYST_OK) {
+    if (pull.shape(0) > ANHYST_WRENCH_DRIVES ||
+        anhyst_wrench_init_f64(&wrench_, &layout_) != ANHYST_OK) {
       throw std::invalid_argument("these drives cannot push along every axis");
     }
   }
@@ -67,78 +70,146 @@ public:
   {
     same_length(wrench.size(), layout_.axes, "wrench");
     std::vector<double> force(layout_.drives);
-    const bool made = anhyst_wrench_share(&layout_, wrench.data(), force.data()) != 0;
+    const bool made = anhyst_wrench_share_f64(&wrench_, wrench.data(), force.data()) != 0;
     return nb::make_tuple(force, made);
   }
-  const anhyst_wrench_layout &get() const { return layout_; }
+  const anhyst_wrench_layout_f64 &get() const { return layout_; }
 
 private:
   std::vector<double> pull_;
   std::vector<uint16_t> against_;
-  anhyst_wrench_layout layout_{};
+  anhyst_wrench_layout_f64 layout_{};
+  anhyst_wrench_f64 wrench_{};
 };
 
-class TrackingAxes : public LoopController {
+template <class F> class TrackingAxes : public LoopController {
+  using Real = typename F::Real;
+  using Row = std::vector<Real>;
+
 public:
   TrackingAxes(const nb::list &magnets, const Layout &layout, const nb::dict &rows,
                const nb::dict &settings)
   {
+    const auto &wide = layout.get();
+    const size_t axes = wide.axes;
     Settings matrices(rows);
-    const size_t axes = layout.get().axes;
-    size_t heads = 0;
-    see_ = copy(matrices, "see", axes, &heads);
-    decouple_ = copy(matrices, "decouple", axes, nullptr);
-    weigh_ = copy(matrices, "weigh", axes, nullptr);
-    const InTable pid = matrices.take<InTable>("pid");
+    const InTable at = matrices.take<InTable>("at");
+    const size_t heads = at.shape(0);
+    same_shape(heads, axes, at, "at");
+    at_.assign(at.data(), at.data() + at.size());
+    see_ = copy(matrices, "see", axes, heads);
+    decouple_ = copy(matrices, "decouple", axes, axes);
+    weigh_ = copy(matrices, "weigh", axes, axes);
+    const Row pid = copy(matrices, "pid", axes, 5);
     matrices.finish();
-    same_length(axes, pid.shape(0), "pid");
-    same_length(5, pid.shape(1), "a filter");
-    for (size_t i = 0; i < axes; i++) {
-      pid_.push_back({{pid(i, 0), pid(i, 1), pid(i, 2)}, {pid(i, 3), pid(i, 4)}});
+    for (auto p = pid.begin(); p != pid.end(); p += 5) {
+      pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
     }
+    pull_.assign(wide.pull, wide.pull + axes * wide.drives);
     Settings given(settings);
     drives_.start(magnets, take_scales(given));
-    same_length(drives_.size(), layout.get().drives, "magnets");
-    settings_ = {layout.get(),
+    same_length(drives_.size(), wide.drives, "magnets");
+    current_.resize(wide.drives);
+    demand_.resize(axes);
+    settings_ = {{wide.axes,
+                  wide.drives,
+                  pull_.data(),
+                  wide.against,
+                  {static_cast<Real>(wide.pair.idle), wide.pair.kind},
+                  static_cast<Real>(wide.least)},
                  static_cast<uint16_t>(heads),
                  see_.data(),
                  decouple_.data(),
                  weigh_.data(),
                  pid_.data(),
-                 given.take<double>("current_low"),
-                 given.take<double>("current_high"),
-                 given.take<double>("current_step")};
+                 given.take<Real>("current_low"),
+                 given.take<Real>("current_high"),
+                 given.take<Real>("current_step")};
     given.finish();
-    if (anhyst_axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
+    if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
     }
   }
 
   void correct(const InTable &rows) { drives_.correct(rows); }
-  anhyst_loop_controller handle() override { return {&axes_, anhyst_tracking_axes_tick}; }
+  anhyst_loop_controller handle() override { return {this, loop_tick}; }
+
+  // One tick without a plant, heads counted from the target: currents, wrench, flags.
+  nb::tuple tick(const Row &head, const Row &forward, const Row &gap)
+  {
+    same_length(settings_.heads, head.size(), "head");
+    same_length(settings_.layout.axes, forward.size(), "forward");
+    same_length(drives_.size(), gap.size(), "gap");
+    const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
+    const uint16_t flags = run(head, Row(forward.size(), 0), forward, gap, flux);
+    return nb::make_tuple(current_, demand_, flags);
+  }
 
 private:
-  // Of so many rows; square where the columns are not asked for.
-  static std::vector<double> copy(Settings &given, const char *name, size_t rows, size_t *columns)
+  uint16_t run(const Row &head, const Row &target, const Row &forward, const Row &gap,
+               const Row &flux)
+  {
+    const typename F::AxesSample in = {head.data(), target.data(), forward.data(), gap.data(),
+                                       flux.data()};
+    typename F::AxesAnswer out = {current_.data(), demand_.data(), 0};
+    F::axes_tick(&axes_, &in, &out);
+    return out.flags;
+  }
+
+  // As a loop sees it: its heads are the gap sensors, one a magnet, and then the position heads;
+  // its load is the wrench that is fed forward. In single precision heads are counted from the
+  // target before they are rounded.
+  static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
+  {
+    auto &c = *static_cast<TrackingAxes *>(self);
+    const size_t axes = c.demand_.size();
+    const size_t drives = c.current_.size();
+    std::vector<double> head(sample->head + drives, sample->head + drives + c.settings_.heads);
+    Row target(sample->target, sample->target + axes);
+    if (std::is_same_v<Real, float>) {
+      for (size_t i = 0; i < head.size() * axes; i++) {
+        head[i / axes] -= c.at_[i] * sample->target[i % axes];
+      }
+      target.assign(axes, 0);
+    }
+    const double *gap = sample->head;
+    answer->flags =
+        c.run(Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
+              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives));
+    std::copy(c.current_.begin(), c.current_.end(), answer->current);
+    std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
+    std::copy(sample->target, sample->target + axes, answer->reference);
+  }
+
+  static Row copy(Settings &given, const char *name, size_t rows, size_t columns)
   {
     const InTable table = given.take<InTable>(name);
-    same_length(rows, table.shape(0), name);
-    if (columns) {
-      *columns = table.shape(1);
-    } else {
-      same_length(rows, table.shape(1), name);
-    }
+    same_shape(rows, columns, table, name);
     return {table.data(), table.data() + table.size()};
   }
 
-  Drives<TrackingF64> drives_;
-  std::vector<double> see_;
-  std::vector<double> decouple_;
-  std::vector<double> weigh_;
-  std::vector<anhyst_biquad_f64> pid_;
-  anhyst_axes_settings settings_{};
-  anhyst_axes axes_{};
+  Drives<F> drives_;
+  std::vector<double> at_;
+  Row see_;
+  Row decouple_;
+  Row weigh_;
+  Row pull_;
+  Row current_;
+  Row demand_;
+  std::vector<typename F::Filter> pid_;
+  typename F::AxesSettings settings_{};
+  typename F::Axes axes_{};
 };
+
+template <class F> void bind_axes(nb::module_ &m, const char *name)
+{
+  using Axes = TrackingAxes<F>;
+  nb::class_<Axes, LoopController>(m, name)
+      .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
+           "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
+      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a)
+      .def("correct", &Axes::correct, "rows"_a.noconvert());
+}
 
 nb::tuple allocate(double net, double idle)
 {
@@ -161,9 +232,7 @@ void bind_tracking(nb::module_ &m)
       .def(nb::init<const InTable &, const std::vector<uint16_t> &, uint16_t, double, double>(),
            "pull"_a.noconvert(), "against"_a, "kind"_a, "idle"_a, "least"_a)
       .def("share", &Layout::share, "wrench"_a);
-  nb::class_<TrackingAxes, LoopController>(m, "TrackingAxes")
-      .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
-           "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
-      .def("correct", &TrackingAxes::correct, "rows"_a.noconvert());
+  bind_axes<TrackingF64>(m, "TrackingAxes");
+  bind_axes<TrackingF32>(m, "TrackingAxesF32");
   m.def("allocate", allocate, "net"_a, "idle"_a);
 }

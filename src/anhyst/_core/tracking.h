@@ -5,6 +5,7 @@
 #include <deque>
 #include <vector>
 
+#include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
 #include "force_controllers.h"
 #include "gains.h"
@@ -145,47 +146,36 @@ template <class Coefficients> Coefficients to_biquad(const In &row)
   return {{at(0), at(1), at(2)}, {at(3), at(4)}};
 }
 
-struct TrackingF64 {
-  using Real = double;
-  using Row = In;
-  using Own = RealForceController<ForceControllerF64>;
-  using Drive = anhyst_force_controller_f64;
-  using Pid = anhyst_pid_f64;
-  using Filter = anhyst_biquad_f64;
-  using FilterState = anhyst_biquad_state_f64;
-  using Settings = anhyst_tracking_settings_f64;
-  using State = anhyst_tracking_f64;
-  using Adapter = anhyst_tracking_adapter_f64;
-  using Correction = anhyst_correction_f64;
-  using Corrected = anhyst_corrected_f64;
-  static constexpr bool any_drive = true; // whatever its format
-  static constexpr auto init = anhyst_tracking_init_f64;
-  static constexpr auto correct = anhyst_force_controller_init_corrected_f64;
-  static constexpr auto tick = anhyst_tracking_adapter_tick_f64;
-  static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
-  static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
-};
-
-struct TrackingF32 {
-  using Real = float;
-  using Row = In;
-  using Own = RealForceController<ForceControllerF32>;
-  using Drive = anhyst_force_controller_f32;
-  using Pid = anhyst_pid_f32;
-  using Filter = anhyst_biquad_f32;
-  using FilterState = anhyst_biquad_state_f32;
-  using Settings = anhyst_tracking_settings_f32;
-  using State = anhyst_tracking_f32;
-  using Adapter = anhyst_tracking_adapter_f32;
-  using Correction = anhyst_correction_f32;
-  using Corrected = anhyst_corrected_f32;
-  static constexpr bool any_drive = false;
-  static constexpr auto init = anhyst_tracking_init_f32;
-  static constexpr auto correct = anhyst_force_controller_init_corrected_f32;
-  static constexpr auto tick = anhyst_tracking_adapter_tick_f32;
-  static Filter filter(const Row &row) { return to_biquad<Filter>(row); }
-  static Pid pid(const Row &row) { return to_biquad<Pid>(row); }
-};
+#define TRACKING(F, REAL, f)                                                                       \
+  struct Tracking##F {                                                                             \
+    using Real = REAL;                                                                             \
+    using Row = In;                                                                                \
+    using Own = RealForceController<ForceController##F>;                                           \
+    using Drive = anhyst_force_controller_##f;                                                     \
+    using Pid = anhyst_pid_##f;                                                                    \
+    using Filter = anhyst_biquad_##f;                                                              \
+    using FilterState = anhyst_biquad_state_##f;                                                   \
+    using Settings = anhyst_tracking_settings_##f;                                                 \
+    using State = anhyst_tracking_##f;                                                             \
+    using Adapter = anhyst_tracking_adapter_##f;                                                   \
+    using Correction = anhyst_correction_##f;                                                      \
+    using Corrected = anhyst_corrected_##f;                                                        \
+    using AxesSettings = anhyst_axes_settings_##f;                                                 \
+    using Axes = anhyst_axes_##f;                                                                  \
+    using AxesSample = anhyst_axes_sample_##f;                                                     \
+    using AxesAnswer = anhyst_axes_answer_##f;                                                     \
+    static constexpr bool any_drive = std::is_same_v<Real, double>;                                \
+    static constexpr auto init = anhyst_tracking_init_##f;                                         \
+    static constexpr auto correct = anhyst_force_controller_init_corrected_##f;                    \
+    static constexpr auto tick = anhyst_tracking_adapter_tick_##f;                                 \
+    static constexpr auto axes_init = anhyst_axes_init_##f;                                        \
+    static constexpr auto axes_tick = anhyst_axes_tick_##f;                                        \
+    static Filter filter(const Row &row) { return to_biquad<Filter>(row); }                        \
+    static Pid pid(const Row &row) { return to_biquad<Pid>(row); }                                 \
+  }
+TRACKING(F64, double, f64);
+TRACKING(F32, float, f32);
+#undef TRACKING
 
 struct TrackingQ31 {
   using Real = int32_t;

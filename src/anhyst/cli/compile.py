@@ -10,11 +10,11 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, show, table, warn
-from anhyst.cli.options import AsJson, ModelPath
+from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst import Compiled, CompiledPlay
+    from anhyst import Compiled, CompiledPlay, CompiledStage
 
 
 class KindChoice(StrEnum):
@@ -23,6 +23,7 @@ class KindChoice(StrEnum):
     FULL = "full"
     SIMPLIFIED = "simplified"
     PLAY = "play"
+    SINGLE_VALUED = "single-valued"
 
 
 class IoChoice(StrEnum):
@@ -33,12 +34,20 @@ class IoChoice(StrEnum):
     F32 = "f32"
 
 
+ModelOrRig = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MODEL",
+        help="A model.toml, or the rig file of a stage.",
+        callback=of_its_kind,
+    ),
+]
 OutFolder = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write.")]
 Rate = Annotated[
     float | None,
     typer.Option(
         metavar="HZ",
-        help="Ticks a second; may be left out with --controller, whose file has it.",
+        help="Ticks a second; may be left out with --controller or a rig, whose file has it.",
         min=1.0,
         show_default=False,
     ),
@@ -57,15 +66,17 @@ Kind = Annotated[
         metavar="KIND",
         help="'full': the law with its exact step; 'simplified': a straight anhysteretic curve "
         "in closed form, less exact and faster; 'play': of a magnet, the best current without "
-        "memory and one play, fitted to the model's loops.",
+        "memory and one play, fitted to the model's loops; 'single-valued': of a stage, the same "
+        "without the play.",
     ),
 ]
 Io = Annotated[
-    IoChoice,
+    IoChoice | None,
     typer.Option(
         metavar="FORMAT",
         help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
-        "precision throughout). A position controller needs q31.",
+        "precision throughout). A position controller needs q31. [default: q15; of a stage f32]",
+        show_default=False,
     ),
 ]
 Accuracy = Annotated[
@@ -89,22 +100,23 @@ ActuatorName = Annotated[
 
 
 def compile_(
-    model: ModelPath,
+    model: ModelOrRig,
     out: OutFolder,
     rate: Rate = None,
     controller: ControllerPath = None,
     kind: Kind = KindChoice.FULL,
-    io: Io = IoChoice.Q15,
+    io: Io = None,
     accuracy: Accuracy = None,
     name: ActuatorName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compile a model into C for a controller, in fixed point or single precision.
+    """Compile a model, or the controller of a stage, into C in fixed point or single precision.
 
     The folder holds the sources of a compensator (wanted output in, current out), shared by all
     actuators of a program, the parameters of this one, with --controller the position controller
     around it, an example, fragments for make and CMake, golden vectors, an accuracy budget
-    measured against the model, and DROP_IN.md: how it goes into a project.
+    measured against the model, and DROP_IN.md: how it goes into a project. Of a stage it holds the
+    whole controller, heads and gaps in, currents out, and a flight as golden vectors.
 
     Example: anhyst compile model.toml --kind full --io q15 --rate 10000 --out controller
     """
@@ -114,19 +126,21 @@ def compile_(
             out,
             rate=rate,
             kind=kind.value,
-            io=io.value,
+            io=None if io is None else io.value,
             accuracy=accuracy,
             name=name,
             controller=controller,
             progress=progress,
         )
-    warnings = () if isinstance(compiled, anhyst.CompiledPlay) else compiled.warnings
+    warnings = compiled.warnings if isinstance(compiled, anhyst.Compiled) else ()
     for text in warnings:
         warn(text)
     if as_json:
         print_json(compiled.as_dict())
     elif isinstance(compiled, anhyst.CompiledPlay):
         _show_play(compiled)
+    elif isinstance(compiled, anhyst.CompiledStage):
+        _show_stage(compiled)
     else:
         _show(compiled)
 
@@ -148,6 +162,17 @@ def _show_play(compiled: CompiledPlay) -> None:
         rows,
         f"half-width of the play: {numbers['radius_A']:.3g} A; of the loops: up to "
         f"{numbers['half_width_A']:.3g} A",
+        f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
+    )
+
+
+def _show_stage(compiled: CompiledStage) -> None:
+    told, stage = compiled.manifest, compiled.manifest["stage"]
+    show(
+        f"{compiled.out}: controller of a stage, {told['kind']}, {told['io']}, {told['rate_Hz']:g} Hz",
+        f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} magnets; "
+        f"{told['memory']['parameters_bytes']} bytes of parameters",
+        f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors",
         f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
     )
 

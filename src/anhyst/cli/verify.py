@@ -30,7 +30,7 @@ def verify(
             "--on",
             metavar="TARGETS",
             help="Where to run, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
-            "cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware). [default: host,cortex-m4, "
+            "cortex-m33, cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware). [default: host,cortex-m4, "
             "as far as there are tools]",
             show_default=False,
         ),

@@ -38,6 +38,17 @@ CONTROL = (
 )
 """What a controller of the position needs beyond a compensator."""
 
+AXES = (
+    *("compensator/force_controller_real.c", "compensator/map_real.c"),
+    *("compensator/compensator_f32.c", "control/allocation_real.c", "control/biquad_real.c"),
+    *("control/wrench.c", "control/axes.c"),
+)
+"""What a controller of several coordinates needs in single precision beyond the kernel of a law."""
+
+PLAY_MAP_REAL = ("compensator/play_map_real.c", "compensator/force_by_play_real.c")
+CORRECTED_REAL = ("compensator/force_corrected_real.c",)
+"""And where a map with one play finds the current, or calibration corrects it."""
+
 INCLUDE = "include"
 SRC = "src"
 
@@ -68,6 +79,18 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
     if memories > 1:
         files[ROOM] = files[ROOM].replace("ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}")
     return dict(sorted(files.items()))
+
+
+_DOUBLE = re.compile(
+    r'#include "anhyst/numeric/f64\.h"\n.*?(?=#include "anhyst/numeric/f32\.h"\n)', re.S
+)
+
+
+def single_precision(files: dict[str, str]) -> dict[str, str]:
+    """Return the same without the code in double precision of sources that hold both formats."""
+    return {
+        name: _DOUBLE.sub("", text) if name.endswith(".c") else text for name, text in files.items()
+    }
 
 
 def _place(file: str, included: str) -> str:

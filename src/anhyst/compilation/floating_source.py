@@ -115,11 +115,12 @@ def _table(block: RealBlock, name: str) -> Iterator[str]:
     values = block.tables[name]
     yield f"/* {TABLES[block.kind, name].format(**block.numbers)}. */"
     yield f"static const float {name}[{values.size}] = {{"
-    yield from wrap(f"{_listed(values)},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+    yield from wrap(f"{listed(values)},", WIDTH, initial_indent="    ", subsequent_indent="    ")
     yield "};"
 
 
-def _listed(values: Iterable[float]) -> str:
+def listed(values: Iterable[float]) -> str:
+    """Return numbers as C reads them in single precision, with commas between them."""
     return ", ".join(literal(value) for value in values)
 
 
@@ -132,7 +133,7 @@ def _gaps(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator
     )
     yield from wrap(text, WIDTH, subsequent_indent="   ")
     yield f"static const anhyst_at_gap_f32 gaps[{len(block.gaps)}] = {{"
-    rows = [f"    {{{_listed(row)}}}," for row in block.gaps.tolist()]
+    rows = [f"    {{{listed(row)}}}," for row in block.gaps.tolist()]
     end = max(len(row) for row in rows)
     at = np.linspace(block.scales.gap_low, block.scales.gap_high, len(rows)).tolist()
     for row, place in zip(rows, at, strict=True):

@@ -1,4 +1,4 @@
-"""The verb ``compile``: a model, in memory or in a file, to a folder of C of any kind."""
+"""A model, in memory or in a file, to a folder of C of any kind."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.play import CompiledPlay, compile_play
 from anhyst.control.controller_file import read_controller
 from anhyst.model.actuator import Model
+from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
@@ -31,43 +32,7 @@ def compile_actuator(
     controller: PathLike | None = None,
     progress: Progress | None = None,
 ) -> Compiled | CompiledPlay:
-    """Compile a model into a folder of C: demand in, current out.
-
-    Parameters
-    ----------
-    model : Model or path-like
-        The model, or its file.
-    out : path-like
-        The folder to write; one that was compiled before is replaced, any other is left alone.
-    rate : float, optional
-        Ticks a second, 1 to 10^6; may be left out with a controller, whose file has it.
-    kind : str
-        ``"full"``: the law with its exact step; ``"simplified"``: a straight anhysteretic curve in
-        closed form, less exact and faster; ``"play"``: of a magnet, the best current without
-        memory and one play.
-    io : str
-        Format of demand, gap and current: ``"q15"``, ``"q31"`` or ``"f32"``.
-    accuracy : float, optional
-        Largest deviation from the model, per cent of the largest output.
-    name : str, optional
-        What the actuator is called in C; after the model if left out.
-    controller : path-like, optional
-        A controller file: the folder also holds the position controller of a bearing.
-    progress : callable, optional
-        Called with what is done and what there is in all.
-
-    Returns
-    -------
-    Compiled or CompiledPlay
-
-    Raises
-    ------
-    InputError
-        The model cannot be read or compiled, the controller is another one than what is wanted, or
-        the folder cannot be written.
-    NegativeResult
-        The wanted accuracy cannot be reached.
-    """
+    """Compile a model, in memory or in a file, into a folder of C: demand in, current out."""
     if isinstance(model, Model):
         with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
             path = model.save(Path(folder) / "model.toml")
@@ -75,6 +40,8 @@ def compile_actuator(
                 path, out, rate=rate, kind=kind, io=io, accuracy=accuracy, name=name,
                 controller=controller, progress=progress,
             )  # fmt: skip
+    if rate is None and controller is None:
+        read_model(model)  # a file that is none is said before what is missing beside it
     ticks = _rate(rate, controller)
     if kind == "play":
         _refuse_for_play(controller, accuracy)

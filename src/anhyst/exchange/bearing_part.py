@@ -121,7 +121,7 @@ def stage_part(rig_path: PathLike) -> Part:
         path: text.encode()
         for path, text in core_files(_CORE_OF_STAGE, memories(block_of(setup))).items()
     }
-    sources |= _plant_sources("piezo|position|axes")
+    sources |= _plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
     sources["bearing_numbers.h"] = _numbers(rig.bearing).encode()

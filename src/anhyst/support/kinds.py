@@ -54,7 +54,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "invert": _MODEL,
     "report": _MODEL,
     "diff": _MODEL,
-    "compile": _MODEL,
+    "compile": (FileKind.MODEL, FileKind.STAGE),
     "watch": _MODEL,
     "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE),
     "verify": (FileKind.COMPILED,),

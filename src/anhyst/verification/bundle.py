@@ -55,6 +55,12 @@ class Bundle:
         return self.manifest.get("controller") is not None
 
     @property
+    def stage(self) -> Mapping[str, Any] | None:
+        """What the manifest says of a stage; None of a compensator."""
+        found = self.manifest.get("stage")
+        return found if isinstance(found, dict) else None
+
+    @property
     def has_port(self) -> bool:
         """Whether the instructions of Cortex-M4 and M7 come with it."""
         return (self.folder / PORT_HEADER).exists()
@@ -121,9 +127,11 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
             f"{place}: key 'files' is missing; {AGAIN}", code="damaged-manifest", key="files"
         )
     name = _text(place, manifest, "name")
-    needed = [f"{name}_parameters.h", f"{name}_parameters.c", VECTORS]
+    around = [f"{name}_controller.h", f"{name}_controller.c"]
+    needed = around if manifest.get("stage") else [f"{name}_parameters.h"]
+    needed = [*needed, f"{name}_parameters.c", VECTORS]
     if manifest.get("controller") is not None:
-        needed += [f"{name}_controller.h", f"{name}_controller.c", LEVITATION]
+        needed = [*needed, *around, LEVITATION]
     for file in needed:
         if file not in files:
             raise InputError(

@@ -9,7 +9,6 @@ import numpy as np
 from anhyst.verification.protocol import (
     CHECKPOINTS,
     RANDOM,
-    RECORD_WORDS,
     STACK,
     START,
     VECTORS,
@@ -55,7 +54,8 @@ class Difference:
 class Answers:
     """All that a program answered."""
 
-    start: Reply  # after the start, and after the random steps
+    start: Reply  # after the start, the golden vectors, and the random steps
+    played: Reply
     random: Reply
     vectors: Words  # answers to the golden vectors; shape (rows, words of a record)
     stack: int  # deepest stack below a call of solve or commit, bytes; 0 where it is not measured
@@ -63,24 +63,26 @@ class Answers:
 
 def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) -> Answers:
     """Run golden vectors, random steps, and steps that measure stack."""
-    rows, places = vectors.inputs, vectors.form.places
+    rows, places, words = vectors.inputs, vectors.form.places, vectors.form.words
     batches = [rows[at : at + WINDOW] for at in range(0, len(rows), WINDOW)]
     replies = program.run(
         [
-            Request(START, seed=seed),
-            *(Request(VECTORS, steps=len(batch), rows=batch, places=places) for batch in batches),
-            Request(START, seed=seed),
-            Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps)),
-            Request(STACK, steps=min(steps, STACK_STEPS)),
+            Request(START, seed=seed, words=words),
+            *(
+                Request(VECTORS, steps=len(batch), rows=batch, places=places, words=words)
+                for batch in batches
+            ),
+            Request(START, seed=seed, words=words),
+            Request(RANDOM, steps=steps, checkpoint_stride=_stride(steps), words=words),
+            Request(STACK, steps=min(steps, STACK_STEPS), words=words),
         ]
     )
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
-    empty = np.zeros((0, RECORD_WORDS), dtype=np.uint32)
-    return Answers(
-        replies[0], replies[-2], np.concatenate([empty, *answers]), replies[-1].stack_bytes
-    )
+    empty = np.zeros((0, words), dtype=np.uint32)
+    played = np.concatenate([empty, *answers])
+    return Answers(replies[0], replies[-4], replies[-2], played, replies[-1].stack_bytes)
 
 
 def _stride(steps: int) -> int:
@@ -141,7 +143,7 @@ def _locate(
         # The hash kept before a step speaks of the steps before it.
         first, last = marks[bad - 1], marks[bad] if bad < len(marks) else last
         stride = _stride(last - first)
-        replies = _again(programs, seed, first, last, stride)
+        replies = _again(programs, form.words, seed, (first, last, stride))
         if last - first <= WINDOW:
             records = [reply.window[: last - first] for reply in replies]
             found = _first_wrong(*records)
@@ -152,12 +154,22 @@ def _locate(
 
 
 def _again(
-    programs: tuple[HarnessProgram, HarnessProgram], seed: int, first: int, last: int, stride: int
+    programs: tuple[HarnessProgram, HarnessProgram],
+    words: int,
+    seed: int,
+    steps: tuple[int, int, int],
 ) -> tuple[Reply, Reply]:
+    """Run both up to a step, with a hash kept from the first one on at every stride."""
+    first, last, stride = steps
     requests = [
-        Request(START, seed=seed),
+        Request(START, seed=seed, words=words),
         Request(
-            RANDOM, steps=last, checkpoint_first=first, checkpoint_stride=stride, window_first=first
+            RANDOM,
+            steps=last,
+            checkpoint_first=first,
+            checkpoint_stride=stride,
+            window_first=first,
+            words=words,
         ),
     ]
     host, target = (program.run(requests)[-1] for program in programs)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from anhyst.compilation.toolchain import Build, compile_c, zig_cc
 from anhyst.support.errors import NegativeResult
 from anhyst.verification.elf import FLASH, Image
-from anhyst.verification.protocol import BOX_BYTES, WINDOW_OFFSET, Reply, Request
+from anhyst.verification.protocol import WINDOW_OFFSET, Reply, Request
 
 TIME_LIMIT, TIME_A_STEP = 60.0, 0.02  # s, of an answer; a step of solid iron takes 1 ms
 FLASH_BYTES = 256 * 1024
@@ -181,4 +181,4 @@ class _Machine:
             ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
         back = self._uc.reg_read(self._registers.UC_ARM_REG_LR)
         self._go(back & ~1, steps=request.steps)
-        return Reply.unpack(bytes(self._ram[self._box : self._box + BOX_BYTES]))
+        return Reply.unpack(bytes(self._ram[self._box : self._box + request.box_bytes]))

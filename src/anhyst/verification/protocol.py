@@ -23,12 +23,17 @@ RECORD_WORDS = 18
 class RecordForm:
     """What the words of a record and the sections mean; as in ``harness/harness.h``."""
 
-    record: tuple[str, ...]  # names of the words, RECORD_WORDS of them
+    record: tuple[str, ...]  # names of the words; RECORD_WORDS of them, of a stage more
     inputs: tuple[str, ...]  # those that go in
     sections: tuple[str, ...]  # what is timed; nothing where a section is not used
     # how often the clock was started and stopped for one count of a section, where not once
     calls: Mapping[str, int]
     start: str  # what of a start is compared by its hash
+
+    @property
+    def words(self) -> int:
+        """How long a record is."""
+        return len(self.record)
 
     @property
     def places(self) -> list[int]:
@@ -101,6 +106,23 @@ CONTROLLER = RecordForm(
     start="limits",
 )
 
+
+def stage_form(free: Sequence[str], heads: int, magnets: int) -> RecordForm:
+    """Return the form of a stage's records."""
+    inputs = (
+        *(f"head {one}" for one in range(1, heads + 1)),
+        *(f"forward {axis}" for axis in free),
+        *(f"gap {one}" for one in range(1, magnets + 1)),
+    )
+    outputs = (
+        *(f"current {one}" for one in range(1, magnets + 1)),
+        *(f"demand {axis}" for axis in free),
+        "flags",
+    )
+    parts = ("clock", "tick, no limit", "tick, at a limit", *[""] * 5, "tick")
+    return RecordForm((*inputs, *outputs), inputs, parts, {}, "sizes")
+
+
 _REQUEST = 6
 _REPLY = 8
 _SECTION_WORDS = 6
@@ -125,6 +147,12 @@ class Request:
     window_first: int = 0  # records are kept from this step on, WINDOW of them
     rows: Words | None = None  # inputs, for VECTORS; shape (steps, n)
     places: Sequence[int] = ()  # where they stand in a record, n places
+    words: int = RECORD_WORDS  # of a record
+
+    @property
+    def box_bytes(self) -> int:
+        """Size of the box."""
+        return 4 * (_WINDOW_AT + WINDOW * self.words)
 
     def pack(self) -> bytes:
         """Lay the request out as the target reads it: the words from the start of the box."""
@@ -140,7 +168,7 @@ class Request:
 
     def pack_rows(self) -> bytes:
         """Lay the inputs out as the target reads them: the words from WINDOW_OFFSET on."""
-        window = np.zeros((WINDOW, RECORD_WORDS), dtype="<u4")
+        window = np.zeros((WINDOW, self.words), dtype="<u4")
         if self.rows is not None:
             window[: len(self.rows), list(self.places)] = self.rows
         return window.tobytes()
@@ -180,7 +208,7 @@ class Reply:
     def unpack(cls, box: bytes) -> Reply:
         """Read a box."""
         words = np.frombuffer(box, dtype="<u4")
-        if len(words) != BOX_WORDS or words[_REQUEST] != BOX_WORDS:
+        if words[_REQUEST] != len(words):
             raise ValueError("the target lays the box out otherwise")
         _, status, *numbers = (int(word) for word in words[_REQUEST:_SECTIONS_AT])
         table = words[_SECTIONS_AT:_CHECKPOINTS_AT].reshape(SECTIONS, _SECTION_WORDS)
@@ -199,5 +227,5 @@ class Reply:
             folded,
             sections,
             checkpoints=words[_CHECKPOINTS_AT:_WINDOW_AT],
-            window=words[_WINDOW_AT:].reshape(WINDOW, RECORD_WORDS),
+            window=words[_WINDOW_AT:].reshape(WINDOW, -1),
         )

@@ -51,14 +51,15 @@ class ProcessProgram:
                 code="time-limit",
                 key=self.name,
             ) from None
-        if done.returncode or len(done.stdout) != len(requests) * BOX_BYTES:
+        size = requests[0].box_bytes
+        if done.returncode or len(done.stdout) != len(requests) * size:
             raise NegativeResult(
                 f"target {self.name}: {_reason(done.stderr, done.returncode)}",
                 code="target-failed",
                 key=self.name,
             )
-        boxes = range(0, len(done.stdout), BOX_BYTES)
-        return [Reply.unpack(done.stdout[at : at + BOX_BYTES]) for at in boxes]
+        boxes = range(0, len(done.stdout), size)
+        return [Reply.unpack(done.stdout[at : at + size]) for at in boxes]
 
 
 def _reason(stderr: bytes, code: int) -> str:
@@ -114,6 +115,7 @@ CORTEX = {
     "cortex-m0plus": Cortex("cortex_m0plus", "UC_CPU_ARM_CORTEX_M0"),
     "cortex-m3": Cortex("cortex_m3", "UC_CPU_ARM_CORTEX_M3"),
     "cortex-m4": Cortex("cortex_m4", "UC_CPU_ARM_CORTEX_M4", "+vfp4d16sp", has_port=True),
+    "cortex-m33": Cortex("cortex_m33", "UC_CPU_ARM_CORTEX_M33", "+fp_armv8d16sp"),
     "cortex-m7": Cortex("cortex_m7", "UC_CPU_ARM_CORTEX_M7", "+fp_armv8d16sp", has_port=True),
 }
 
@@ -182,7 +184,8 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
 def cortex_m(name: str, workshop: Workshop) -> Offer:
     """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
 
-    In fixed point those are the port header's, in floating point those of its floating-point unit.
+    In fixed point those are the port header's, in floating point those of its floating-point unit;
+    a stage is not run without that.
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return Offer(missing=missing)
@@ -190,6 +193,7 @@ def cortex_m(name: str, workshop: Workshop) -> Offer:
     floating = workshop.bundle.io == "f32"
     builds = [("soft float" if floating else "portable", "")]
     if floating and CORTEX[name].float_unit:
+        builds = [] if workshop.form is not None else builds
         builds.append(("hard float", CORTEX[name].float_unit))
     elif CORTEX[name].has_port and workshop.bundle.has_port:
         builds.append(("port header", ""))

@@ -71,6 +71,19 @@ def read_levitation(path: Path) -> GoldenVectors:
     return GoldenVectors(inputs, outputs, CONTROLLER)
 
 
+def read_flight(path: Path, form: RecordForm) -> GoldenVectors:
+    """Read the vectors of a stage: what its controller was given in flight and has to answer."""
+    outputs = form.record[len(form.inputs) :]
+    columns = _columns(path, [_header(name) for name in form.record], floating=True)
+    columns["flags"] = columns["flags"].view(np.float32).astype(np.uint32)
+    inputs = np.stack([columns[_header(name)] for name in form.inputs], axis=1)
+    return GoldenVectors(inputs, {name: columns[_header(name)] for name in outputs}, form)
+
+
+def _header(name: str) -> str:
+    return name.replace(" ", "_")
+
+
 def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Words]:
     """Read a file of vectors."""
     with path.open(encoding="utf-8", newline="") as stream:

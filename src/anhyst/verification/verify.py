@@ -34,8 +34,8 @@ from anhyst.verification.targets import (
     parse_targets,
     reference,
 )
-from anhyst.verification.vectors import GoldenVectors, read_levitation, read_vectors
-from anhyst.verification.workshop import CONTROL_SOURCES, Variant, Workshop
+from anhyst.verification.vectors import GoldenVectors, read_flight, read_levitation, read_vectors
+from anhyst.verification.workshop import CONTROL_SOURCES, Subject, Variant, Workshop
 
 DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000
@@ -89,10 +89,14 @@ def verify(
     folder = Path(folder)
     bundle = read_bundle(folder)
     names = parse_targets(DEFAULT if on is None else on, bundle)
-    vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
     with tempfile.TemporaryDirectory(prefix="anhyst-verify-") as scratch:
         numbers = (host_steps, target_steps, seed)
-        workshop = Workshop.set_up(bundle, Path(scratch))
+        subject: Subject = "stage" if bundle.stage else "compensator"
+        workshop = Workshop.set_up(bundle, Path(scratch), subject)
+        if workshop.form is None:
+            vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
+        else:
+            vectors = read_flight(folder / VECTORS, workshop.form)
         offers, missing = _offers(workshop, names)
         works = {name for name, offer in offers.items() if offer.orders}
         if FIRMWARE in names and not missing_tools():
@@ -175,7 +179,10 @@ class _Job:
         self._answers: dict[int, Answers] = {}
 
     def steps(self, target: str) -> int:
-        return self.host_steps if target == "host" else self.target_steps
+        """Return how many random steps there are; a tick of a stage is one of every magnet."""
+        steps = self.host_steps if target == "host" else self.target_steps
+        stage = self.workshop.bundle.stage
+        return max(1, steps // stage["magnets"]) if stage else steps
 
     def run_all(self, offers: Mapping[str, Offer], counted: _Counted) -> list[TargetResult]:
         """Build and run everything, as many at a time as there are processors."""
@@ -220,7 +227,7 @@ class _Job:
             len(self.vectors.inputs),
             warnings=variant.warnings,
             unit=variant.unit,
-            costs=costs(outcome.random, self.vectors.form) if counted else (),
+            costs=self._costs(outcome) if counted else (),
             sizes=self._sizes(image, target) if image else None,
             state_bytes=outcome.random.state_bytes,
             control_bytes=outcome.random.control_bytes,
@@ -229,6 +236,14 @@ class _Job:
             difference=difference,
             seconds=time.monotonic() - began,
         )
+
+    def _costs(self, outcome: Answers) -> tuple[Cost, ...]:
+        """Return what the random steps took; of a stage also what its flight did."""
+        found = costs(outcome.random, self.vectors.form)
+        if self.workshop.form is not None:
+            flown = costs(outcome.played, self.vectors.form)[-1]
+            found = (*found, replace(flown, part="tick, in flight"))
+        return found
 
     def _sizes(self, image: Image, target: str) -> ProgramSizes:
         bundle = self.workshop.bundle
@@ -239,7 +254,7 @@ class _Job:
 def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
     if variant.image is None or variant.target not in CORTEX:
         return None
-    if workshop.subject == "controller":
+    if workshop.subject != "compensator":
         return stack_below(variant.image, [f"{workshop.bundle.name}_controller_tick"])
     io = workshop.bundle.io
     object_of = "play_map" if workshop.bundle.kind == PLAY else "compensator"

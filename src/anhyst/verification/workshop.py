@@ -13,17 +13,23 @@ from anhyst.compilation.toolchain import Build
 from anhyst.link.firmware import actuator_defines, firmware_folder
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle
 from anhyst.verification.elf import Image
-from anhyst.verification.protocol import Reply, Request
+from anhyst.verification.protocol import RecordForm, Reply, Request, stage_form
 
 HARNESS = Path(__file__).resolve().parent / "harness"
 WITHOUT_LIBRARY = "msp430"
 """The port for which the compiler brings no run-time routines."""
 
-Subject = Literal["compensator", "controller"]
+FREE_OF_LIBRARIES = "freestanding"
+"""Folder of headers that a library would bring."""
+
+Subject = Literal["compensator", "controller", "stage"]
 
 SECTIONS_APART = ("-ffunction-sections", "-fdata-sections")
 ONE_ROUNDING_EACH = "-ffp-contract=off"
 """A product and a sum are rounded each: otherwise two targets cannot have the same bits."""
+
+ROOT_IS_AN_INSTRUCTION = "-fno-math-errno"
+"""Where a processor has one; nobody here looks at ``errno``."""
 
 
 class HarnessProgram(Protocol):
@@ -59,7 +65,7 @@ class Workshop:
 
     bundle: Bundle  # what is verified
     folder: Path  # scratch folder; the C lies in ``c``, programs beside it
-    subject: Subject = "compensator"  # what of it is run: ``compensator`` or ``controller``
+    subject: Subject = "compensator"  # what of it is run
 
     @classmethod
     def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:
@@ -68,7 +74,9 @@ class Workshop:
         place.mkdir(parents=True)
         bundle.copy_sources(place)
         for source in HARNESS.iterdir():
-            shutil.copyfile(source, place / source.name)
+            folder_of = place / FREE_OF_LIBRARIES if source.name == "math.h" else place
+            folder_of.mkdir(exist_ok=True)
+            shutil.copyfile(source, folder_of / source.name)
         _add_control(place)
         return cls(bundle, folder, subject)
 
@@ -79,6 +87,7 @@ class Workshop:
         sources = [name for name in self.bundle.c_files if name.endswith(".c")]
         if self.subject == "compensator":
             sources = [name for name in sources if name != f"{self.bundle.name}_controller.c"]
+        free = [place / FREE_OF_LIBRARIES] if port == "cortex_m" else []
         names = [
             "harness.c",
             f"run_{self.subject}.c",
@@ -87,16 +96,31 @@ class Workshop:
         ]
         return Build(
             tuple(place / name for name in names),
-            (place, place / "include", place / "port", firmware_folder()),
+            (place, place / "include", place / "port", firmware_folder(), *free),
             self._defines(),
-            (*SECTIONS_APART, ONE_ROUNDING_EACH, *flags),
+            (*SECTIONS_APART, ONE_ROUNDING_EACH, ROOT_IS_AN_INSTRUCTION, *flags),
+            ("-lm",) if port == "host" and self.subject == "stage" else (),
         )
+
+    @property
+    def form(self) -> RecordForm | None:
+        """Form of the records of a stage."""
+        stage = self.bundle.stage
+        return stage_form(stage["free"], stage["heads"], stage["magnets"]) if stage else None
 
     def _defines(self) -> dict[str, str]:
         """Return the macros of the harness."""
+        name = self.bundle.name
+        if self.form is not None:
+            return {
+                "STAGE_HEADER": f'"{name}_controller.h"',
+                "STAGE(part)": f"{name}_controller##part",
+                "COUNT(part)": f"{name.upper()}_CONTROLLER_##part",
+                "HARNESS_RECORD_WORDS": str(self.form.words),
+            }
         play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
         io = FORMATS[self.bundle.io]
-        return {"HARNESS_IO": io, **play, **actuator_defines(self.bundle.name)}
+        return {"HARNESS_IO": io, **play, **actuator_defines(name)}
 
 
 CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)

@@ -195,8 +195,9 @@ def pull_rows(file: RigFile) -> FloatArray:
 
 
 def head_rows(file: RigFile) -> FloatArray:
-    """Return what each head reads of a coordinate, a row a head."""
-    sensors = [(one.position_m or [], one.direction or []) for one in file.position_sensors]
+    """Return what each head reads of a coordinate, a row a head; that of one coordinate along it."""
+    places, along = file.position_sensors, [1.0, 0.0, 0.0]
+    sensors = [(one.position_m or [0.0] * 3, one.direction or along) for one in places]
     return _rows(file, sensors)
 
 
@@ -233,10 +234,16 @@ def scan_direction(file: RigFile) -> FloatArray:
 
 
 def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
-    """Return how wrenches are shared out; magnets that pull against each other are a pair.
+    """Return how wrenches are shared out.
 
     Raises ValueError where the magnets cannot push along every coordinate.
     """
+    least = file.tracking.force_min_N
+    return WrenchLayout(pull_rows(file), opposed(file), kind, idle, least)
+
+
+def opposed(file: RigFile) -> list[int]:
+    """Return for each magnet that which pulls against it on one line, itself where it is alone."""
     lines = np.array(
         [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.placed]
     )
@@ -244,7 +251,7 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _SAME).tolist():
         if against[i] == i and against[j] in (i, j):
             against[i] = j
-    return WrenchLayout(pull_rows(file), against, kind, idle, file.tracking.force_min_N)
+    return against
 
 
 # What motion taught of the magnets: the file that a rig names, and how a controller uses it.

@@ -15,6 +15,7 @@ from anhyst._core import (
     PlantLoop,
     Tracking,
     TrackingAxes,
+    TrackingAxesF32,
     TrackingF32,
 )
 from anhyst.compensate.block import Block
@@ -231,22 +232,32 @@ def _track_axes(
     The magnets ride on the frame, the position heads do not. What is fed forward moves the centre
     of mass, and carries the weight.
     """
-    rig, file, n = setup.rig, setup.rig.settings, forward.size
-    along = scan_direction(file)
-    frame = np.outer(reference + strayed, along)
-    wrench = fed_wrench(setup.believed, forward)
+    rig, n = setup.rig, forward.size
+    frame = np.outer(reference + strayed, scan_direction(rig.settings))
+    run = fly(setup, seed, reference[:n], frame, fed_wrench(setup.believed, forward))
+    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
+
+
+def fly(
+    setup: StageSetup, seed: int, reference: FloatArray, frame: FloatArray, wrench: FloatArray
+) -> Recording:
+    """Return the loop's own record of a body of several coordinates that follows a reference.
+
+    The frame has a row more than the reference, which goes along the direction of the set-point.
+    """
+    rig, n = setup.rig, reference.size
+    along = scan_direction(rig.settings)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
-        np.outer(reference[:n], along).ravel(),
+        np.outer(reference, along).ravel(),
         np.zeros(n),
         np.zeros(n * along.size),
         wrench.ravel(),
         np.zeros(n, dtype=np.uint32),
         frame.ravel(),
     )
-    run = Recording.of_table(rows, [column(*signal) for signal in loop.signals])
-    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
+    return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
 
 
 def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
@@ -406,26 +417,37 @@ def make_loop_controller(
     The drives, one a magnet, may remember something; demagnetised ones if left out.
     """
     several = setup.rig.settings.several
-    return _axes_controller(setup, drives) if several else make_controller(setup, drives)
+    return axes_controller(setup, drives) if several else make_controller(setup, drives)
 
 
-def _axes_controller(setup: StageSetup, drives: Sequence[ForceController]) -> LoopController:
-    """Return PIDs, decoupling and allocation in double precision, compensators in their format."""
-    file, settings = setup.rig.settings, controller_settings(setup)
-    settings.pop("gap_total")
-    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
+    """Return the matrices of a controller of several coordinates, by their names in the core.
+
+    Beside them `at`, what each head reads of a pose.
+    """
+    file, at = setup.rig.settings, head_rows(setup.rig.settings)
     decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass = file.body.mass_kg
-    controller = TrackingAxes(
+    return {
+        "at": at,
+        "see": np.ascontiguousarray(np.linalg.pinv(at)),
+        "decouple": decouple,
+        "weigh": weigh,
+        "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
+    }
+
+
+def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
+    """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
+    settings = controller_settings(setup)
+    settings.pop("gap_total")
+    kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
+    made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
+    controller = made(
         [one.native for one in drives or setup.fresh()],
-        wrench_layout(file, kind, idle),
-        {
-            "see": np.ascontiguousarray(np.linalg.pinv(head_rows(file))),
-            "decouple": decouple,
-            "weigh": weigh,
-            "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        },
+        wrench_layout(setup.rig.settings, kind, idle),
+        axes_rows(setup),
         settings,
     )
     if setup.correction is not None:

@@ -2,8 +2,8 @@
 /* What a target runs to be compared with the host, and what its port has to supply.
 
    The host fills the box, lets the target run until it calls harness_wait, and reads the box. All
-   of it is uint32_t, so that every target lays it out alike; anhyst.verification.protocol holds the same
-   numbers and checks HARNESS_BOX_WORDS. */
+   of it is uint32_t, so that every target lays it out alike; anhyst.verification.protocol holds the
+   same numbers and checks HARNESS_BOX_WORDS. */
 #ifndef HARNESS_H
 #define HARNESS_H
 
@@ -46,9 +46,13 @@ enum {
   HARNESS_MEMORY_E,
   HARNESS_PIDD2,
   HARNESS_INTEGRAL,
-  HARNESS_VELOCITY,
-  HARNESS_RECORD_WORDS
+  HARNESS_VELOCITY
 };
+
+/* Of a stage, whose records are longer, the build says how many. */
+#ifndef HARNESS_RECORD_WORDS
+#define HARNESS_RECORD_WORDS 18
+#endif
 
 /* One step of a position controller. */
 enum {
@@ -136,8 +140,8 @@ uint32_t harness_clock_stop(void);
 uintptr_t harness_stack_pointer(void);
 uintptr_t harness_stack_end(void);
 
-/* Supplied by the subject, run_compensator.c or run_controller.c. Each keeps the inputs of one
- * step. */
+/* Supplied by the subject, run_compensator.c, run_controller.c or run_stage.c. Each keeps the
+   inputs of one step. */
 
 /* Forgets everything; puts status, sizes and words in the box. */
 void subject_start(void);

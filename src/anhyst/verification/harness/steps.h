@@ -7,7 +7,9 @@
 
 #define Q30_ONE ((int32_t)1073741824)
 #define PAINT 0xA5U
+#ifndef PAINTED_BYTES
 #define PAINTED_BYTES 1024U
+#endif
 
 /* The number whose two's complement is u, without leaving it to the compiler. */
 static inline int32_t as_signed(uint32_t u)

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* How the drives stand; constant. */
+typedef struct {
+  uint16_t axes;           /* numbers of a wrench, 1..6 */
+  uint16_t drives;         /* 1..16 */
+  const ANHYST_REAL *pull; /* a row a drive: the wrench of 1 N of it */
+  const uint16_t
+      *against; /* for each drive that which pulls against it, itself where it is alone */
+  ANHYST_NAME(anhyst_allocation) pair; /* how pairs share; not single */
+  ANHYST_REAL least;                   /* of a drive that stands alone, N, >= 0 */
+} ANHYST_NAME(anhyst_wrench_layout);
+
+typedef struct {
+  ANHYST_REAL lower[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES];
+} ANHYST_NAME(anhyst_wrench_factor);
+
+/* What every search begins with. */
+typedef struct {
+  const ANHYST_NAME(anhyst_wrench_layout) *layout;
+  ANHYST_REAL scale[ANHYST_WRENCH_AXES]; /* of each axis, so that all weigh alike */
+  ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled */
+  ANHYST_NAME(anhyst_wrench_factor) factor;                   /* with all drives free */
+} ANHYST_NAME(anhyst_wrench);
+
+/* ANHYST_OK where numbers, pairs and idle force are valid and the drives can push along every axis,
+   if those alone could push too. The layout must live as long as what is made of it. */
+anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
+                                              const ANHYST_NAME(anhyst_wrench_layout) *layout);
+
+/* Forces of the drives, N, for a wrench. 1 where they make it; else 0, and each drive alone still
+   pulls its least. */
+int ANHYST_NAME(anhyst_wrench_share)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
+                                     ANHYST_REAL *force);

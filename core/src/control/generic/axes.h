@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+
+static int ANHYST_NAME(are_numbers)(const ANHYST_REAL *values, uint16_t rows, uint16_t columns)
+{
+  int found = 1;
+  int i;
+  for (i = 0; i < (int)rows * (int)columns; i++) {
+    found = found && ANHYST_NAME(is_number)(values[i]);
+  }
+  return found;
+}
+
+anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
+                                            const ANHYST_NAME(anhyst_axes_settings) *settings,
+                                            ANHYST_NAME(anhyst_force_controller) *const *drive)
+{
+  const ANHYST_NAME(anhyst_axes) fresh = {0};
+  const uint16_t axes = settings->layout.axes;
+  const ANHYST_REAL range = settings->current_high - settings->current_low;
+  ANHYST_NAME(anhyst_wrench) share;
+  int valid = ANHYST_NAME(anhyst_wrench_init)(&share, &settings->layout) == ANHYST_OK &&
+              settings->heads >= axes &&
+              ANHYST_NAME(are_numbers)(settings->see, axes, settings->heads) &&
+              ANHYST_NAME(are_numbers)(settings->decouple, axes, axes) &&
+              ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
+              ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
+              settings->current_step > R(0.0) && range <= R(1073741824.0) * settings->current_step;
+  int i;
+  for (i = 0; valid && i < (int)axes; i++) {
+    valid = ANHYST_NAME(anhyst_biquad_check)(&settings->pid[i]) == ANHYST_OK;
+  }
+  if (!valid) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  *c = fresh;
+  c->settings = settings;
+  c->drive = drive;
+  c->share = share;
+  return ANHYST_OK;
+}
+
+/* found = matrix*values; rows of so many. */
+static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int columns,
+                                  const ANHYST_REAL *values, ANHYST_REAL *found)
+{
+  int i;
+  int j;
+  for (i = 0; i < rows; i++) {
+    found[i] = R(0.0);
+    for (j = 0; j < columns; j++) {
+      found[i] += matrix[i * columns + j] * values[j];
+    }
+  }
+}
+
+/* The wrench that errors and feedforward ask for. */
+static void ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
+                                 const ANHYST_NAME(anhyst_axes_sample) *sample, ANHYST_REAL *wrench)
+{
+  const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
+  const int axes = (int)settings->layout.axes;
+  ANHYST_REAL error[ANHYST_WRENCH_AXES];
+  ANHYST_REAL apart[ANHYST_WRENCH_AXES];
+  int k;
+  ANHYST_NAME(multiply)(settings->see, axes, (int)settings->heads, sample->head, error);
+  for (k = 0; k < axes; k++) {
+    error[k] = sample->target[k] - error[k];
+  }
+  ANHYST_NAME(multiply)(settings->decouple, axes, axes, error, apart);
+  for (k = 0; k < axes; k++) {
+    apart[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
+  }
+  ANHYST_NAME(multiply)(settings->weigh, axes, axes, apart, wrench);
+  for (k = 0; k < axes; k++) {
+    wrench[k] += sample->forward[k];
+  }
+}
+
+/* The nearest of the converter's currents within the limits; the lowest for what is no number. */
+static ANHYST_REAL ANHYST_NAME(driven)(const ANHYST_NAME(anhyst_axes_settings) *settings,
+                                       ANHYST_REAL wanted)
+{
+  const ANHYST_REAL low = settings->current_low;
+  const ANHYST_REAL high = settings->current_high;
+  ANHYST_REAL held = wanted > low ? wanted : low;
+  int32_t steps;
+  held = held > high ? high : held;
+  steps = (int32_t)((held - low) / settings->current_step + R(0.5));
+  held = low + (ANHYST_REAL)steps * settings->current_step;
+  return held > high ? high : held;
+}
+
+void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
+                                   const ANHYST_NAME(anhyst_axes_sample) *sample,
+                                   ANHYST_NAME(anhyst_axes_answer) *out)
+{
+  const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
+  ANHYST_REAL force[ANHYST_WRENCH_DRIVES];
+  int i;
+  ANHYST_NAME(control)(c, sample, out->demand);
+  out->flags = 0;
+  if (!ANHYST_NAME(anhyst_wrench_share)(&c->share, out->demand, force)) {
+    out->flags |= ANHYST_DEMAND_LIMITED;
+  }
+  for (i = 0; i < (int)settings->layout.drives; i++) {
+    ANHYST_NAME(anhyst_force_controller) *drive = c->drive[i];
+    const ANHYST_REAL wanted = ANHYST_NAME(anhyst_force_controller_solve)(
+        drive, force[i], sample->gap[i], sample->flux[i]);
+    out->flags |= drive->flags;
+    if (wanted < settings->current_low || wanted > settings->current_high) {
+      out->flags |= ANHYST_CURRENT_LIMITED;
+    }
+    out->current[i] = ANHYST_NAME(driven)(settings, wanted);
+    (void)ANHYST_NAME(anhyst_force_controller_commit)(drive, out->current[i], sample->gap[i]);
+  }
+}

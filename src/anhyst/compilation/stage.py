@@ -1,0 +1,242 @@
+"""The controller of a stage as C: every number of it, its magnets, and what a project needs around."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from textwrap import wrap
+
+from anhyst.compensate.current_map import CurrentMap
+from anhyst.compensate.floating import RealBlock
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.play_map import PlayMap
+from anhyst.compensate.words import Names
+from anhyst.compilation.core import (
+    AXES,
+    CORRECTED_REAL,
+    PLAY_MAP_REAL,
+    SINGLE,
+    SRC,
+    core_files,
+    single_precision,
+)
+from anhyst.compilation.floating_source import WIDTH, c_parameters_f32, listed, literal, memories
+from anhyst.compilation.memory import parameters_bytes
+from anhyst.compilation.source import in_comment, render
+from anhyst.support.arrays import FloatArray
+from anhyst.support.units import Quantity
+
+NEWTON_AMPERE, GAP = Names("N", "A"), Quantity("gap", "gap", "m")
+TABLES = {
+    "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
+    "see": "Pose of what the heads read, a row a coordinate.",
+    "decouple": "Errors taken to the centre of mass, a row a coordinate.",
+    "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
+    "mass": "Masses and moments of inertia about the point that the pose is of.",
+    "weight": "Wrench of the weight, N and N m.",
+}
+"""Tables of the controller, in the order in which they stand in the C."""
+
+
+@dataclass(frozen=True)
+class StageController:
+    """All numbers of a controller of several coordinates, in SI units."""
+
+    name: str  # what it is called in C
+    rig: str  # name of the rig file
+    sha256: str  # of the rig file
+    kind: str  # method from force to current
+    rate: float  # Hz
+    ahead: float  # s, by which what is fed forward goes ahead of the set-point
+    free: Sequence[str]  # coordinates
+    # tables of TABLES; `at`, what each head reads of a pose, and `pid`, a filter a coordinate
+    rows: Mapping[str, FloatArray]
+    against: Sequence[int]  # for each magnet that which pulls against it, itself where alone
+    settings: Mapping[str, float]  # allocation, idle force and limits of the currents
+    force_min: float  # N, of a magnet that is alone
+    force_max: float  # N, of each magnet
+    magnets: Sequence[ForceController]  # one each, in single precision
+    correction: FloatArray | None  # rows of what calibration found of each
+
+    @property
+    def distinct(self) -> list[ForceController]:
+        """Those of the magnets that differ."""
+        found: list[ForceController] = []
+        for one in self.magnets:
+            if not any(one.parameters is other.parameters for other in found):
+                found.append(one)
+        return found
+
+    def called(self, magnet: ForceController) -> str:
+        """Return what the parameters of a magnet are called."""
+        place = [one.parameters for one in self.distinct].index(magnet.parameters)
+        return self.name if place == 0 else f"{self.name}_{place + 1}"
+
+    @property
+    def core(self) -> tuple[str, ...]:
+        """Sources of the core."""
+        parameters = self.magnets[0].parameters
+        own: tuple[str, ...] = ()
+        if isinstance(parameters, HysteresisInverse):
+            own = SINGLE[parameters.block.kind]
+        elif isinstance(parameters, PlayMap):
+            own = PLAY_MAP_REAL
+        corrected = () if self.correction is None else CORRECTED_REAL
+        return tuple(dict.fromkeys((*AXES, *own, *corrected)))
+
+    @property
+    def parameters_bytes(self) -> int:
+        """Size of all parameters of magnets where a pointer has 32 bits."""
+        return sum(_bytes(one) for one in self.distinct)
+
+
+def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, str]:
+    """Return the C files and what helps to build them; the golden vectors have so many rows."""
+    name = stage.name
+    values = _values(stage, version) | {"rows": rows}
+    blocks = [one.parameters for one in stage.distinct]
+    layers = [memories(one.block) for one in blocks if isinstance(one, HysteresisInverse)]
+    files = single_precision(core_files(stage.core, max([1, *layers])))
+    for one in stage.distinct:
+        called = stage.called(one)
+        files[f"{called}_parameters.c"] = (
+            f'/* SPDX-License-Identifier: Apache-2.0 */\n#include "{name}_controller.h"\n\n'
+            f"/* clang-format off */\n{_parameters(called, one)}\n"
+        )
+    return files | {
+        f"{name}_controller.h": render("stage_controller.h.j2", values),
+        f"{name}_controller.c": render("stage_controller.c.j2", values),
+        "main.c": render("stage_main.c.j2", values),
+        "anhyst.mk": render("anhyst.mk.j2", values | {"own": values["sources"]}),
+        "anhyst.cmake": render("anhyst.cmake.j2", values | {"own": values["sources"]}),
+        "DROP_IN.md": render("stage_drop_in.md.j2", values),
+    }
+
+
+def _values(stage: StageController, version: str) -> dict[str, object]:
+    """Return what the templates show."""
+    parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
+    settings, table = stage.settings, _map_of(parameters)
+    low, high = (0.0, 0.0) if table is None else table.limits
+    parts = [stage.called(one) for one in stage.distinct]
+    return {
+        "name": stage.name,
+        "macro": stage.name.upper(),
+        "rig": in_comment(stage.rig),
+        "sha256": stage.sha256,
+        "version": version,
+        "kind": stage.kind,
+        "rate": f"{stage.rate:.10g}",
+        "ahead_ms": f"{1e3 * stage.ahead:.6g}",
+        "free": list(stage.free),
+        "heads": len(stage.rows["at"]),
+        "magnets": len(stage.magnets),
+        "gap_low": literal(scales.gap_low),
+        "gap_high": literal(scales.gap_high),
+        "gap_low_mm": f"{1e3 * scales.gap_low:.6g}",
+        "gap_high_mm": f"{1e3 * scales.gap_high:.6g}",
+        "force_max": literal(stage.force_max),
+        **{f"current_{end}": settings[f"current_{end}"] for end in ("low", "high", "step")},
+        **{end: literal(settings[f"current_{end}"]) for end in ("low", "high", "step")},
+        "at": f"{{{', '.join(_row(row, repr) for row in stage.rows['at'].tolist())}}}",
+        "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
+        "pid": [_biquad(row) for row in stage.rows["pid"].tolist()],
+        "against": list(stage.against),
+        "idle": literal(settings["idle"]),
+        "allocation": f"{int(settings['allocation'])}U",
+        "least": literal(stage.force_min),
+        "type": _type(parameters),
+        "play": isinstance(parameters, PlayMap),
+        "map": table is not None,
+        "map_low": literal(low),
+        "map_high": literal(high),
+        "headers": _headers(stage),
+        "parts": parts,
+        "own": [f"&{stage.called(one)}_parameters" for one in stage.magnets],
+        "corrected": []
+        if stage.correction is None
+        else [_row(r) for r in stage.correction.tolist()],
+        "sources": [f"{part}_parameters.c" for part in parts] + [f"{stage.name}_controller.c"],
+        "core": sorted(f"{SRC}/{one}" for one in stage.core),
+        "real": True,
+        "parameters_bytes": stage.parameters_bytes,
+    }
+
+
+def _headers(stage: StageController) -> list[str]:
+    play = isinstance(stage.magnets[0].parameters, PlayMap)
+    return ["force_by_play_real.h"] * play + ["force_corrected_real.h"] * (
+        stage.correction is not None
+    )
+
+
+def _type(parameters: object) -> str:
+    if isinstance(parameters, HysteresisInverse):
+        return "anhyst_parameters_f32"
+    return "anhyst_play_law_f32" if isinstance(parameters, PlayMap) else "anhyst_map_f32"
+
+
+def _map_of(parameters: object) -> CurrentMap | None:
+    if isinstance(parameters, PlayMap):
+        return parameters.map
+    return parameters if isinstance(parameters, CurrentMap) else None
+
+
+def _row(values: Sequence[float], text: object = literal) -> str:
+    assert callable(text)
+    return f"{{{', '.join(text(value) for value in values)}}}"
+
+
+def _biquad(row: Sequence[float]) -> str:
+    return f"{{{_row(row[:3])}, {_row(row[3:])}}}"
+
+
+def _table(name: str, values: FloatArray) -> dict[str, object]:
+    lines = values.tolist() if values.ndim == 2 else [values.tolist()]
+    return {"name": name, "count": values.size, "rows": [listed(line) for line in lines]}
+
+
+def _parameters(name: str, magnet: ForceController) -> str:
+    """Return the definitions of what a magnet's method knows."""
+    parameters = magnet.parameters
+    if isinstance(parameters, HysteresisInverse):
+        assert isinstance(parameters.block, RealBlock)
+        return c_parameters_f32(name, parameters.block, NEWTON_AMPERE, GAP)
+    table = _map_of(parameters)
+    assert table is not None
+    entries = _entries("entries", "Current over force and gap, A: a row a gap", table.entries)
+    if not isinstance(parameters, PlayMap):
+        return f"{entries}\n\nconst anhyst_map_f32 {name}_parameters = {_map('entries', table)};"
+    return (
+        f"{entries}\n\n{_entries('half', 'Half the width of the loop, A', parameters.half)}\n\n"
+        f"const anhyst_play_law_f32 {name}_parameters = {{\n    {_map('entries', table)},\n"
+        f"    {_map('half', table)},\n    {literal(parameters.radius)} /* A, radius of the play */\n}};"
+    )
+
+
+def _entries(name: str, doc: str, values: FloatArray) -> str:
+    lines = [
+        line
+        for row in values.tolist()
+        for line in wrap(f"{listed(row)},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+    ]
+    return "\n".join(
+        [f"/* {doc}. */", f"static const float {name}[{values.size}] = {{", *lines, "};"]
+    )
+
+
+def _map(entries: str, table: CurrentMap) -> str:
+    rows, columns = table.entries.shape
+    ends = (table.scales.demand, table.scales.gap_low, table.scales.gap_high)
+    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(literal, ends))}}}"
+
+
+def _bytes(magnet: ForceController) -> int:
+    parameters = magnet.parameters
+    if isinstance(parameters, HysteresisInverse):
+        return parameters_bytes(parameters.block)
+    table = _map_of(parameters)
+    assert table is not None
+    one = 4 * table.entries.size + 4 + 2 * 2 + 3 * 4
+    return 2 * one + 4 if isinstance(parameters, PlayMap) else one

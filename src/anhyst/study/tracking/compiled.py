@@ -1,0 +1,365 @@
+"""The controller of a stage compiled: a rig file to a folder of C, with a flight as golden vectors."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from anhyst.compensate.twin import Io
+from anhyst.compilation.manifest import VERSION
+from anhyst.compilation.output import Compiled, check_folder, write_folder
+from anhyst.compilation.play import CompiledPlay
+from anhyst.compilation.stage import StageController, stage_sources
+from anhyst.compilation.verb import compile_actuator
+from anhyst.model.actuator import Model
+from anhyst.rig.recording import Loss, column
+from anhyst.rig.stage.file import (
+    StageRig,
+    mass_matrix,
+    opposed,
+    pull_rows,
+    read_stage,
+    scan_direction,
+    weight,
+)
+from anhyst.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    axes_controller,
+    axes_loss,
+    axes_rows,
+    controller_settings,
+    fed_wrench,
+    feed,
+    fly,
+    identify_stage,
+    instants,
+    make_stage,
+    stray,
+    track,
+)
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.c_names import c_name, check_name
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.kinds import FileKind, kind_of
+from anhyst.support.progress import Progress
+from anhyst.support.result import Result
+from anhyst.support.version import running_version
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+StageKind = Literal["full", "simplified", "play", "single-valued"]
+
+ROWS = 2000
+"""Ticks of the flight that become golden vectors: at rest, the first acceleration, and after it."""
+
+
+@dataclass(frozen=True, repr=False)
+class CompiledStage(Result):
+    """What came out.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    manifest : dict
+        What stands in ``manifest.json``, without the hashes of the files.
+    files : tuple of str
+        Names of the files.
+    vectors : dict of str to array
+        The flight: what the controller was given and answered, a number a tick.
+    """
+
+    out: Path
+    manifest: dict[str, Any]
+    files: tuple[str, ...]
+    vectors: dict[str, FloatArray]
+
+    def facts(self) -> dict[str, str]:
+        """Return where it is and what it is."""
+        told, stage = self.manifest, self.manifest["stage"]
+        about = f"{len(stage['free'])} coordinates, {stage['magnets']} magnets"
+        return {
+            "folder": str(self.out),
+            "kind": told["kind"],
+            "signals": told["io"],
+            "rate": f"{told['rate_Hz']:g} Hz",
+            "stage": f"{about}, {stage['heads']} heads",
+        }
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the flight."""
+        return dict(self.vectors)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return manifest and names of the files, for JSON."""
+        return {"out": str(self.out), **self.manifest, "files": list(self.files)}
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the currents of the flight."""
+        time = np.arange(len(self.vectors["flags"])) / self.manifest["rate_Hz"]
+        for number in range(1, self.manifest["stage"]["magnets"] + 1):
+            ax.plot(time, self.vectors[f"current_{number}"], lw=1.0, label=f"magnet {number}")
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("current [A]")
+
+
+def compile_file(
+    model: Model | PathLike,
+    out: PathLike,
+    *,
+    rate: float | None = None,
+    kind: StageKind = "full",
+    io: Io | None = None,
+    accuracy: float | None = None,
+    name: str | None = None,
+    controller: PathLike | None = None,
+    progress: Progress | None = None,
+) -> Compiled | CompiledPlay | CompiledStage:
+    """Compile a model, or the controller of a stage, into a folder of C.
+
+    Parameters
+    ----------
+    model : Model or path-like
+        The model, or its file: demand in, current out. Or the rig file of a stage: position heads,
+        gaps and feedforward in, the currents of all magnets out.
+    out : path-like
+        The folder to write; one that was compiled before is replaced, any other is left alone.
+    rate : float, optional
+        Ticks a second, 1 to 10^6; may be left out with a controller or a rig, whose file has it.
+    kind : str
+        ``"full"``: the law with its exact step; ``"simplified"``: a straight anhysteretic curve in
+        closed form, less exact and faster; ``"play"``: of a magnet, the best current without
+        memory and one play; ``"single-valued"``: of a stage, the same without the play.
+    io : str, optional
+        Format of the signals: ``"q15"`` (of a model, if left out), ``"q31"`` or ``"f32"`` (of a
+        stage, which has no other).
+    accuracy : float, optional
+        Largest deviation from the model, per cent of the largest output; not of a stage.
+    name : str, optional
+        What the actuator is called in C; after the model or the rig if left out.
+    controller : path-like, optional
+        A controller file: the folder also holds the position controller of a bearing.
+    progress : callable, optional
+        Called with what is done and what there is in all.
+
+    Returns
+    -------
+    Compiled, CompiledPlay or CompiledStage
+
+    Raises
+    ------
+    InputError
+        The model or rig cannot be read or compiled, an option does not fit what is compiled, or the
+        folder cannot be written.
+    NegativeResult
+        The wanted accuracy cannot be reached.
+    """
+    if not isinstance(model, Model) and kind_of(model) is FileKind.STAGE:
+        for option, given in (("--accuracy", accuracy), ("--controller", controller)):
+            if given is not None:
+                raise InputError(
+                    f"{option}: is for a model; a stage is compiled as its rig file says, leave it out",
+                    code="option-not-for-this",
+                    key=option,
+                )
+        return compile_stage(model, out, kind, io or "f32", rate, name, progress)
+    if kind == "single-valued":
+        raise InputError(
+            "--kind: single-valued is for the rig file of a stage; give full, simplified or play",
+            code="option-not-for-this",
+            key="--kind",
+        )
+    return compile_actuator(
+        model, out, rate=rate, kind=kind, io=io or "q15", accuracy=accuracy, name=name,
+        controller=controller, progress=progress,
+    )  # fmt: skip
+
+
+def compile_stage(
+    rig_path: PathLike,
+    out: PathLike,
+    kind: StageKind,
+    io: Io,
+    rate: float | None,
+    name: str | None,
+    progress: Progress | None,
+) -> CompiledStage:
+    """Compile the controller of a stage, and fly its test set-point for the golden vectors."""
+    if name is not None:
+        check_name(name)
+    check_folder(out)
+    rig = read_stage(rig_path)
+    _refuse(rig, io, rate)
+    if progress is not None:
+        progress(0, 3)
+    single = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+    setup = replace(make_stage(single, identify_stage(rig), kind), law="f32")
+    if progress is not None:
+        progress(2, 3)
+    return write_stage(setup, kind, out, name or c_name(rig.settings.name))
+
+
+def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
+    """Write the folder of a controller in single precision, with its flight."""
+    stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
+    files = stage_sources(stage, version, ROWS) | {"vectors.csv": _csv(vectors)}
+    described = _manifest(stage, version)
+    write_folder(out, files, described)
+    return CompiledStage(Path(out), described, (*files, "manifest.json"), vectors)
+
+
+def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
+    """Refuse what cannot be compiled, or is not what the rig file says."""
+    if io != "f32":
+        raise InputError(
+            f"--io: {io} is not for a stage, whose controller is compiled in single precision; "
+            "give f32",
+            code="option-not-for-this",
+            key="--io",
+        )
+    own = rig.settings.timing.rate_Hz
+    if rate is not None and rate != own:
+        raise InputError(
+            f"{rig.path}: timing.rate_Hz: is {own:g} Hz here and {rate:g} Hz in --rate; make them "
+            "equal",
+            code="option-differs",
+            key="timing.rate_Hz",
+        )
+    if rig.settings.tracking.calibrate:
+        raise InputError(
+            f"{rig.path}: control.calibrate: a compiled controller does not learn; name what "
+            "anhyst calibrate found as control.calibration",
+            code="not-compilable",
+            key="control.calibrate",
+        )
+
+
+def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
+    """Return every number of a controller."""
+    rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
+    settings, body = controller_settings(setup), setup.believed.settings
+    magnets = setup.own or (setup.compensator,) * len(file.placed)
+    own = {"pull": pull_rows(file), "mass": mass_matrix(body), "weight": weight(body)}
+    return StageController(
+        name=name,
+        rig=file.name,
+        sha256=hashlib.sha256(rig.path.read_bytes()).hexdigest(),
+        kind=kind,
+        rate=timing.rate_Hz,
+        ahead=(timing.delay_ticks + 0.5) * rig.dt,
+        free=file.body.free,
+        rows=axes_rows(setup) | own,
+        against=opposed(file),
+        settings=settings,
+        force_min=file.tracking.force_min_N,
+        force_max=file.tracking.force_max_N,
+        magnets=magnets,
+        correction=setup.correction,
+    )
+
+
+def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
+    """Fly the test set-point and return what the controller was given and answered, by column.
+
+    The answers are those of a fresh controller to inputs in single precision.
+    """
+    file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
+    given = fly_it(setup, rows).astype(np.float32)
+    magnets, heads = len(file.placed), len(file.position_sensors)
+    controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
+    answers = []
+    for row in given.T.tolist():
+        current, demand, flags = controller.tick(row[:begin], row[begin:end], row[end:])
+        answers.append([*current, *demand, flags])
+    signals = [*given, *np.array(answers).T]
+    return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
+
+
+def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
+    """Return what the controller of several coordinates is given: heads off target, wrench, gaps."""
+    rig, file = setup.rig, setup.rig.settings
+    motion = motion_of(file.scan, file.scan.test_m_per_s2)
+    time = instants(rig, rows + 1)
+    reference, along = motion.at(time)[0], scan_direction(file)
+    wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
+    frame = np.outer(reference + stray(rig, motion, time), along)
+    run = fly(setup, 0, reference[:rows], frame, wrench)
+    _refuse_lost(rig, axes_loss(rig, run, rows))
+    magnets, heads = len(file.placed), len(file.position_sensors)
+    read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
+    target, off = np.outer(reference[:rows], along), np.array(read[magnets:])
+    for head, row in enumerate(axes_rows(setup)["at"].tolist()):
+        for axis, part in enumerate(row):
+            off[head] -= part * target[:, axis]
+    return np.vstack([off, wrench.T, read[:magnets]])
+
+
+def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
+    """Return the same of one coordinate."""
+    rig, file = setup.rig, setup.rig.settings
+    motion = motion_of(file.scan, file.scan.test_m_per_s2)
+    run = track(setup, motion, Feedforward())
+    _refuse_lost(rig, run.loss)
+    assert file.gap_total_m is not None
+    off, gap = run["position_read_m"] - run["reference_m"], run["gap_read_m"]
+    forward = feed(setup, motion, Feedforward())
+    return np.vstack([off, forward, gap, file.gap_total_m - gap])[:, :rows]
+
+
+def _refuse_lost(rig: StageRig, loss: Loss | None) -> None:
+    if loss is not None:
+        raise NegativeResult(
+            f"{rig.path}: the stage is lost in flight: {loss.reason}; correct it with anhyst simulate",
+            code="lost",
+        )
+
+
+def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
+    """Return the columns of the vectors: what goes in, and from the first current on what comes out."""
+    return [
+        *(f"head_{one}" for one in range(1, heads + 1)),
+        *(f"forward_{axis}" for axis in free),
+        *(f"gap_{one}" for one in range(1, magnets + 1)),
+        *(f"current_{one}" for one in range(1, magnets + 1)),
+        *(f"demand_{axis}" for axis in free),
+        "flags",
+    ]
+
+
+def _csv(vectors: Mapping[str, FloatArray]) -> str:
+    """Return the vectors as a CSV file: the shortest numbers that come back in single precision."""
+    rows = np.array(list(vectors.values())).T.astype(np.float32)
+    return "\n".join([",".join(vectors), *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def _manifest(stage: StageController, version: str) -> dict[str, Any]:
+    """Return the manifest without the list of files."""
+    return {
+        "format": VERSION,
+        "anhyst": version,
+        "name": stage.name,
+        "rig": {"name": stage.rig, "sha256": stage.sha256},
+        "kind": stage.kind,
+        "io": "f32",
+        "rate_Hz": stage.rate,
+        "memory": {"parameters_bytes": stage.parameters_bytes},
+        "controller": None,
+        "stage": {
+            "free": list(stage.free),
+            "heads": len(stage.rows["at"]),
+            "magnets": len(stage.magnets),
+            "ahead_s": stage.ahead,
+            "mass": stage.rows["mass"].tolist(),
+            "weight": stage.rows["weight"].tolist(),
+            "at": stage.rows["at"].tolist(),
+        },
+    }

@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the harness runs: the whole controller of a stage, tick by tick. STAGE names its parts and
+   COUNT its numbers. */
+#define PAINTED_BYTES 4096U
+#include STAGE_HEADER
+#include "steps.h"
+
+/* A sample and an answer, signal by signal and word by word. */
+typedef union {
+  struct {
+    STAGE(_sample) in;
+    STAGE(_answer) out;
+  } signals;
+  uint32_t word[HARNESS_RECORD_WORDS];
+} tick_of;
+
+typedef char same_size[sizeof(tick_of) == 4 * HARNESS_RECORD_WORDS ? 1 : -1];
+
+static STAGE() controller;
+static tick_of now;
+static float force[COUNT(MAGNETS)]; /* whose wrench is fed forward, of the largest */
+
+/* Uniform over -1..1. */
+static float draw(void) { return (float)draw_q30(0) / (float)Q30_ONE; }
+
+void subject_start(void)
+{
+  harness_box.state_bytes = sizeof controller;
+  harness_box.control_bytes = 0;
+  harness_box.words = 0;
+  for (int i = 0; i < COUNT(MAGNETS); i++) {
+    force[i] = 0.0F;
+    now.signals.in.gap[i] = COUNT(GAP_LOW_M);
+  }
+  harness_box.status = (uint32_t)(int32_t)STAGE(_init)(&controller);
+}
+
+void subject_fold_start(void) { harness_fold(STAGE(_settings).layout.drives); }
+
+/* Forces walk, or jump beyond what there is for a while; now and then a gap is one that cannot
+   be. */
+void subject_draw(uint32_t step)
+{
+  const float *pull = STAGE(_settings).layout.pull;
+  const float span = COUNT(GAP_HIGH_M) - COUNT(GAP_LOW_M);
+  STAGE(_sample) *in = &now.signals.in;
+  for (int i = 0; i < COUNT(HEADS); i++) {
+    in->head[i] = draw() * (harness_draw() % 64U == 0U ? 1e-5F : 1e-7F);
+  }
+  for (int k = 0; k < COUNT(AXES); k++) {
+    in->forward[k] = 0.0F;
+  }
+  for (int i = 0; i < COUNT(MAGNETS); i++) {
+    const float walked = force[i] + draw() / 64.0F;
+    force[i] = step % 1024U < 128U ? draw() : walked;
+    force[i] = force[i] > 0.0F && force[i] < 1.0F ? force[i] : 0.5F;
+    in->gap[i] += span * draw() / 256.0F;
+    if (harness_draw() % 256U == 0U) {
+      in->gap[i] = COUNT(GAP_LOW_M) + span * 2.0F * draw();
+    }
+    for (int k = 0; k < COUNT(AXES); k++) {
+      in->forward[k] += COUNT(FORCE_MAX_N) * force[i] * pull[i * COUNT(AXES) + k];
+    }
+  }
+}
+
+void subject_read(const volatile uint32_t *row)
+{
+  for (uint32_t i = 0; i < HARNESS_RECORD_WORDS; i++) {
+    now.word[i] = row[i];
+  }
+}
+
+void subject_step(uint32_t *record)
+{
+  harness_clock_start();
+  STAGE(_tick)(&controller, &now.signals.in, &now.signals.out);
+  const uint32_t elapsed = harness_clock_stop();
+  harness_measured(now.signals.out.flags != 0U ? HARNESS_RAMPS : HARNESS_CONTROLS, elapsed);
+  harness_measured(HARNESS_TICK, elapsed);
+  for (uint32_t i = 0; i < HARNESS_RECORD_WORDS; i++) {
+    record[i] = now.word[i];
+  }
+}
+
+/* Bytes of stack that a tick uses, its return address included. */
+uint32_t subject_stack(void)
+{
+  const uintptr_t top = harness_stack_pointer();
+  const uintptr_t low = painted_from(top);
+  paint(low, top);
+  STAGE(_tick)(&controller, &now.signals.in, &now.signals.out);
+  return (uint32_t)(top - deepest(low, top));
+}

@@ -1,0 +1,152 @@
+"""The compiled controller of a stage: the flight that was simulated, without a number of double precision."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import anhyst
+from anhyst.cli.app import main
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import Drift
+from anhyst.rig.stage.loop import Feedforward, StageSetup, fit_method, make_stage, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.study.tracking.compiled import CompiledStage, write_stage
+from tests.compilation.test_controller import WARNINGS, played
+from tests.core.test_c_core import tool
+from tests.refusals import refused
+from tests.study import bearings, stages
+from tests.study.test_axes import planar
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@cache
+def single(several: bool, method: MethodName) -> StageSetup:
+    """Return an example in single precision, its magnets known without a search."""
+    rig = planar() if several else stages.stage()
+    rig = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+    return replace(make_stage(rig, bearings.knowledge(), method), law="f32")
+
+
+def replays(folder: Path) -> None:
+    """Its own example, compiled as strictly as the core, plays its vectors without a difference."""
+    sources = sorted(str(file) for file in folder.rglob("*.c"))
+    options = [*WARNINGS.split(), "-ffp-contract=off", f"-I{folder / 'include'}"]
+    program = folder.parent / "example"
+    command = [tool("gcc"), *options, *sources, "-lm", "-o", str(program)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    vectors = (folder / "vectors.csv").read_text()
+    assert played(str(program), vectors) == "2000 rows, 0 differ\n"
+    command = [tool("nm"), str(program)]
+    assert "_f64" not in subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def flown(setup: StageSetup, number: int) -> np.ndarray:
+    """Return the currents of a magnet in the simulated flight."""
+    scan = setup.rig.settings.scan
+    run = track(setup, motion_of(scan, scan.test_m_per_s2), Feedforward())
+    return run["command_A" if number == 1 else f"command_{number}_A"][:2000]
+
+
+def folder_of(setup: StageSetup, tmp_path: Path) -> CompiledStage:
+    return write_stage(setup, setup.compensator.method, tmp_path / "out", "stage")
+
+
+def test_what_was_simulated_is_what_would_be_flashed(tmp_path: Path) -> None:
+    setup = single(True, "full")
+    compiled = folder_of(setup, tmp_path)
+    replays(compiled.out)
+    for number in (1, 2, 5, 10):
+        assert np.array_equal(compiled.vectors[f"current_{number}"], flown(setup, number))
+
+
+def test_one_axis_is_compiled_as_a_body_of_one_coordinate(tmp_path: Path) -> None:
+    setup = single(False, "full")
+    compiled = folder_of(setup, tmp_path)
+    replays(compiled.out)
+    step = 4.5 / 2**18
+    for number in (1, 2):
+        off = compiled.vectors[f"current_{number}"] - flown(setup, number)
+        assert np.abs(off).max() < 10.0 * step
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["play", "single-valued", "simplified"])
+def test_every_kind_replays_its_flight(method: MethodName, tmp_path: Path) -> None:
+    setup = single(True, method)
+    compiled = folder_of(setup, tmp_path)
+    replays(compiled.out)
+    assert np.array_equal(compiled.vectors["current_1"], flown(setup, 1))
+
+
+@pytest.mark.slow
+def test_what_calibration_found_of_each_magnet_is_compiled(tmp_path: Path) -> None:
+    setup = single(True, "full")
+    other = fit_method(setup.rig, bearings.knowledge(), "full", 0.05)
+    rows = np.tile([1.0, 0.0, 1.0, 0.0], (10, 1))
+    rows[1], rows[8] = [1.01, 1e-6, 1.0, 0.0], [0.99, -2e-6, 1.0, 0.0]
+    own = tuple(other if number == 3 else setup.compensator for number in range(10))
+    drift = Drift(pinning=0.0)
+    corrected = replace(setup, correction=rows, own=own, drift=drift, body={"payload": 0.01})
+    compiled = folder_of(corrected, tmp_path)
+    replays(compiled.out)
+    assert (compiled.out / "stage_2_parameters.c").is_file()
+    for number in (2, 4, 9):
+        assert np.array_equal(compiled.vectors[f"current_{number}"], flown(corrected, number))
+    assert not np.array_equal(compiled.vectors["current_2"], flown(setup, 2))
+
+
+def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None:
+    compiled = folder_of(single(True, "single-valued"), tmp_path)
+    stage = compiled.manifest["stage"]
+    assert np.allclose(compiled.vectors["forward_z"], -stage["weight"][2])
+    assert stage["mass"][0][0] == pytest.approx(20.0)
+    most = np.abs(compiled.vectors["forward_x"]).max()
+    assert most == pytest.approx(20.0 * 22.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"io": "q31"}, "option-not-for-this --io"),
+        ({"rate": 10e3}, "option-differs timing.rate_Hz"),
+        ({"accuracy": 0.1}, "option-not-for-this --accuracy"),
+        ({"controller": "controller.toml"}, "option-not-for-this --controller"),
+        ({"name": "Upper"}, "bad-name --name"),
+    ],
+)
+def test_what_does_not_fit_a_stage_is_refused(
+    options: dict[str, object], code: str, tmp_path: Path
+) -> None:
+    with refused(code):
+        anhyst.compile(EXAMPLES / "planar" / "rig.toml", tmp_path / "out", **options)  # type: ignore[arg-type]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_stage_that_learns_as_it_runs_is_refused(tmp_path: Path) -> None:
+    text = (EXAMPLES / "planar" / "rig.toml").read_text()
+    text = text.replace("bias_N = 5.0  ", "calibrate = true\nbias_N = 5.0  ")
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    for name in ("loops.csv", "loops.toml"):
+        (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+    with refused("not-compilable control.calibrate"):
+        anhyst.compile(path, tmp_path / "out")
+
+
+def test_a_file_that_is_not_there_is_said_before_a_rate_is_asked_for(tmp_path: Path) -> None:
+    with refused("no-such-file: absent.toml"):
+        anhyst.compile("absent.toml", tmp_path / "out")
+
+
+def test_a_model_has_no_curve_without_memory(tmp_path: Path) -> None:
+    assert main(["compile", "model.toml", "--kind", "single-valued", "--out", str(tmp_path)]) == 2
+    with refused("option-not-for-this --kind"):
+        anhyst.compile("model.toml", tmp_path / "out", rate=1e4, kind="single-valued")

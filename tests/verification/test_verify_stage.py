@@ -1,0 +1,81 @@
+"""The compiled controller of a stage on other processors: the same bits, and what they cost there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from anhyst.study.tracking.compiled import write_stage
+from anhyst.verification import verify
+from anhyst.verification.bundle import read_bundle
+from anhyst.verification.targets import cortex_m
+from anhyst.verification.workshop import Workshop
+from tests.compilation.test_compile_stage import single
+from tests.refusals import refused
+from tests.verification.conftest import sign
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("stage") / "out"
+    return write_stage(single(True, "full"), "full", place, "stage").out
+
+
+@pytest.mark.slow
+def test_ten_magnets_fly_with_the_same_bits_on_every_cortex_with_a_float_unit(folder: Path) -> None:
+    found = verify(folder, "cortex-m4,cortex-m7,cortex-m33", target_steps=2000)
+    assert found.passed, found.first_failure()
+    assert [one.build for one in found.results] == ["hard float"] * 3
+    for one in found.results:
+        assert (one.steps, one.vectors, one.warnings) == (200, 2000, 0)
+        flight, tick = one.cost("tick, in flight"), one.cost("tick")
+        assert flight is not None
+        assert tick is not None
+        assert 10_000 < flight.mean < 60_000
+        assert flight.mean < flight.most < 4 * flight.mean
+        assert one.sizes is not None
+        assert 5_000 < one.sizes.code < 40_000
+        assert 1_000 < one.state_bytes < 4_000
+        assert one.stack_measured is not None
+        assert one.stack_static is not None
+        assert 200 < one.stack_measured <= one.stack_static < 2_000
+
+
+@pytest.mark.slow
+def test_no_double_is_linked_on_a_processor_that_has_none(folder: Path, tmp_path: Path) -> None:
+    workshop = Workshop.set_up(read_bundle(folder), tmp_path, "stage")
+    (order,) = cortex_m("cortex-m4", workshop).orders
+    image = order().image
+    assert image is not None
+    names = {symbol.name for symbol in image.symbols if symbol.kind == "STT_FUNC"}
+    assert "stage_controller_tick" in names
+    doubles = ("__aeabi_d", "__aeabi_f2d", "__aeabi_cd")
+    assert [name for name in names if name.startswith(doubles) or name.endswith("df3")] == []
+
+
+@pytest.mark.slow
+def test_a_current_that_differs_is_named_with_its_tick(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "out"
+    place.mkdir()
+    bundle = read_bundle(folder)
+    bundle.copy_sources(place)
+    for name in ("manifest.json", *bundle.manifest["files"]):
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_bytes((folder / name).read_bytes())
+    lines = (place / "vectors.csv").read_text().splitlines()
+    cells = lines[8].split(",")
+    column = lines[0].split(",").index("current_3")
+    cells[column] = str(float(cells[column]) * 1.5)
+    lines[8] = ",".join(cells)
+    (place / "vectors.csv").write_text("\n".join(lines) + "\n")
+    sign(place)
+    found = verify(place, "cortex-m4", target_steps=100)
+    assert not found.passed
+    assert "golden vector 7: current 3" in found.first_failure()
+
+
+def test_a_processor_without_float_format_is_refused(folder: Path) -> None:
+    for name in ("avr", "msp430", "cortex-m3-qemu"):
+        with refused("target-not-for-this --on"):
+            verify(folder, name)
