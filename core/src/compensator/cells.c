@@ -328,10 +328,8 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
     }
   }
   along.low = along.x;
-  to->way = 0;
   if (missing > STILL) {
     to->m = pursue(&along, &solve, here, (int16_t)(missing > FAR ? along.cells : 0));
-    to->way = along.falling == 0 ? 1 : -1;
   } else {
     to->m = joins_at(&along, along.active, along.x);
   }
@@ -372,68 +370,62 @@ static int stepped(const int16_t *words, anhyst_candidate *at)
 /* What comes of going to a target on a segment. */
 enum { NOT_MET, MET, BEYOND };
 
-/* Goes to a target from where a candidate stands, on its segment, not below low, in its direction,
-   and no further than to where a cell joins; whether it is met there, and h*x + m there. As much
-   behind low as rounding takes away it stays there. BEYOND: it is on one of the next segments. */
+/* Goes to a target from where a candidate stands, on its segment, not below where the step or the
+   last cell began, in its direction, and no further than to where a cell joins; whether it is met
+   there, and h*x + m there. As much behind that as rounding takes away it stays there. BEYOND: it is
+   on one of the next segments. */
 static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, int32_t wanted,
-                                 int32_t low, anhyst_candidate *at, int32_t *flux)
+                                 anhyst_candidate *at, int32_t *flux)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
+  const int32_t low = at->memory.level;
   const uint16_t fine = at->fine;
   const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
-  const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
   const int32_t rise = rise_on(at, solve.air);
-  const int32_t whole = left_side(&solve, rise, width);
+  const int32_t whole = left_side(&solve, rise, (int32_t)((uint32_t)0x8000 << fine));
   const int32_t missing = turned(wanted, falling) - left_side(&solve, at->flux, begin);
   if (missing < 0) {
     return NOT_MET;
   }
   if (missing >= whole) {
-    return missing / NEAR >= whole ? NOT_MET : BEYOND;
+    return missing / NEAR < whole ? BEYOND : NOT_MET;
   }
   const int32_t part = anhyst_sat_u15(part_of(missing, whole));
-  const int32_t met = place_in(begin, fine, part);
-  const int32_t x = met < low && low - met <= (int32_t)4 << fine ? low : met;
+  int32_t x = place_in(begin, fine, part);
+  if (x < low) {
+    if (low - x > (int32_t)4 << fine) {
+      return NOT_MET;
+    }
+    x = low;
+  }
   at->memory.x = turned(x, falling);
   *flux = turned(at->flux + share_of(rise, part), falling);
-  return x >= low && x <= at->m ? MET : NOT_MET;
+  return x <= at->m ? MET : NOT_MET;
 }
 
-/* The same on the next segments; whether it is met. */
-static int met_beyond(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
-                      anhyst_candidate *at, int32_t *flux)
+/* Goes to a target that lies beyond the segment of a candidate, or else from the memory on; gives
+   h*x + m there, over 4. */
+static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t wanted, int met)
 {
-  for (int16_t more = NEAR - 1; more > 0 && stepped(words, at); more--) {
-    const int met = met_on_segment(words, arms, wanted, low, at, flux);
-    if (met != BEYOND) {
-      return met == MET;
-    }
+  anhyst_candidate *at = &c->next;
+  int32_t flux;
+  for (int16_t more = NEAR - 1; met == BEYOND && more > 0 && stepped(c->words, at); more--) {
+    met = met_on_segment(c->words, arms, wanted, at, &flux);
   }
-  return 0;
-}
-
-static inline int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
-                       anhyst_candidate *at, int32_t *flux)
-{
-  const int met = met_on_segment(words, arms, wanted, low, at, flux);
-  return met == BEYOND ? met_beyond(words, arms, wanted, low, at, flux) : met;
+  return met == MET ? flux : travel(c->words, &c->memory, c->plays, arms, wanted, at);
 }
 
 static int32_t cells_field(anhyst_compensator *c)
 {
+  anhyst_candidate *at = &c->next;
   const int32_t target = c->flux >> 2;
-  anhyst_candidate *to = &c->next;
-  const int32_t falling = to->memory.p < 0 ? -1 : 0;
-  const int32_t low = turned(c->memory.x, falling);
-  int32_t reached;
-  if (to->fine != 0U && slid(c->words, 0, target, low, to, &reached)) {
-    to->memory.level = low;
-    to->way = falling == 0 ? 1 : -1;
-  } else {
-    (void)travel(c->words, &c->memory, c->plays, 0, target, to);
+  int32_t flux;
+  const int met = at->fine != 0U ? met_on_segment(c->words, 0, target, at, &flux) : NOT_MET;
+  if (met != MET) {
+    (void)go_beyond(c, 0, target, met);
   }
-  return to->memory.x;
+  return at->memory.x;
 }
 
 static int32_t cells_flux(anhyst_compensator *c, int32_t current)
@@ -442,8 +434,9 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
   anhyst_candidate *at = &c->next;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
   int32_t flux;
-  if (at->way == 0 || !slid(c->words, arms, target, at->memory.level, at, &flux)) {
-    flux = travel(c->words, &c->memory, c->plays, arms, target, at);
+  const int met = at->fine != 0U ? met_on_segment(c->words, arms, target, at, &flux) : NOT_MET;
+  if (met != MET) {
+    flux = go_beyond(c, arms, target, met);
   }
   return anhyst_shl_q31(flux, 2);
 }
@@ -458,6 +451,7 @@ static void cells_keep(anhyst_compensator *c)
   if (have_turned(&c->memory, &c->next.memory)) {
     anhyst_cells_keep(c->words, &c->memory, c->plays);
   }
+  c->next.memory.level = turned(c->next.memory.x, c->next.memory.p < 0 ? -1 : 0);
 }
 
 static void cells_start(anhyst_compensator *c)
