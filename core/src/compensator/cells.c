@@ -416,18 +416,6 @@ static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t
   return met == MET ? flux : travel(c->words, &c->memory, c->plays, arms, wanted, at);
 }
 
-static int32_t cells_field(anhyst_compensator *c)
-{
-  anhyst_candidate *at = &c->next;
-  const int32_t target = c->flux >> 2;
-  int32_t flux;
-  const int met = at->fine != 0U ? met_on_segment(c->words, 0, target, at, &flux) : NOT_MET;
-  if (met != MET) {
-    (void)go_beyond(c, 0, target, met);
-  }
-  return at->memory.x;
-}
-
 static int32_t cells_flux(anhyst_compensator *c, int32_t current)
 {
   const anhyst_arms *arms = &c->arms;
@@ -439,6 +427,49 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
     flux = go_beyond(c, arms, target, met);
   }
   return anhyst_shl_q31(flux, 2);
+}
+
+/* A limit of the current, as the arms make it up. */
+static int32_t limit_of(const int16_t *words, int word)
+{
+  return (words[word] * 32768) >> words[ANHYST_WORD_CURRENT_SHIFT];
+}
+
+/* 1, -1: the flux lies beyond the upper, lower limit of the current, since it does so with the field
+   as it is, and the field goes the same way; 0: not known. */
+static int beyond_limit(const anhyst_compensator *c)
+{
+  const int16_t *words = c->words;
+  const anhyst_arms *arms = &c->arms;
+  const int32_t least = arms->bias + anhyst_scale(c->flux, arms->flux_arm) +
+                        anhyst_scale(inside(c->memory.x), arms->field_arm);
+  if (arms->flux_arm < 0) {
+    return 0;
+  }
+  if (c->flux > c->flux_applied) {
+    return least > limit_of(words, ANHYST_WORD_CURRENT_HIGH);
+  }
+  return least < limit_of(words, ANHYST_WORD_CURRENT_LOW) ? -1 : 0;
+}
+
+/* A flux beyond what the current can give leads to its limit, and asks for all the field there is. */
+static int32_t cells_field(anhyst_compensator *c)
+{
+  anhyst_candidate *at = &c->next;
+  const int32_t target = c->flux >> 2;
+  int32_t flux;
+  const int met = at->fine != 0U ? met_on_segment(c->words, 0, target, at, &flux) : NOT_MET;
+  if (met == MET) {
+    return at->memory.x;
+  }
+  const int beyond = beyond_limit(c);
+  if (beyond != 0) {
+    (void)cells_flux(
+        c, limit_of(c->words, beyond > 0 ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW));
+    return beyond > 0 ? ONE - 1 : -ONE;
+  }
+  (void)go_beyond(c, 0, target, met);
+  return at->memory.x;
 }
 
 static void cells_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
