@@ -73,7 +73,7 @@ static int32_t offset_at(const int16_t *words, place at)
 
 /* What an output at this gap needs as a flux, q30, beyond the offset and at least 0 if it goes with
    a square; saturates. */
-static int32_t flux_for(const int16_t *words, int32_t output, int32_t offset, place at)
+static inline int32_t flux_for(const int16_t *words, int32_t output, int32_t offset, place at)
 {
   const int32_t beyond = anhyst_sub_q31(output, offset);
   const int32_t part = words[ANHYST_WORD_POWER] == 2
@@ -160,11 +160,12 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const int32_t field = c->kernel->field(c);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
-  const int32_t wanted = anhyst_shl_q31(inner, (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1));
-  c->current = anhyst_clamp(wanted, (int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536,
-                            (int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536);
+  const uint16_t up = (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1);
+  const int32_t reached = anhyst_clamp(inner, (words[ANHYST_WORD_CURRENT_LOW] * 65536) >> up,
+                                       (words[ANHYST_WORD_CURRENT_HIGH] * 65536) >> up);
+  c->current = (int32_t)((uint32_t)reached << up);
   c->solved = 1;
-  if (c->current != wanted) {
+  if (reached != inner) {
     c->flags |= ANHYST_CURRENT_LIMITED;
   }
   return c->current;
@@ -176,12 +177,12 @@ int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int1
       anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536));
 }
 
-static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_solved)
+void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
 {
   const int16_t *words = c->words;
   const int same_gap = c->solved != 0U && gap == c->gap;
   c->flux_applied = c->flux;
-  if (!as_solved || !same_gap || (c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
+  if (applied != c->current || !same_gap || (c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
     const int32_t inner = applied >> (words[ANHYST_WORD_CURRENT_SHIFT] + 1);
     if (!same_gap) {
       c->arms = arms_at(words, gap_place(words, gap));
@@ -199,15 +200,12 @@ static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_s
   c->solved = 0;
 }
 
-void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
-{
-  commit(c, applied, gap, applied == c->current);
-}
-
+/* What rounds to what was solved is what was solved. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap)
 {
-  commit(c, (int32_t)applied * 65536, (int32_t)gap * 65536,
-         applied == anhyst_round_q31(c->current));
+  const int as_solved = applied == anhyst_round_q31(c->current);
+  anhyst_compensator_commit_q31(c, as_solved ? c->current : (int32_t)applied * 65536,
+                                (int32_t)gap * 65536);
 }
 
 int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
