@@ -59,13 +59,13 @@ static int32_t missing_at(const cell_path *along, const equation *solve, int32_t
 }
 
 /* The field at the lower end of a segment. */
-static int32_t node(const cell_path *along, int16_t segment)
+static int32_t node(const cell_path *along, int segment)
 {
-  int16_t first = 0;
+  int first = 0;
   int32_t begin = -ONE;
-  uint16_t fine = along->wide;
+  unsigned fine = along->wide;
   if (segment >= along->stride - 1 - along->outer) {
-    first = (int16_t)(along->stride - 1 - along->outer);
+    first = along->stride - 1 - along->outer;
     begin = along->inner;
   } else if (segment >= along->outer) {
     first = along->outer;
@@ -92,7 +92,7 @@ static inline int32_t rise_of(const int16_t *segment)
 
 /* Which part of a segment the target is met at, of which so much is missing where it begins; 0,
    0x8000: not behind there, beyond it. */
-static inline int32_t part_with_target(const equation *solve, const int16_t *segment, uint16_t fine,
+static inline int32_t part_with_target(const equation *solve, const int16_t *segment, unsigned fine,
                                        int32_t missing)
 {
   const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
@@ -104,22 +104,22 @@ static inline int32_t part_with_target(const equation *solve, const int16_t *seg
 }
 
 /* Which part of its segment x is at. Segments begin at multiples of their width. */
-static inline int32_t part_at(int32_t x, uint16_t fine) { return (x >> fine) & 0x7FFF; }
+static inline int32_t part_at(int32_t x, unsigned fine) { return (x >> fine) & 0x7FFF; }
 
 /* Where the segment begins that holds x. */
-static inline int32_t begin_of(int32_t x, uint16_t fine)
+static inline int32_t begin_of(int32_t x, unsigned fine)
 {
   return (int32_t)((uint32_t)(x >> fine >> 15) << 15 << fine);
 }
 
 /* The field at a part of the segment that begins there. */
-static inline int32_t place_in(int32_t begin, uint16_t fine, int32_t part)
+static inline int32_t place_in(int32_t begin, unsigned fine, int32_t part)
 {
   return (int32_t)((uint32_t)begin + ((uint32_t)part << fine));
 }
 
 /* Where a cell joins a path that has come to low; beyond the last cell: the end of the rows. */
-static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
+static int32_t joins_at(const cell_path *along, int cell, int32_t low)
 {
   if (cell > along->cells) {
     return ONE - 1;
@@ -129,16 +129,16 @@ static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
 }
 
 /* Whether a cell came to rest on a path of this direction. */
-static int follows(const cell_path *along, int16_t cell)
+static int follows(const cell_path *along, int cell)
 {
-  return (((uint32_t)turned(along->frozen, along->falling) >> ((uint16_t)cell & 31U)) & 1U) != 0U;
+  return (((uint32_t)turned(along->frozen, along->falling) >> ((unsigned)cell & 31U)) & 1U) != 0U;
 }
 
 /* From here on, the cells from the next one to the last that came to rest where that did, on a path
    the other way, are those which that has left. The next one alone where the last comes before. */
-static void find_left(cell_path *along, int16_t last)
+static void find_left(cell_path *along, int last)
 {
-  int16_t cell = along->active;
+  int cell = along->active;
   const int32_t x = left_at(along, cell);
   do {
     cell++;
@@ -149,7 +149,7 @@ static void find_left(cell_path *along, int16_t last)
 }
 
 /* What the next cell rests with, which joins here; with it, up to the last, those left together. */
-static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
+static int32_t rests_with(cell_path *along, anhyst_spot here, int last)
 {
   if (follows(along, along->active)) {
     return beyond(along, here);
@@ -157,7 +157,7 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
   if (along->active >= along->moved) {
     find_left(along, last);
   }
-  const anhyst_spot there = {along->left.at + rows_on(along, (int16_t)(along->active - 1)),
+  const anhyst_spot there = {along->left.at + rows_on(along, along->active - 1),
                              along->left.part};
   return -beyond(along, there);
 }
@@ -167,21 +167,21 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
    met. */
 static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_t low, int32_t high)
 {
-  uint16_t fine = fineness(along, low);
+  unsigned fine = fineness(along, low);
   int32_t begin = begin_of(low, fine);
   anhyst_spot first = {here.at, 0};
   int32_t part = part_with_target(solve, here.at, fine, missing_at(along, solve, begin, first));
   if (part > 0x7FFF) {
-    int16_t segment = (int16_t)(here.at - along->row);
-    int16_t end = (int16_t)(spot_on(along, along->row, high).at - along->row);
+    int segment = (int)(here.at - along->row);
+    int end = (int)(spot_on(along, along->row, high).at - along->row);
     int32_t missing = ANHYST_Q31_MAX;
     while (segment < end) {
-      const int16_t middle = (int16_t)((segment + end + 1) / 2);
+      const int middle = (segment + end + 1) / 2;
       const int32_t place = node(along, middle);
       first.at = along->row + middle;
       const int32_t left = missing_at(along, solve, place, first);
       if (left <= 0) {
-        end = (int16_t)(middle - 1);
+        end = middle - 1;
       } else {
         segment = middle;
         begin = place;
@@ -197,11 +197,11 @@ static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_
 }
 
 /* Lets so many cells move, of those that the turn of this path has left. */
-static void let_move(cell_path *along, int16_t cells)
+static void let_move(cell_path *along, int cells)
 {
-  const anhyst_spot now = {along->left.at + rows_on(along, (int16_t)(along->active - 1)),
+  const anhyst_spot now = {along->left.at + rows_on(along, along->active - 1),
                            along->left.part};
-  const int16_t *then = along->left.at + rows_on(along, (int16_t)(cells - 1));
+  const int16_t *then = along->left.at + rows_on(along, cells - 1);
   along->rest = inside(along->rest + between(now, then));
   along->active = cells;
   along->row = row_of(along, cells);
@@ -211,18 +211,18 @@ static void let_move(cell_path *along, int16_t cells)
    target is reached. How many is found by halving. Gives where the last one does. */
 static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
 {
-  int16_t least = along->active;
-  int16_t most = along->moved;
+  int least = along->active;
+  int most = along->moved;
   int32_t place = low;
   while (least < most) {
-    const int16_t cells = (int16_t)((least + most + 1) / 2);
-    const int32_t next = joins_at(along, (int16_t)(cells - 1), low);
+    const int cells = (least + most + 1) / 2;
+    const int32_t next = joins_at(along, cells - 1, low);
     let_move(along, cells);
     if (missing_at(along, solve, next, spot_on(along, along->row, next)) > 0) {
       least = cells;
       place = next;
     } else {
-      most = (int16_t)(cells - 1);
+      most = cells - 1;
     }
   }
   let_move(along, least);
@@ -232,7 +232,7 @@ static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
 /* Goes on from where a path begins, below the target: lets the cells join that do so on the way.
    Gives where the next one does. Those left together are looked for up to the last, once one has
    joined among all: a short path ends before the second one joins. */
-static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here, int16_t last)
+static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here, int last)
 {
   int32_t low = along->x;
   int32_t next = joins_at(along, along->active, low);
@@ -270,9 +270,9 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here,
 /* Leaves a path for the opposite one: all but cell 0 rest. */
 static void turn(cell_path *along, anhyst_spot here)
 {
-  const anhyst_spot first = {here.at - rows_on(along, (int16_t)(along->active - 1)), here.part};
+  const anhyst_spot first = {here.at - rows_on(along, along->active - 1), here.part};
   const int32_t left = between(first, here.at);
-  const uint32_t moved = ((uint32_t)1 << (uint16_t)along->active) - 1U;
+  const uint32_t moved = ((uint32_t)1 << along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;
   along->frozen = (int32_t)(along->falling == 0 ? others | moved : others);
   along->rest = ~inside(along->rest + left);
@@ -306,6 +306,13 @@ static inline int32_t share_of(int32_t rise, int32_t part)
   return 2 * anhyst_scale(rise, (int16_t)part);
 }
 
+/* A flux of which a fourth is known, saturates. */
+static inline int32_t whole_flux(int32_t fourth)
+{
+  const int32_t half = anhyst_add_q31(fourth, fourth);
+  return anhyst_add_q31(half, half);
+}
+
 /* Solves from a memory on; gives h*x + m there, over 4. Between the two directions, where rows are
    not quite odd, it stays. */
 static int32_t travel(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -329,12 +336,12 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
   }
   along.low = along.x;
   if (missing > STILL) {
-    to->m = pursue(&along, &solve, here, (int16_t)(missing > FAR ? along.cells : 0));
+    to->m = pursue(&along, &solve, here, missing > FAR ? along.cells : 0);
   } else {
     to->m = joins_at(&along, along.active, along.x);
   }
   to->y_slope = (int16_t)(along.segment - words);
-  to->fine = fineness(&along, along.x);
+  to->fine = (uint16_t)fineness(&along, along.x);
   to->memory.x = turned(along.x, along.falling);
   to->memory.y = turned(along.rest, along.falling);
   to->memory.p = along.falling == 0 ? along.active : -along.active;
@@ -380,7 +387,7 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
   const int32_t low = at->memory.level;
-  const uint16_t fine = at->fine;
+  const unsigned fine = at->fine;
   const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
   const int32_t rise = rise_on(at, solve.air);
   const int32_t whole = left_side(&solve, rise, (int32_t)((uint32_t)0x8000 << fine));
@@ -409,8 +416,8 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
 static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t wanted, int met)
 {
   anhyst_candidate *at = &c->next;
-  int32_t flux;
-  for (int16_t more = NEAR - 1; met == BEYOND && more > 0 && stepped(c->words, at); more--) {
+  int32_t flux = 0;
+  for (int more = NEAR - 1; met == BEYOND && more > 0 && stepped(c->words, at); more--) {
     met = met_on_segment(c->words, arms, wanted, at, &flux);
   }
   return met == MET ? flux : travel(c->words, &c->memory, c->plays, arms, wanted, at);
@@ -426,7 +433,7 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
   if (met != MET) {
     flux = go_beyond(c, arms, target, met);
   }
-  return anhyst_shl_q31(flux, 2);
+  return whole_flux(flux);
 }
 
 /* A limit of the current, as the arms make it up. */
@@ -494,7 +501,7 @@ static void cells_start(anhyst_compensator *c)
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
-  return anhyst_shl_q31(travel(words, from, plays, arms, target, to), 2);
+  return whole_flux(travel(words, from, plays, arms, target, to));
 }
 
 const anhyst_kernel *anhyst_cells_for_block(const int16_t *words)

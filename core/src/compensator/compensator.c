@@ -71,16 +71,15 @@ static int32_t offset_at(const int16_t *words, place at)
   return (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
 }
 
-/* What an output at this gap needs as a flux, q30, beyond the offset and at least 0 if it goes with
-   a square; saturates. */
+/* What an output at this gap needs as a flux, q30 over 2^ANHYST_WORD_FLUX_SHIFT, beyond the offset
+   and at least 0 if it goes with a square. */
 static inline int32_t flux_for(const int16_t *words, int32_t output, int32_t offset, place at)
 {
   const int32_t beyond = anhyst_sub_q31(output, offset);
   const int32_t part = words[ANHYST_WORD_POWER] == 2
                            ? root(beyond > 0 ? beyond : 0, words[ANHYST_WORD_ROOT_KNEE])
                            : beyond >> 1;
-  return anhyst_shl_q31(anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN])),
-                        (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
+  return anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN]));
 }
 
 /* The demand at this gap as a flux, q30. */
@@ -94,12 +93,13 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
   const int32_t flux = flux_for(words, wanted, offset, at);
-  const int32_t limit = (int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536;
+  const int32_t limit =
+      ((int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536) >> words[ANHYST_WORD_FLUX_SHIFT];
   const int32_t reached = anhyst_clamp(flux, -limit, limit);
   if (reached != flux) {
     c->flags |= ANHYST_FLUX_LIMITED;
   }
-  return reached;
+  return (int32_t)((uint32_t)reached << words[ANHYST_WORD_FLUX_SHIFT]);
 }
 
 static const anhyst_kernel *kernel_for(const anhyst_kernel *kernel, const int16_t *words)
@@ -200,12 +200,12 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
   c->solved = 0;
 }
 
-/* What rounds to what was solved is what was solved. */
+/* What rounds to what was solved, which is below 1 by a unit of 16 bits, is what was solved. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap)
 {
-  const int as_solved = applied == anhyst_round_q31(c->current);
-  anhyst_compensator_commit_q31(c, as_solved ? c->current : (int32_t)applied * 65536,
-                                (int32_t)gap * 65536);
+  const int32_t given = (int32_t)applied * 65536;
+  const uint32_t off = (uint32_t)c->current - (uint32_t)given + 0x8000U;
+  anhyst_compensator_commit_q31(c, off < 0x10000U ? c->current : given, (int32_t)gap * 65536);
 }
 
 int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
@@ -232,7 +232,8 @@ void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
 {
   const int32_t output = anhyst_compensator_output_q31(c);
   const place at = gap_place(words, c->gap);
-  int32_t flux = flux_for(words, output, offset_at(words, at), at);
+  int32_t flux = anhyst_shl_q31(flux_for(words, output, offset_at(words, at), at),
+                                (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }
