@@ -465,6 +465,7 @@ static int32_t cells_field(anhyst_compensator *c)
   anhyst_candidate *at = &c->next;
   const int32_t target = c->flux >> 2;
   int32_t flux;
+  at->memory.level = turned(c->memory.x, at->memory.p < 0 ? -1 : 0);
   const int met = at->fine != 0U ? met_on_segment(c->words, 0, target, at, &flux) : NOT_MET;
   if (met == MET) {
     return at->memory.x;
@@ -489,7 +490,6 @@ static void cells_keep(anhyst_compensator *c)
   if (have_turned(&c->memory, &c->next.memory)) {
     anhyst_cells_keep(c->words, &c->memory, c->plays);
   }
-  c->next.memory.level = turned(c->next.memory.x, c->next.memory.p < 0 ? -1 : 0);
 }
 
 static void cells_start(anhyst_compensator *c)
