@@ -436,45 +436,34 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
   return whole_flux(flux);
 }
 
-/* A limit of the current, as the arms make it up. */
-static int32_t limit_of(const int16_t *words, int word)
+/* Whether the flux lies beyond a limit of the current, as it does if it asks for more with the field
+   where it is: that goes the same way. */
+static int is_beyond(const anhyst_compensator *c, int rises, int32_t limit)
 {
-  return (words[word] * 32768) >> words[ANHYST_WORD_CURRENT_SHIFT];
-}
-
-/* 1, -1: the flux lies beyond the upper, lower limit of the current, since it does so with the field
-   as it is, and the field goes the same way; 0: not known. */
-static int beyond_limit(const anhyst_compensator *c)
-{
-  const int16_t *words = c->words;
   const anhyst_arms *arms = &c->arms;
   const int32_t least = arms->bias + anhyst_scale(c->flux, arms->flux_arm) +
                         anhyst_scale(inside(c->memory.x), arms->field_arm);
-  if (arms->flux_arm < 0) {
-    return 0;
-  }
-  if (c->flux > c->flux_applied) {
-    return least > limit_of(words, ANHYST_WORD_CURRENT_HIGH);
-  }
-  return least < limit_of(words, ANHYST_WORD_CURRENT_LOW) ? -1 : 0;
+  return arms->flux_arm >= 0 && (rises ? least > limit : least < limit);
 }
 
-/* A flux beyond what the current can give leads to its limit, and asks for all the field there is. */
+/* A flux beyond a limit of the current leads to that, and asks for all the field there is. */
 static int32_t cells_field(anhyst_compensator *c)
 {
+  const int16_t *words = c->words;
   anhyst_candidate *at = &c->next;
   const int32_t target = c->flux >> 2;
   int32_t flux;
   at->memory.level = turned(c->memory.x, at->memory.p < 0 ? -1 : 0);
-  const int met = at->fine != 0U ? met_on_segment(c->words, 0, target, at, &flux) : NOT_MET;
+  const int met = at->fine != 0U ? met_on_segment(words, 0, target, at, &flux) : NOT_MET;
   if (met == MET) {
     return at->memory.x;
   }
-  const int beyond = beyond_limit(c);
-  if (beyond != 0) {
-    (void)cells_flux(
-        c, limit_of(c->words, beyond > 0 ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW));
-    return beyond > 0 ? ONE - 1 : -ONE;
+  const int rises = c->flux > c->flux_applied;
+  const int32_t end = words[rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW];
+  const int32_t limit = (end * 32768) >> words[ANHYST_WORD_CURRENT_SHIFT];
+  if (is_beyond(c, rises, limit)) {
+    (void)cells_flux(c, limit);
+    return rises ? ONE - 1 : -ONE;
   }
   (void)go_beyond(c, 0, target, met);
   return at->memory.x;
