@@ -44,8 +44,8 @@ static int32_t root(int32_t a, int16_t knee)
   if ((a >> (31 - 2 * knee)) == 0) {
     return (int32_t)((uint32_t)a << (knee - 1));
   }
-  const uint16_t up = (uint16_t)(anhyst_headroom(a) & ~1U); /* even, so that it halves */
-  const int32_t full = (int32_t)((uint32_t)a << up);        /* 2^29..2^31 - 1 */
+  const unsigned up = anhyst_headroom(a) & ~1U;      /* even, so that it halves */
+  const int32_t full = (int32_t)((uint32_t)a << up); /* 2^29..2^31 - 1 */
   /* A line within 5 % to begin with; each step doubles the digits. r is the root times 2^15. */
   int32_t r = (full >> 17) + (full >> 19) + 12000;
   r = (r + (full >> 1) / r) >> 1;
@@ -102,7 +102,7 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
   if (beyond < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const uint16_t up = (uint16_t)words[ANHYST_WORD_FLUX_SHIFT];
+  const int up = words[ANHYST_WORD_FLUX_SHIFT];
   const int32_t limit = ((int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536) >> up;
   const int32_t flux = flux_for(words, beyond, at);
   return (int32_t)((uint32_t)limited(c, flux, -limit, limit, ANHYST_FLUX_LIMITED) << up);
@@ -166,7 +166,7 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const int32_t field = c->kernel->field(c);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
-  const uint16_t up = (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1);
+  const int up = words[ANHYST_WORD_CURRENT_SHIFT] + 1;
   const int32_t reached =
       limited(c, inner, ((int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536) >> up,
               ((int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536) >> up, ANHYST_CURRENT_LIMITED);
@@ -175,10 +175,12 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   return c->current;
 }
 
+/* The limits of a current have 16 bits: there is room to round. */
 int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int16_t gap)
 {
-  return anhyst_round_q31(
-      anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536));
+  const int32_t current =
+      anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536);
+  return (int16_t)((current + 0x8000) >> 16);
 }
 
 void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
@@ -205,7 +207,7 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
   c->solved = 0;
 }
 
-/* What rounds to what was solved, which is below 1 by a unit of 16 bits, is what was solved. */
+/* What was solved is applied where that rounds to it. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap)
 {
   const int32_t given = (int32_t)applied * 65536;
