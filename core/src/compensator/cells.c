@@ -157,8 +157,7 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int last)
   if (along->active >= along->moved) {
     find_left(along, last);
   }
-  const anhyst_spot there = {along->left.at + rows_on(along, along->active - 1),
-                             along->left.part};
+  const anhyst_spot there = {along->left.at + rows_on(along, along->active - 1), along->left.part};
   return -beyond(along, there);
 }
 
@@ -199,8 +198,7 @@ static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_
 /* Lets so many cells move, of those that the turn of this path has left. */
 static void let_move(cell_path *along, int cells)
 {
-  const anhyst_spot now = {along->left.at + rows_on(along, along->active - 1),
-                           along->left.part};
+  const anhyst_spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
   const int16_t *then = along->left.at + rows_on(along, cells - 1);
   along->rest = inside(along->rest + between(now, then));
   along->active = cells;
@@ -379,8 +377,8 @@ enum { NOT_MET, MET, BEYOND };
 
 /* Goes to a target from where a candidate stands, on its segment, not below where the step or the
    last cell began, in its direction, and no further than to where a cell joins; whether it is met
-   there, and h*x + m there. As much behind that as rounding takes away it stays there. BEYOND: it is
-   on one of the next segments. */
+   there, and h*x + m there. As much behind that as rounding takes away it stays there. BEYOND: it
+   is on one of the next segments. */
 static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, int32_t wanted,
                                  anhyst_candidate *at, int32_t *flux)
 {
@@ -436,8 +434,8 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
   return whole_flux(flux);
 }
 
-/* Whether the flux lies beyond a limit of the current, as it does if it asks for more with the field
-   where it is: that goes the same way. */
+/* Whether the flux lies beyond a limit of the current, as it does if it asks for more with the
+   field where it is: that goes the same way. */
 static int is_beyond(const anhyst_compensator *c, int rises, int32_t limit)
 {
   const anhyst_arms *arms = &c->arms;
@@ -453,7 +451,7 @@ static int32_t cells_field(anhyst_compensator *c)
   anhyst_candidate *at = &c->next;
   const int32_t target = c->flux >> 2;
   int32_t flux;
-  at->memory.level = turned(c->memory.x, at->memory.p < 0 ? -1 : 0);
+  at->memory.level = inside(turned(c->memory.x, at->memory.p < 0 ? -1 : 0));
   const int met = at->fine != 0U ? met_on_segment(words, 0, target, at, &flux) : NOT_MET;
   if (met == MET) {
     return at->memory.x;

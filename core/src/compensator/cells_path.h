@@ -17,13 +17,13 @@ typedef struct {
   const int16_t *row; /* of the cells that move */
   const int32_t *plays;
   int32_t inner;   /* half-width of the zone around 0 where segments are narrow */
-  int stride;  /* entries of a row */
-  int outer;   /* wide segments on each side */
+  int stride;      /* entries of a row */
+  int outer;       /* wide segments on each side */
   unsigned narrow; /* a part of 2^-15 of a segment: 2^this */
   unsigned wide;
-  int cells;    /* besides cell 0 */
-  int active;   /* the cells below this one move */
-  int moved;    /* those below this one moved the other way until here, ... */
+  int cells;        /* besides cell 0 */
+  int active;       /* the cells below this one move */
+  int moved;        /* those below this one moved the other way until here, ... */
   anhyst_spot left; /* ... which is this place of the first row */
   int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
   int32_t rest;     /* magnetisation of the cells that rest */
@@ -49,10 +49,7 @@ static inline int32_t width(const cell_path *along, int cell)
 }
 
 /* Entries from a row to that of so many cells more; a block has no more words than fit. */
-static inline int rows_on(const cell_path *along, int cells)
-{
-  return cells * along->stride;
-}
+static inline int rows_on(const cell_path *along, int cells) { return cells * along->stride; }
 
 static inline const int16_t *row_of(const cell_path *along, int cells)
 {
