@@ -85,18 +85,14 @@ static inline int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-static inline int32_t rise_of(const int16_t *segment)
-{
-  return (int32_t)segment[1] - (int32_t)segment[0];
-}
-
 /* Which part of a segment the target is met at, of which so much is missing where it begins; 0,
    0x8000: not behind there, beyond it. */
 static inline int32_t part_with_target(const equation *solve, const int16_t *segment, unsigned fine,
                                        int32_t missing)
 {
   const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
-  const int32_t rise = left_side(solve, flux_at(solve, width, rise_of(segment) * 32768), width);
+  const int32_t rise =
+      left_side(solve, flux_at(solve, width, ((int32_t)segment[1] - segment[0]) * 32768), width);
   if (missing >= rise) {
     return 0x8000;
   }
@@ -157,7 +153,8 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int last)
   if (along->active >= along->moved) {
     find_left(along, last);
   }
-  const anhyst_spot there = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  const anhyst_spot there = {along->left.at + (along->active - 1) * along->stride,
+                             along->left.part};
   return -beyond(along, there);
 }
 
@@ -198,8 +195,8 @@ static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_
 /* Lets so many cells move, of those that the turn of this path has left. */
 static void let_move(cell_path *along, int cells)
 {
-  const anhyst_spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
-  const int16_t *then = along->left.at + rows_on(along, cells - 1);
+  const anhyst_spot now = {along->left.at + (along->active - 1) * along->stride, along->left.part};
+  const int16_t *then = along->left.at + (cells - 1) * along->stride;
   along->rest = inside(along->rest + between(now, then));
   along->active = cells;
   along->row = row_of(along, cells);
@@ -268,7 +265,7 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here,
 /* Leaves a path for the opposite one: all but cell 0 rest. */
 static void turn(cell_path *along, anhyst_spot here)
 {
-  const anhyst_spot first = {here.at - rows_on(along, along->active - 1), here.part};
+  const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
   const int32_t left = between(first, here.at);
   const uint32_t moved = ((uint32_t)1 << along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;
@@ -287,7 +284,7 @@ static void turn(cell_path *along, anhyst_spot here)
 static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_candidate *at)
 {
   const int16_t *segment = words + at->y_slope;
-  at->m_slope = (int16_t)rise_of(segment);
+  at->m_slope = (int16_t)(segment[1] - segment[0]);
   at->flux = (((int32_t)segment[0] * 32768 + rest) >> 2) +
              anhyst_scale(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
@@ -302,13 +299,6 @@ static inline int32_t rise_on(const anhyst_candidate *at, int16_t air)
 static inline int32_t share_of(int32_t rise, int32_t part)
 {
   return 2 * anhyst_scale(rise, (int16_t)part);
-}
-
-/* A flux of which a fourth is known, saturates. */
-static inline int32_t whole_flux(int32_t fourth)
-{
-  const int32_t half = anhyst_add_q31(fourth, fourth);
-  return anhyst_add_q31(half, half);
 }
 
 /* Solves from a memory on; gives h*x + m there, over 4. Between the two directions, where rows are
@@ -431,23 +421,16 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
   if (met != MET) {
     flux = go_beyond(c, arms, target, met);
   }
-  return whole_flux(flux);
+  const int32_t half = anhyst_add_q31(flux, flux);
+  return anhyst_add_q31(half, half);
 }
 
-/* Whether the flux lies beyond a limit of the current, as it does if it asks for more with the
-   field where it is: that goes the same way. */
-static int is_beyond(const anhyst_compensator *c, int rises, int32_t limit)
-{
-  const anhyst_arms *arms = &c->arms;
-  const int32_t least = arms->bias + anhyst_scale(c->flux, arms->flux_arm) +
-                        anhyst_scale(inside(c->memory.x), arms->field_arm);
-  return arms->flux_arm >= 0 && (rises ? least > limit : least < limit);
-}
-
-/* A flux beyond a limit of the current leads to that, and asks for all the field there is. */
+/* A flux that needs more than a limit of the current even with the field where it is, which goes
+   the same way, leads to that limit, and asks for all the field there is. */
 static int32_t cells_field(anhyst_compensator *c)
 {
   const int16_t *words = c->words;
+  const anhyst_arms *arms = &c->arms;
   anhyst_candidate *at = &c->next;
   const int32_t target = c->flux >> 2;
   int32_t flux;
@@ -459,7 +442,9 @@ static int32_t cells_field(anhyst_compensator *c)
   const int rises = c->flux > c->flux_applied;
   const int32_t end = words[rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW];
   const int32_t limit = (end * 32768) >> words[ANHYST_WORD_CURRENT_SHIFT];
-  if (is_beyond(c, rises, limit)) {
+  const int32_t least = arms->bias + anhyst_scale(c->flux, arms->flux_arm) +
+                        anhyst_scale(inside(c->memory.x), arms->field_arm);
+  if (arms->flux_arm >= 0 && (rises ? least > limit : least < limit)) {
     (void)cells_flux(c, limit);
     return rises ? ONE - 1 : -ONE;
   }
@@ -488,7 +473,7 @@ static void cells_start(anhyst_compensator *c)
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
-  return whole_flux(travel(words, from, plays, arms, target, to));
+  return anhyst_shl_q31(travel(words, from, plays, arms, target, to), 2);
 }
 
 const anhyst_kernel *anhyst_cells_for_block(const int16_t *words)

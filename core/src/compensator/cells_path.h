@@ -48,12 +48,10 @@ static inline int32_t width(const cell_path *along, int cell)
   return (int32_t)along->thresholds[cell - 1] * 32768;
 }
 
-/* Entries from a row to that of so many cells more; a block has no more words than fit. */
-static inline int rows_on(const cell_path *along, int cells) { return cells * along->stride; }
-
+/* A block has no more words than an int counts. */
 static inline const int16_t *row_of(const cell_path *along, int cells)
 {
-  return along->rows + rows_on(along, cells - 1);
+  return along->rows + (cells - 1) * along->stride;
 }
 
 /* Whether x lies in the zone of narrow segments. */

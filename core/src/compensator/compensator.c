@@ -3,9 +3,6 @@
 
 #include "lookup.h"
 
-/* A weight as a q30. */
-static int32_t weight_q30(int16_t weight) { return (int32_t)weight * 16384; }
-
 /* Where a gap falls in the tables over the gap. */
 typedef struct {
   const int16_t *words; /* of the block, moved on to the segment */
@@ -30,7 +27,7 @@ static int16_t over_gap(place at, int16_t first)
 static anhyst_arms arms_at(const int16_t *words, place at)
 {
   anhyst_arms arms;
-  arms.bias = weight_q30(over_gap(at, words[ANHYST_WORD_GAP_BIAS]));
+  arms.bias = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_BIAS]) * 16384;
   arms.flux_arm = over_gap(at, words[ANHYST_WORD_GAP_FLUX_ARM]);
   arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
   return arms;
