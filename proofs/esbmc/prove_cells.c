@@ -175,7 +175,7 @@ static int32_t missing_at(const cell_path *along, const equation *solve, int32_t
   return any_within(-MOST_MISSING, MOST_MISSING);
 }
 
-static inline int32_t part_with_target(const equation *solve, const int16_t *segment, uint16_t fine,
+static inline int32_t part_with_target(const equation *solve, const int16_t *segment, unsigned fine,
                                        int32_t missing)
 {
   SHOW(missing >= -MOST_MISSING && is_target(solve));
@@ -193,7 +193,7 @@ static inline int32_t part_of(int32_t n, int32_t d)
 #endif
 
 #ifdef NODE_BY_CONTRACT
-static int32_t node(const cell_path *along, int16_t segment)
+static int32_t node(const cell_path *along, int segment)
 {
   SHOW(segment >= 0 && segment <= along->stride - 2);
   return any_within(-ONE, ONE - 1);

@@ -153,8 +153,7 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int last)
   if (along->active >= along->moved) {
     find_left(along, last);
   }
-  const anhyst_spot there = {along->left.at + (along->active - 1) * along->stride,
-                             along->left.part};
+  const anhyst_spot there = {along->left.at + rows_on(along, along->active - 1), along->left.part};
   return -beyond(along, there);
 }
 
@@ -195,8 +194,8 @@ static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_
 /* Lets so many cells move, of those that the turn of this path has left. */
 static void let_move(cell_path *along, int cells)
 {
-  const anhyst_spot now = {along->left.at + (along->active - 1) * along->stride, along->left.part};
-  const int16_t *then = along->left.at + (cells - 1) * along->stride;
+  const anhyst_spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  const int16_t *then = along->left.at + rows_on(along, cells - 1);
   along->rest = inside(along->rest + between(now, then));
   along->active = cells;
   along->row = row_of(along, cells);
@@ -265,9 +264,9 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here,
 /* Leaves a path for the opposite one: all but cell 0 rest. */
 static void turn(cell_path *along, anhyst_spot here)
 {
-  const anhyst_spot first = {here.at - (along->active - 1) * along->stride, here.part};
+  const anhyst_spot first = {here.at - rows_on(along, along->active - 1), here.part};
   const int32_t left = between(first, here.at);
-  const uint32_t moved = ((uint32_t)1 << along->active) - 1U;
+  const uint32_t moved = ((uint32_t)1 << (unsigned)along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;
   along->frozen = (int32_t)(along->falling == 0 ? others | moved : others);
   along->rest = ~inside(along->rest + left);

@@ -48,10 +48,12 @@ static inline int32_t width(const cell_path *along, int cell)
   return (int32_t)along->thresholds[cell - 1] * 32768;
 }
 
-/* A block has no more words than an int counts. */
+/* Entries from a row to that of so many cells more; a block has no more words than fit. */
+static inline int rows_on(const cell_path *along, int cells) { return cells * along->stride; }
+
 static inline const int16_t *row_of(const cell_path *along, int cells)
 {
-  return along->rows + (cells - 1) * along->stride;
+  return along->rows + rows_on(along, cells - 1);
 }
 
 /* Whether x lies in the zone of narrow segments. */
@@ -127,11 +129,11 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   along->thresholds = words + words[ANHYST_WORD_CELLS_THRESHOLDS];
   along->rows = words + words[ANHYST_WORD_CELLS_ROWS];
   along->cells = words[ANHYST_WORD_CELLS_COUNT];
-  const int bits = words[ANHYST_WORD_CELLS_SEGMENTS];
-  const int halvings = words[ANHYST_WORD_CELLS_ZONE];
+  const unsigned bits = (unsigned)words[ANHYST_WORD_CELLS_SEGMENTS];
+  const unsigned halvings = (unsigned)words[ANHYST_WORD_CELLS_ZONE];
   along->inner = ONE >> halvings;
-  along->wide = (unsigned)(15 - bits);
-  along->narrow = (unsigned)(15 - bits - halvings);
+  along->wide = 15U - bits;
+  along->narrow = along->wide - halvings;
   along->outer = (1 << bits) - (1 << (bits - halvings));
   along->stride = (2 << bits) + 2 * along->outer + 1;
 }

@@ -99,7 +99,7 @@ static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
   if (beyond < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const int up = words[ANHYST_WORD_FLUX_SHIFT];
+  const unsigned up = (unsigned)words[ANHYST_WORD_FLUX_SHIFT];
   const int32_t limit = ((int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536) >> up;
   const int32_t flux = flux_for(words, beyond, at);
   return (int32_t)((uint32_t)limited(c, flux, -limit, limit, ANHYST_FLUX_LIMITED) << up);
@@ -163,7 +163,7 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const int32_t field = c->kernel->field(c);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
-  const int up = words[ANHYST_WORD_CURRENT_SHIFT] + 1;
+  const unsigned up = (unsigned)words[ANHYST_WORD_CURRENT_SHIFT] + 1U;
   const int32_t reached =
       limited(c, inner, ((int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536) >> up,
               ((int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536) >> up, ANHYST_CURRENT_LIMITED);
