@@ -175,7 +175,7 @@ static int32_t missing_at(const cell_path *along, const equation *solve, int32_t
   return any_within(-MOST_MISSING, MOST_MISSING);
 }
 
-static inline int32_t part_with_target(const equation *solve, const int16_t *segment, uint16_t fine,
+static inline int32_t part_with_target(const equation *solve, const int16_t *segment, unsigned fine,
                                        int32_t missing)
 {
   SHOW(missing >= -MOST_MISSING && is_target(solve));
@@ -193,10 +193,42 @@ static inline int32_t part_of(int32_t n, int32_t d)
 #endif
 
 #ifdef NODE_BY_CONTRACT
-static int32_t node(const cell_path *along, int16_t segment)
+static int32_t node(const cell_path *along, int segment)
 {
   SHOW(segment >= 0 && segment <= along->stride - 2);
   return any_within(-ONE, ONE - 1);
+}
+#endif
+
+static int is_candidate(const anhyst_candidate *at);
+
+#ifdef TRAVEL_BY_CONTRACT
+static int32_t travel(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                      const anhyst_arms *arms, int32_t wanted, anhyst_candidate *to)
+{
+  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
+  SHOW(is_target(&solve));
+  ASSUME(is_candidate(to));
+  return any_within(-ONE, ONE);
+}
+#endif
+
+#ifdef SEGMENT_BY_CONTRACT
+static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, int32_t wanted,
+                                 anhyst_candidate *at, int32_t *flux)
+{
+  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
+  SHOW(is_target(&solve) && is_inside(at->memory.level));
+  at->memory.x = any_within(-ONE, ONE - 1);
+  *flux = nondet_i32();
+  return any_within(NOT_MET, BEYOND);
+}
+
+static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t wanted, int met)
+{
+  const equation solve = {c->words[ANHYST_WORD_CELLS_AIR], arms, wanted};
+  SHOW(is_target(&solve) && met != MET);
+  return nondet_i32();
 }
 #endif
 
@@ -320,26 +352,45 @@ static int is_candidate(const anhyst_candidate *at)
          at->m_slope >= 0 && at->fine >= 2U && at->fine <= 13U;
 }
 
-/* From the segment of a path on: one turn, that of a candidate which knows where it stands. */
+/* From the segment of a path on, that of a candidate which knows where it stands. */
 static void prove_slid(void)
 {
   const cell_path along = any_path();
   const anhyst_arms arms = any_arms();
   const equation solve = any_equation(&arms);
+  anhyst_compensator c;
   const anhyst_memory memory = {turned(along.x, along.falling), turned(along.rest, along.falling),
                                 along.falling == 0 ? along.active : -along.active, along.frozen,
-                                along.low};
-  anhyst_candidate at;
-  at.memory = memory;
-  at.m = any_within(along.x, ONE - 1);
-  at.flux = any_within(-ONE, ONE);
-  at.way = 1;
-  at.y_slope = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
-  at.m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
-  at.fine = fineness(&along, along.x);
+                                any_within(-ONE, ONE - 1)};
+  anhyst_candidate *at = &c.next;
+  c.words = block_words;
+  at->memory = memory;
+  at->m = any_within(along.x, ONE - 1);
+  at->flux = any_within(-ONE, ONE);
+  at->y_slope = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
+  at->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
+  at->fine = (uint16_t)fineness(&along, along.x);
   int32_t flux = 0;
-  (void)slid(block_words, solve.arms, solve.target, any_within(-ONE, ONE - 1), &at, &flux);
-  SHOW(is_candidate(&at));
+  const int met = met_on_segment(block_words, solve.arms, solve.target, at, &flux);
+  if (met != MET) {
+    (void)go_beyond(&c, solve.arms, solve.target, met);
+  }
+  SHOW(is_candidate(at));
+}
+
+/* From any memory, for any flux and current, under any limits. */
+static void prove_field(void)
+{
+  anhyst_compensator c;
+  any_block(block_words);
+  ASSUME(block_words[ANHYST_WORD_CURRENT_SHIFT] >= 0 &&
+         block_words[ANHYST_WORD_CURRENT_SHIFT] <= 8);
+  c.words = block_words;
+  c.arms = any_arms();
+  c.flux = any_within(-ONE, ONE);
+  (void)cells_field(&c);
+  SHOW(is_inside(c.next.memory.level));
+  (void)cells_flux(&c, nondet_i32());
 }
 
 static void prove_keep(void)

@@ -89,6 +89,8 @@ static void prove_tick(void)
   c.words = words;
   (void)anhyst_compensator_solve_q31(&c, nondet_i32(), nondet_i32());
   anhyst_compensator_commit_q31(&c, nondet_i32(), nondet_i32());
+  (void)anhyst_compensator_solve_q15(&c, nondet_i16(), nondet_i16());
+  anhyst_compensator_commit_q15(&c, nondet_i16(), nondet_i16());
 }
 
 static void prove_output(void)

@@ -36,6 +36,8 @@ static void fill(void)
 {
   const int16_t thresholds = ANHYST_BLOCK_LEAST_WORDS;
   const int16_t rows = (int16_t)(thresholds + CELLS);
+  words[ANHYST_WORD_CURRENT_LOW] = -ANHYST_Q15_MAX;
+  words[ANHYST_WORD_CURRENT_HIGH] = ANHYST_Q15_MAX;
   words[ANHYST_WORD_CELLS_AIR] = (int16_t)lround(AIR * 16384.0);
   words[ANHYST_WORD_CELLS_COUNT] = CELLS;
   words[ANHYST_WORD_CELLS_SEGMENTS] = BITS;
@@ -142,12 +144,45 @@ static void a_current_leads_where_it_must(void)
   CHECK_BELOW("flux and current", worst, OFF);
 }
 
+/* And no other one: where the current is within its limits, the flux is what was asked for. */
+static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
+{
+  const anhyst_arms arms = {0, 12000, 16000};
+  const double arm = 12000.0 / 65536.0;
+  const double field_arm = 16000.0 / 65536.0;
+  const double low = -4000.0 / 32768.0;
+  const double high = 5000.0 / 32768.0;
+  anhyst_compensator c = demagnetised();
+  uint64_t seed = 7;
+  double worst = 0.0;
+  int at_once = 0;
+  c.arms = arms;
+  words[ANHYST_WORD_CURRENT_LOW] = -4000;
+  words[ANHYST_WORD_CURRENT_HIGH] = 5000;
+  for (int i = 0; i < STEPS; i++) {
+    const double flux = as_number(c.flux = next_flux(c.flux, &seed));
+    const double x = as_number(cells_field(&c));
+    const double solved = arm * flux + field_arm * x;
+    const double current = fmin(fmax(solved, low), high);
+    at_once += fabs(x) > 0.999;
+    c.flux_applied = cells_flux(&c, (int32_t)(current * (double)ANHYST_Q30_ONE));
+    go_on(&c);
+    const double m_and_air = follow(as_number(c.memory.x));
+    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.x) - current));
+    keep_worst(&worst, current < solved   ? m_and_air - flux
+                       : current > solved ? flux - m_and_air
+                                          : fabs(flux - m_and_air));
+  }
+  words[ANHYST_WORD_CURRENT_LOW] = -ANHYST_Q15_MAX;
+  words[ANHYST_WORD_CURRENT_HIGH] = ANHYST_Q15_MAX;
+  CHECK_BELOW("current, flux", worst, OFF);
+  CHECK(at_once > STEPS / 8);
+}
+
 static void a_demagnetised_iron_forgets_where_its_plays_were(void)
 {
-  anhyst_compensator c;
+  anhyst_compensator c = demagnetised();
   int32_t fields[2];
-  c.kernel = &anhyst_kernel_cells;
-  c.words = words;
   for (int i = 0; i < 2; i++) {
     anhyst_compensator_demagnetise(&c);
     fields[i] = field_for(&c, ANHYST_Q30_ONE / 8);
@@ -166,6 +201,7 @@ int main(void)
   fill();
   a_field_gives_the_flux_that_was_asked_for();
   a_current_leads_where_it_must();
+  a_flux_beyond_the_limits_of_the_current_leads_to_a_limit();
   a_demagnetised_iron_forgets_where_its_plays_were();
   return verdict();
 }

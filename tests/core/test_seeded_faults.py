@@ -198,8 +198,8 @@ FAULTS = [
     Fault(
         "the last play not kept",
         "src/compensator/cells_block.c",
-        "for (int16_t cell = 1; cell < moved; cell++) {",
-        "for (int16_t cell = 1; cell + 1 < moved; cell++) {",
+        "for (int cell = 1; cell < moved; cell++) {",
+        "for (int cell = 1; cell + 1 < moved; cell++) {",
         "test_fixed_cells",
     ),
     Fault(

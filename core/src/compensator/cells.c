@@ -59,13 +59,13 @@ static int32_t missing_at(const cell_path *along, const equation *solve, int32_t
 }
 
 /* The field at the lower end of a segment. */
-static int32_t node(const cell_path *along, int16_t segment)
+static int32_t node(const cell_path *along, int segment)
 {
-  int16_t first = 0;
+  int first = 0;
   int32_t begin = -ONE;
-  uint16_t fine = along->wide;
+  unsigned fine = along->wide;
   if (segment >= along->stride - 1 - along->outer) {
-    first = (int16_t)(along->stride - 1 - along->outer);
+    first = along->stride - 1 - along->outer;
     begin = along->inner;
   } else if (segment >= along->outer) {
     first = along->outer;
@@ -85,18 +85,14 @@ static inline int32_t part_of(int32_t n, int32_t d)
   return top / bottom;
 }
 
-static inline int32_t rise_of(const int16_t *segment)
-{
-  return (int32_t)segment[1] - (int32_t)segment[0];
-}
-
 /* Which part of a segment the target is met at, of which so much is missing where it begins; 0,
    0x8000: not behind there, beyond it. */
-static inline int32_t part_with_target(const equation *solve, const int16_t *segment, uint16_t fine,
+static inline int32_t part_with_target(const equation *solve, const int16_t *segment, unsigned fine,
                                        int32_t missing)
 {
   const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
-  const int32_t rise = left_side(solve, flux_at(solve, width, rise_of(segment) * 32768), width);
+  const int32_t rise =
+      left_side(solve, flux_at(solve, width, ((int32_t)segment[1] - segment[0]) * 32768), width);
   if (missing >= rise) {
     return 0x8000;
   }
@@ -104,22 +100,22 @@ static inline int32_t part_with_target(const equation *solve, const int16_t *seg
 }
 
 /* Which part of its segment x is at. Segments begin at multiples of their width. */
-static inline int32_t part_at(int32_t x, uint16_t fine) { return (x >> fine) & 0x7FFF; }
+static inline int32_t part_at(int32_t x, unsigned fine) { return (x >> fine) & 0x7FFF; }
 
 /* Where the segment begins that holds x. */
-static inline int32_t begin_of(int32_t x, uint16_t fine)
+static inline int32_t begin_of(int32_t x, unsigned fine)
 {
   return (int32_t)((uint32_t)(x >> fine >> 15) << 15 << fine);
 }
 
 /* The field at a part of the segment that begins there. */
-static inline int32_t place_in(int32_t begin, uint16_t fine, int32_t part)
+static inline int32_t place_in(int32_t begin, unsigned fine, int32_t part)
 {
   return (int32_t)((uint32_t)begin + ((uint32_t)part << fine));
 }
 
 /* Where a cell joins a path that has come to low; beyond the last cell: the end of the rows. */
-static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
+static int32_t joins_at(const cell_path *along, int cell, int32_t low)
 {
   if (cell > along->cells) {
     return ONE - 1;
@@ -129,16 +125,16 @@ static int32_t joins_at(const cell_path *along, int16_t cell, int32_t low)
 }
 
 /* Whether a cell came to rest on a path of this direction. */
-static int follows(const cell_path *along, int16_t cell)
+static int follows(const cell_path *along, int cell)
 {
-  return (((uint32_t)turned(along->frozen, along->falling) >> ((uint16_t)cell & 31U)) & 1U) != 0U;
+  return (((uint32_t)turned(along->frozen, along->falling) >> ((unsigned)cell & 31U)) & 1U) != 0U;
 }
 
 /* From here on, the cells from the next one to the last that came to rest where that did, on a path
    the other way, are those which that has left. The next one alone where the last comes before. */
-static void find_left(cell_path *along, int16_t last)
+static void find_left(cell_path *along, int last)
 {
-  int16_t cell = along->active;
+  int cell = along->active;
   const int32_t x = left_at(along, cell);
   do {
     cell++;
@@ -149,7 +145,7 @@ static void find_left(cell_path *along, int16_t last)
 }
 
 /* What the next cell rests with, which joins here; with it, up to the last, those left together. */
-static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
+static int32_t rests_with(cell_path *along, anhyst_spot here, int last)
 {
   if (follows(along, along->active)) {
     return beyond(along, here);
@@ -157,8 +153,7 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
   if (along->active >= along->moved) {
     find_left(along, last);
   }
-  const anhyst_spot there = {along->left.at + rows_on(along, (int16_t)(along->active - 1)),
-                             along->left.part};
+  const anhyst_spot there = {along->left.at + rows_on(along, along->active - 1), along->left.part};
   return -beyond(along, there);
 }
 
@@ -167,21 +162,21 @@ static int32_t rests_with(cell_path *along, anhyst_spot here, int16_t last)
    met. */
 static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_t low, int32_t high)
 {
-  uint16_t fine = fineness(along, low);
+  unsigned fine = fineness(along, low);
   int32_t begin = begin_of(low, fine);
   anhyst_spot first = {here.at, 0};
   int32_t part = part_with_target(solve, here.at, fine, missing_at(along, solve, begin, first));
   if (part > 0x7FFF) {
-    int16_t segment = (int16_t)(here.at - along->row);
-    int16_t end = (int16_t)(spot_on(along, along->row, high).at - along->row);
+    int segment = (int)(here.at - along->row);
+    int end = (int)(spot_on(along, along->row, high).at - along->row);
     int32_t missing = ANHYST_Q31_MAX;
     while (segment < end) {
-      const int16_t middle = (int16_t)((segment + end + 1) / 2);
+      const int middle = (segment + end + 1) / 2;
       const int32_t place = node(along, middle);
       first.at = along->row + middle;
       const int32_t left = missing_at(along, solve, place, first);
       if (left <= 0) {
-        end = (int16_t)(middle - 1);
+        end = middle - 1;
       } else {
         segment = middle;
         begin = place;
@@ -197,11 +192,10 @@ static void go(cell_path *along, const equation *solve, anhyst_spot here, int32_
 }
 
 /* Lets so many cells move, of those that the turn of this path has left. */
-static void let_move(cell_path *along, int16_t cells)
+static void let_move(cell_path *along, int cells)
 {
-  const anhyst_spot now = {along->left.at + rows_on(along, (int16_t)(along->active - 1)),
-                           along->left.part};
-  const int16_t *then = along->left.at + rows_on(along, (int16_t)(cells - 1));
+  const anhyst_spot now = {along->left.at + rows_on(along, along->active - 1), along->left.part};
+  const int16_t *then = along->left.at + rows_on(along, cells - 1);
   along->rest = inside(along->rest + between(now, then));
   along->active = cells;
   along->row = row_of(along, cells);
@@ -211,18 +205,18 @@ static void let_move(cell_path *along, int16_t cells)
    target is reached. How many is found by halving. Gives where the last one does. */
 static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
 {
-  int16_t least = along->active;
-  int16_t most = along->moved;
+  int least = along->active;
+  int most = along->moved;
   int32_t place = low;
   while (least < most) {
-    const int16_t cells = (int16_t)((least + most + 1) / 2);
-    const int32_t next = joins_at(along, (int16_t)(cells - 1), low);
+    const int cells = (least + most + 1) / 2;
+    const int32_t next = joins_at(along, cells - 1, low);
     let_move(along, cells);
     if (missing_at(along, solve, next, spot_on(along, along->row, next)) > 0) {
       least = cells;
       place = next;
     } else {
-      most = (int16_t)(cells - 1);
+      most = cells - 1;
     }
   }
   let_move(along, least);
@@ -232,7 +226,7 @@ static int32_t rejoin(cell_path *along, const equation *solve, int32_t low)
 /* Goes on from where a path begins, below the target: lets the cells join that do so on the way.
    Gives where the next one does. Those left together are looked for up to the last, once one has
    joined among all: a short path ends before the second one joins. */
-static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here, int16_t last)
+static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here, int last)
 {
   int32_t low = along->x;
   int32_t next = joins_at(along, along->active, low);
@@ -270,9 +264,9 @@ static int32_t pursue(cell_path *along, const equation *solve, anhyst_spot here,
 /* Leaves a path for the opposite one: all but cell 0 rest. */
 static void turn(cell_path *along, anhyst_spot here)
 {
-  const anhyst_spot first = {here.at - rows_on(along, (int16_t)(along->active - 1)), here.part};
+  const anhyst_spot first = {here.at - rows_on(along, along->active - 1), here.part};
   const int32_t left = between(first, here.at);
-  const uint32_t moved = ((uint32_t)1 << (uint16_t)along->active) - 1U;
+  const uint32_t moved = ((uint32_t)1 << (unsigned)along->active) - 1U;
   const uint32_t others = (uint32_t)along->frozen & ~moved;
   along->frozen = (int32_t)(along->falling == 0 ? others | moved : others);
   along->rest = ~inside(along->rest + left);
@@ -289,7 +283,7 @@ static void turn(cell_path *along, anhyst_spot here)
 static void describe(const int16_t *words, int32_t begin, int32_t rest, anhyst_candidate *at)
 {
   const int16_t *segment = words + at->y_slope;
-  at->m_slope = (int16_t)rise_of(segment);
+  at->m_slope = (int16_t)(segment[1] - segment[0]);
   at->flux = (((int32_t)segment[0] * 32768 + rest) >> 2) +
              anhyst_scale(begin, words[ANHYST_WORD_CELLS_AIR]);
 }
@@ -328,15 +322,13 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
     }
   }
   along.low = along.x;
-  to->way = 0;
   if (missing > STILL) {
-    to->m = pursue(&along, &solve, here, (int16_t)(missing > FAR ? along.cells : 0));
-    to->way = along.falling == 0 ? 1 : -1;
+    to->m = pursue(&along, &solve, here, missing > FAR ? along.cells : 0);
   } else {
     to->m = joins_at(&along, along.active, along.x);
   }
   to->y_slope = (int16_t)(along.segment - words);
-  to->fine = fineness(&along, along.x);
+  to->fine = (uint16_t)fineness(&along, along.x);
   to->memory.x = turned(along.x, along.falling);
   to->memory.y = turned(along.rest, along.falling);
   to->memory.p = along.falling == 0 ? along.active : -along.active;
@@ -372,68 +364,50 @@ static int stepped(const int16_t *words, anhyst_candidate *at)
 /* What comes of going to a target on a segment. */
 enum { NOT_MET, MET, BEYOND };
 
-/* Goes to a target from where a candidate stands, on its segment, not below low, in its direction,
-   and no further than to where a cell joins; whether it is met there, and h*x + m there. As much
-   behind low as rounding takes away it stays there. BEYOND: it is on one of the next segments. */
+/* Goes to a target from where a candidate stands, on its segment, not below where the step or the
+   last cell began, in its direction, and no further than to where a cell joins; whether it is met
+   there, and h*x + m there. As much behind that as rounding takes away it stays there. BEYOND: it
+   is on one of the next segments. */
 static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, int32_t wanted,
-                                 int32_t low, anhyst_candidate *at, int32_t *flux)
+                                 anhyst_candidate *at, int32_t *flux)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
-  const uint16_t fine = at->fine;
+  const int32_t low = at->memory.level;
+  const unsigned fine = at->fine;
   const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
-  const int32_t width = (int32_t)((uint32_t)0x8000 << fine);
   const int32_t rise = rise_on(at, solve.air);
-  const int32_t whole = left_side(&solve, rise, width);
+  const int32_t whole = left_side(&solve, rise, (int32_t)((uint32_t)0x8000 << fine));
   const int32_t missing = turned(wanted, falling) - left_side(&solve, at->flux, begin);
   if (missing < 0) {
     return NOT_MET;
   }
   if (missing >= whole) {
-    return missing / NEAR >= whole ? NOT_MET : BEYOND;
+    return missing / NEAR < whole ? BEYOND : NOT_MET;
   }
   const int32_t part = anhyst_sat_u15(part_of(missing, whole));
-  const int32_t met = place_in(begin, fine, part);
-  const int32_t x = met < low && low - met <= (int32_t)4 << fine ? low : met;
+  int32_t x = place_in(begin, fine, part);
+  if (x < low) {
+    if (low - x > (int32_t)4 << fine) {
+      return NOT_MET;
+    }
+    x = low;
+  }
   at->memory.x = turned(x, falling);
   *flux = turned(at->flux + share_of(rise, part), falling);
-  return x >= low && x <= at->m ? MET : NOT_MET;
+  return x <= at->m ? MET : NOT_MET;
 }
 
-/* The same on the next segments; whether it is met. */
-static int met_beyond(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
-                      anhyst_candidate *at, int32_t *flux)
+/* Goes to a target that lies beyond the segment of a candidate, or else from the memory on; gives
+   h*x + m there, over 4. */
+static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t wanted, int met)
 {
-  for (int16_t more = NEAR - 1; more > 0 && stepped(words, at); more--) {
-    const int met = met_on_segment(words, arms, wanted, low, at, flux);
-    if (met != BEYOND) {
-      return met == MET;
-    }
+  anhyst_candidate *at = &c->next;
+  int32_t flux = 0;
+  for (int more = NEAR - 1; met == BEYOND && more > 0 && stepped(c->words, at); more--) {
+    met = met_on_segment(c->words, arms, wanted, at, &flux);
   }
-  return 0;
-}
-
-static inline int slid(const int16_t *words, const anhyst_arms *arms, int32_t wanted, int32_t low,
-                       anhyst_candidate *at, int32_t *flux)
-{
-  const int met = met_on_segment(words, arms, wanted, low, at, flux);
-  return met == BEYOND ? met_beyond(words, arms, wanted, low, at, flux) : met;
-}
-
-static int32_t cells_field(anhyst_compensator *c)
-{
-  const int32_t target = c->flux >> 2;
-  anhyst_candidate *to = &c->next;
-  const int32_t falling = to->memory.p < 0 ? -1 : 0;
-  const int32_t low = turned(c->memory.x, falling);
-  int32_t reached;
-  if (to->fine != 0U && slid(c->words, 0, target, low, to, &reached)) {
-    to->memory.level = low;
-    to->way = falling == 0 ? 1 : -1;
-  } else {
-    (void)travel(c->words, &c->memory, c->plays, 0, target, to);
-  }
-  return to->memory.x;
+  return met == MET ? flux : travel(c->words, &c->memory, c->plays, arms, wanted, at);
 }
 
 static int32_t cells_flux(anhyst_compensator *c, int32_t current)
@@ -442,10 +416,39 @@ static int32_t cells_flux(anhyst_compensator *c, int32_t current)
   anhyst_candidate *at = &c->next;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
   int32_t flux;
-  if (at->way == 0 || !slid(c->words, arms, target, at->memory.level, at, &flux)) {
-    flux = travel(c->words, &c->memory, c->plays, arms, target, at);
+  const int met = at->fine != 0U ? met_on_segment(c->words, arms, target, at, &flux) : NOT_MET;
+  if (met != MET) {
+    flux = go_beyond(c, arms, target, met);
   }
-  return anhyst_shl_q31(flux, 2);
+  const int32_t half = anhyst_add_q31(flux, flux);
+  return anhyst_add_q31(half, half);
+}
+
+/* A flux that needs more than a limit of the current even with the field where it is, which goes
+   the same way, leads to that limit, and asks for all the field there is. */
+static int32_t cells_field(anhyst_compensator *c)
+{
+  const int16_t *words = c->words;
+  const anhyst_arms *arms = &c->arms;
+  anhyst_candidate *at = &c->next;
+  const int32_t target = c->flux >> 2;
+  int32_t flux;
+  at->memory.level = inside(turned(c->memory.x, at->memory.p < 0 ? -1 : 0));
+  const int met = at->fine != 0U ? met_on_segment(words, 0, target, at, &flux) : NOT_MET;
+  if (met == MET) {
+    return at->memory.x;
+  }
+  const int rises = c->flux > c->flux_applied;
+  const int32_t end = words[rises ? ANHYST_WORD_CURRENT_HIGH : ANHYST_WORD_CURRENT_LOW];
+  const int32_t limit = (end * 32768) >> words[ANHYST_WORD_CURRENT_SHIFT];
+  const int32_t least = arms->bias + anhyst_scale(c->flux, arms->flux_arm) +
+                        anhyst_scale(inside(c->memory.x), arms->field_arm);
+  if (arms->flux_arm >= 0 && (rises ? least > limit : least < limit)) {
+    (void)cells_flux(c, limit);
+    return rises ? ONE - 1 : -ONE;
+  }
+  (void)go_beyond(c, 0, target, met);
+  return at->memory.x;
 }
 
 static void cells_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)

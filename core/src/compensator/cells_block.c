@@ -10,7 +10,7 @@
 static int32_t all_alone(const cell_path *along)
 {
   int32_t sum = 0;
-  for (int16_t cell = 1; cell <= along->cells; cell++) {
+  for (int cell = 1; cell <= along->cells; cell++) {
     const int32_t x = inside(anhyst_add_q31(play_of(along, cell), width(along, cell)));
     sum = inside(sum + beyond(along, spot_on(along, row_of(along, cell), x)));
   }
@@ -42,8 +42,8 @@ void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, int32_t 
   anhyst_cells_rows(&along, words);
   const int32_t falling = from->p < 0 ? -1 : 0;
   const int32_t x = inside(turned(from->x, falling));
-  const int16_t moved = moving_cells(&along, from);
-  for (int16_t cell = 1; cell < moved; cell++) {
+  const int moved = moving_cells(&along, from);
+  for (int cell = 1; cell < moved; cell++) {
     plays[cell - 1] = turned(x - width(&along, cell), falling);
   }
 }
@@ -59,17 +59,17 @@ int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, co
                        anhyst_scale(along.x, words[ANHYST_WORD_CELLS_AIR]);
   at->memory = *memory;
   at->m_slope = (int16_t)(spot.at[1] - spot.at[0]);
-  at->fine = fineness(&along, along.x);
+  at->fine = (uint16_t)fineness(&along, along.x);
   return anhyst_shl_q31(turned(flux, along.falling), 2);
 }
 #endif
 
 /* Whether all rows of a column lie within less than 1. */
-static int rows_are_near(const cell_path *along, int16_t column)
+static int rows_are_near(const cell_path *along, int column)
 {
   int32_t low = ANHYST_Q15_MAX;
   int32_t high = -ANHYST_Q15_MAX;
-  for (int16_t row = 0; row <= along->cells; row++) {
+  for (int row = 0; row <= along->cells; row++) {
     const int32_t entry = along->rows[row * along->stride + column];
     low = entry < low ? entry : low;
     high = entry > high ? entry : high;
@@ -83,18 +83,18 @@ static int rows_are_valid(const int16_t *words)
   cell_path along;
   anhyst_cells_rows(&along, words);
   const int16_t first = words[ANHYST_WORD_CELLS_ROWS];
-  const int16_t rows = (int16_t)(along.cells + 1);
+  const int rows = along.cells + 1;
   if ((int32_t)rows * along.stride > ANHYST_BLOCK_MOST_WORDS ||
       !anhyst_table_inside(words, first, (int16_t)(rows * along.stride))) {
     return 0;
   }
-  for (int16_t row = 0; row < rows; row++) {
+  for (int row = 0; row < rows; row++) {
     const int16_t begin = (int16_t)(first + row * along.stride);
-    if (!anhyst_table_rises(words, begin, along.stride, -ANHYST_Q15_MAX, ANHYST_Q15_MAX)) {
+    if (!anhyst_table_rises(words, begin, (int16_t)along.stride, -ANHYST_Q15_MAX, ANHYST_Q15_MAX)) {
       return 0;
     }
   }
-  for (int16_t column = 0; column < along.stride; column++) {
+  for (int column = 0; column < along.stride; column++) {
     if (!rows_are_near(&along, column)) {
       return 0;
     }
@@ -106,9 +106,9 @@ static int rows_are_valid(const int16_t *words)
 static int16_t steepest(const cell_path *along, int narrow)
 {
   int16_t most = 0;
-  for (int16_t cells = 1; cells <= along->cells + 1; cells++) {
+  for (int cells = 1; cells <= along->cells + 1; cells++) {
     const int16_t *row = row_of(along, cells);
-    for (int16_t i = 0; i < along->stride - 1; i++) {
+    for (int i = 0; i < along->stride - 1; i++) {
       const int within = i >= along->outer && i < along->stride - 1 - along->outer;
       const int16_t rise = (int16_t)(row[i + 1] - row[i]);
       most = within == narrow && rise > most ? rise : most;
@@ -142,7 +142,7 @@ static int current_rises(const int16_t *words)
 {
   const int16_t *flux_arm = words + words[ANHYST_WORD_GAP_FLUX_ARM];
   const int16_t *field_arm = words + words[ANHYST_WORD_GAP_FIELD_ARM];
-  for (int16_t i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
+  for (int i = 0; i <= (1 << words[ANHYST_WORD_GAP_SEGMENTS]); i++) {
     if (!rises_with(words, flux_arm[i], field_arm[i])) {
       return 0;
     }
@@ -185,7 +185,7 @@ static void stand(const int16_t *words, const anhyst_memory *memory, const int32
 {
   cell_path along;
   anhyst_cells_begin(&along, words, memory, plays);
-  for (int16_t cell = 0; cell <= ANHYST_CELLS; cell++) {
+  for (int cell = 0; cell <= ANHYST_CELLS; cell++) {
     int32_t play = along.x;
     if (cell > 0 && cell <= along.cells) {
       play = cell < along.active ? along.x - width(&along, cell) : at_rest(&along, cell);
@@ -197,15 +197,15 @@ static void stand(const int16_t *words, const anhyst_memory *memory, const int32
 /* Where a play of this half-width stands, in a straight line between those beside it. */
 static int32_t play_between(const cell_path *along, const int32_t *stairs, int32_t half_width)
 {
-  int16_t below = 0;
-  while (below < along->cells && width(along, (int16_t)(below + 1)) <= half_width) {
+  int below = 0;
+  while (below < along->cells && width(along, below + 1) <= half_width) {
     below++;
   }
   const int32_t begin = below > 0 ? width(along, below) : 0;
   if (below == along->cells || half_width == begin) {
     return stairs[below];
   }
-  const int32_t part = anhyst_ratio(half_width - begin, width(along, (int16_t)(below + 1)) - begin);
+  const int32_t part = anhyst_ratio(half_width - begin, width(along, below + 1) - begin);
   return stairs[below] + anhyst_share(inside(stairs[below + 1] - stairs[below]), part);
 }
 
@@ -216,7 +216,7 @@ static int32_t carried_to(cell_path *along, const int32_t *stairs, int32_t way, 
 {
   along->x = inside(anhyst_add_q31(stairs[0], way));
   along->plays = plays;
-  for (int16_t cell = 1; cell <= along->cells; cell++) {
+  for (int cell = 1; cell <= along->cells; cell++) {
     plays[cell - 1] = anhyst_add_q31(stairs[cell], way);
     plays[cell - 1] = anhyst_clamp(at_rest(along, cell), along->x - width(along, cell),
                                    along->x + width(along, cell));
@@ -241,7 +241,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
   anhyst_cells_rows(&along, words);
   along.moved = 0;
   along.falling = 0;
-  for (int16_t cell = 0; cell <= along.cells; cell++) {
+  for (int cell = 0; cell <= along.cells; cell++) {
     int32_t half_width = 0;
     if (cell > 0) {
       /* NOLINTNEXTLINE(readability-suspicious-call-argument): here from the new unit to the old */
@@ -252,7 +252,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
   }
   int32_t low = -2 * (ONE - 1);
   int32_t high = 2 * (ONE - 1);
-  for (int16_t i = 0; i < HALVINGS; i++) {
+  for (int i = 0; i < HALVINGS; i++) {
     const int32_t middle = (low + high) / 2;
     if (carried_to(&along, stairs, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
       low = middle;

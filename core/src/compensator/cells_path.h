@@ -17,13 +17,13 @@ typedef struct {
   const int16_t *row; /* of the cells that move */
   const int32_t *plays;
   int32_t inner;   /* half-width of the zone around 0 where segments are narrow */
-  int16_t stride;  /* entries of a row */
-  int16_t outer;   /* wide segments on each side */
-  uint16_t narrow; /* a part of 2^-15 of a segment: 2^this */
-  uint16_t wide;
-  int16_t cells;    /* besides cell 0 */
-  int16_t active;   /* the cells below this one move */
-  int16_t moved;    /* those below this one moved the other way until here, ... */
+  int stride;      /* entries of a row */
+  int outer;       /* wide segments on each side */
+  unsigned narrow; /* a part of 2^-15 of a segment: 2^this */
+  unsigned wide;
+  int cells;        /* besides cell 0 */
+  int active;       /* the cells below this one move */
+  int moved;        /* those below this one moved the other way until here, ... */
   anhyst_spot left; /* ... which is this place of the first row */
   int32_t frozen;   /* bit i: what cell i rests with was counted while it rose */
   int32_t rest;     /* magnetisation of the cells that rest */
@@ -43,20 +43,17 @@ static inline int32_t turned(int32_t a, int32_t falling)
 static inline int32_t inside(int32_t a) { return anhyst_sat_q30(a); }
 
 /* Half-width of the play of a cell. */
-static inline int32_t width(const cell_path *along, int16_t cell)
+static inline int32_t width(const cell_path *along, int cell)
 {
   return (int32_t)along->thresholds[cell - 1] * 32768;
 }
 
 /* Entries from a row to that of so many cells more; a block has no more words than fit. */
-static inline int16_t rows_on(const cell_path *along, int16_t cells)
-{
-  return (int16_t)(cells * along->stride);
-}
+static inline int rows_on(const cell_path *along, int cells) { return cells * along->stride; }
 
-static inline const int16_t *row_of(const cell_path *along, int16_t cells)
+static inline const int16_t *row_of(const cell_path *along, int cells)
 {
-  return along->rows + rows_on(along, (int16_t)(cells - 1));
+  return along->rows + rows_on(along, cells - 1);
 }
 
 /* Whether x lies in the zone of narrow segments. */
@@ -66,7 +63,7 @@ static inline int is_near(const cell_path *along, int32_t x)
 }
 
 /* A part of 2^-15 of the segment that holds x is 2^this. */
-static inline uint16_t fineness(const cell_path *along, int32_t x)
+static inline unsigned fineness(const cell_path *along, int32_t x)
 {
   return is_near(along, x) ? along->narrow : along->wide;
 }
@@ -105,7 +102,7 @@ static inline int32_t beyond(const cell_path *along, anhyst_spot without)
 }
 
 /* The play of a cell that rests. */
-static inline int32_t play_of(const cell_path *along, int16_t cell)
+static inline int32_t play_of(const cell_path *along, int cell)
 {
   if (cell < along->moved) {
     return along->x + width(along, cell);
@@ -114,14 +111,14 @@ static inline int32_t play_of(const cell_path *along, int16_t cell)
 }
 
 /* The same, no further out than a field within the rows can have made it. */
-static inline int32_t at_rest(const cell_path *along, int16_t cell)
+static inline int32_t at_rest(const cell_path *along, int cell)
 {
   const int32_t r = width(along, cell);
   return anhyst_clamp(play_of(along, cell), r - ONE, ONE - 1 - r);
 }
 
 /* Where a path the other way has left a cell, within the rows. */
-static inline int32_t left_at(const cell_path *along, int16_t cell)
+static inline int32_t left_at(const cell_path *along, int cell)
 {
   return inside(anhyst_sub_q31(play_of(along, cell), width(along, cell)));
 }
@@ -132,13 +129,13 @@ static inline void anhyst_cells_rows(cell_path *along, const int16_t *words)
   along->thresholds = words + words[ANHYST_WORD_CELLS_THRESHOLDS];
   along->rows = words + words[ANHYST_WORD_CELLS_ROWS];
   along->cells = words[ANHYST_WORD_CELLS_COUNT];
-  const uint16_t bits = (uint16_t)words[ANHYST_WORD_CELLS_SEGMENTS];
-  const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
+  const unsigned bits = (unsigned)words[ANHYST_WORD_CELLS_SEGMENTS];
+  const unsigned halvings = (unsigned)words[ANHYST_WORD_CELLS_ZONE];
   along->inner = ONE >> halvings;
-  along->wide = (uint16_t)(15U - bits);
-  along->narrow = (uint16_t)(along->wide - halvings);
-  along->outer = (int16_t)((1 << bits) - (1 << (bits - halvings)));
-  along->stride = (int16_t)((2 << bits) + 2 * along->outer + 1);
+  along->wide = 15U - bits;
+  along->narrow = along->wide - halvings;
+  along->outer = (1 << bits) - (1 << (bits - halvings));
+  along->stride = (2 << bits) + 2 * along->outer + 1;
 }
 
 /* Whether two memories have gone opposite ways. */
@@ -149,10 +146,10 @@ static inline int have_turned(const anhyst_memory *from, const anhyst_memory *to
 
 /* How many cells a memory says that move in its direction, all if more than there are; 0: it does
    not say. */
-static inline int16_t moving_cells(const cell_path *along, const anhyst_memory *from)
+static inline int moving_cells(const cell_path *along, const anhyst_memory *from)
 {
   const uint32_t size = from->p < 0 ? 0U - (uint32_t)from->p : (uint32_t)from->p;
-  return size <= (uint32_t)along->cells ? (int16_t)size : (int16_t)(along->cells + 1);
+  return size <= (uint32_t)along->cells ? (int)size : along->cells + 1;
 }
 
 /* The magnetisation of all cells at rest but cell 0, counted as if they had risen. */

@@ -3,9 +3,6 @@
 
 #include "lookup.h"
 
-/* A weight as a q30. */
-static int32_t weight_q30(int16_t weight) { return (int32_t)weight * 16384; }
-
 /* Where a gap falls in the tables over the gap. */
 typedef struct {
   const int16_t *words; /* of the block, moved on to the segment */
@@ -30,7 +27,7 @@ static int16_t over_gap(place at, int16_t first)
 static anhyst_arms arms_at(const int16_t *words, place at)
 {
   anhyst_arms arms;
-  arms.bias = weight_q30(over_gap(at, words[ANHYST_WORD_GAP_BIAS]));
+  arms.bias = (int32_t)over_gap(at, words[ANHYST_WORD_GAP_BIAS]) * 16384;
   arms.flux_arm = over_gap(at, words[ANHYST_WORD_GAP_FLUX_ARM]);
   arms.field_arm = over_gap(at, words[ANHYST_WORD_GAP_FIELD_ARM]);
   return arms;
@@ -44,8 +41,8 @@ static int32_t root(int32_t a, int16_t knee)
   if ((a >> (31 - 2 * knee)) == 0) {
     return (int32_t)((uint32_t)a << (knee - 1));
   }
-  const uint16_t up = (uint16_t)(anhyst_headroom(a) & ~1U); /* even, so that it halves */
-  const int32_t full = (int32_t)((uint32_t)a << up);        /* 2^29..2^31 - 1 */
+  const unsigned up = anhyst_headroom(a) & ~1U;      /* even, so that it halves */
+  const int32_t full = (int32_t)((uint32_t)a << up); /* 2^29..2^31 - 1 */
   /* A line within 5 % to begin with; each step doubles the digits. r is the root times 2^15. */
   int32_t r = (full >> 17) + (full >> 19) + 12000;
   r = (r + (full >> 1) / r) >> 1;
@@ -71,35 +68,41 @@ static int32_t offset_at(const int16_t *words, place at)
   return (int32_t)over_gap(at, words[ANHYST_WORD_GAP_OFFSET]) * 65536;
 }
 
-/* What an output at this gap needs as a flux, q30, beyond the offset and at least 0 if it goes with
-   a square; saturates. */
-static int32_t flux_for(const int16_t *words, int32_t output, int32_t offset, place at)
+/* The number of low..high nearest to a; sets a flag where that is another one. */
+static inline int32_t limited(anhyst_compensator *c, int32_t a, int32_t low, int32_t high,
+                              uint16_t flag)
 {
-  const int32_t beyond = anhyst_sub_q31(output, offset);
+  if (a >= low && a <= high) {
+    return a;
+  }
+  c->flags |= flag;
+  return a < low ? low : high;
+}
+
+/* What an output so far beyond the offset needs as a flux, q30 over 2^ANHYST_WORD_FLUX_SHIFT. */
+static inline int32_t flux_for(const int16_t *words, int32_t beyond, place at)
+{
   const int32_t part = words[ANHYST_WORD_POWER] == 2
                            ? root(beyond > 0 ? beyond : 0, words[ANHYST_WORD_ROOT_KNEE])
                            : beyond >> 1;
-  return anhyst_shl_q31(anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN])),
-                        (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
+  return anhyst_scale(part, over_gap(at, words[ANHYST_WORD_GAP_GAIN]));
 }
 
-/* The demand at this gap as a flux, q30. */
+/* The demand at this gap as a flux, q30; at least 0 if it goes with a square. */
 static int32_t flux_of(anhyst_compensator *c, int32_t demand, place at)
 {
   const int16_t *words = c->words;
-  const int32_t wanted = anhyst_clamp(demand, (int32_t)words[ANHYST_WORD_DEMAND_LOW] * 65536,
-                                      (int32_t)words[ANHYST_WORD_DEMAND_HIGH] * 65536);
-  const int32_t offset = offset_at(words, at);
-  if (wanted != demand || (words[ANHYST_WORD_POWER] == 2 && wanted < offset)) {
+  const int32_t wanted =
+      limited(c, demand, (int32_t)words[ANHYST_WORD_DEMAND_LOW] * 65536,
+              (int32_t)words[ANHYST_WORD_DEMAND_HIGH] * 65536, ANHYST_DEMAND_LIMITED);
+  const int32_t beyond = anhyst_sub_q31(wanted, offset_at(words, at));
+  if (beyond < 0 && words[ANHYST_WORD_POWER] == 2) {
     c->flags |= ANHYST_DEMAND_LIMITED;
   }
-  const int32_t flux = flux_for(words, wanted, offset, at);
-  const int32_t limit = (int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536;
-  const int32_t reached = anhyst_clamp(flux, -limit, limit);
-  if (reached != flux) {
-    c->flags |= ANHYST_FLUX_LIMITED;
-  }
-  return reached;
+  const unsigned up = (unsigned)words[ANHYST_WORD_FLUX_SHIFT];
+  const int32_t limit = ((int32_t)words[ANHYST_WORD_FLUX_LIMIT] * 65536) >> up;
+  const int32_t flux = flux_for(words, beyond, at);
+  return (int32_t)((uint32_t)limited(c, flux, -limit, limit, ANHYST_FLUX_LIMITED) << up);
 }
 
 static const anhyst_kernel *kernel_for(const anhyst_kernel *kernel, const int16_t *words)
@@ -160,37 +163,39 @@ int32_t anhyst_compensator_solve_q31(anhyst_compensator *c, int32_t demand, int3
   const int32_t field = c->kernel->field(c);
   const int32_t inner = c->arms.bias + anhyst_scale(c->flux, c->arms.flux_arm) +
                         anhyst_scale(field, c->arms.field_arm);
-  const int32_t wanted = anhyst_shl_q31(inner, (uint16_t)(words[ANHYST_WORD_CURRENT_SHIFT] + 1));
-  c->current = anhyst_clamp(wanted, (int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536,
-                            (int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536);
+  const unsigned up = (unsigned)words[ANHYST_WORD_CURRENT_SHIFT] + 1U;
+  const int32_t reached =
+      limited(c, inner, ((int32_t)words[ANHYST_WORD_CURRENT_LOW] * 65536) >> up,
+              ((int32_t)words[ANHYST_WORD_CURRENT_HIGH] * 65536) >> up, ANHYST_CURRENT_LIMITED);
+  c->current = (int32_t)((uint32_t)reached << up);
   c->solved = 1;
-  if (c->current != wanted) {
-    c->flags |= ANHYST_CURRENT_LIMITED;
-  }
   return c->current;
 }
 
+/* The limits of a current have 16 bits: there is room to round. */
 int16_t anhyst_compensator_solve_q15(anhyst_compensator *c, int16_t demand, int16_t gap)
 {
-  return anhyst_round_q31(
-      anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536));
+  const int32_t current =
+      anhyst_compensator_solve_q31(c, (int32_t)demand * 65536, (int32_t)gap * 65536);
+  return (int16_t)((current + 0x8000) >> 16);
 }
 
-static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_solved)
+void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
 {
   const int16_t *words = c->words;
   const int same_gap = c->solved != 0U && gap == c->gap;
-  c->flux_applied = c->flux;
-  if (!as_solved || !same_gap || (c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
-    const int32_t inner = applied >> (words[ANHYST_WORD_CURRENT_SHIFT] + 1);
-    if (!same_gap) {
-      c->arms = arms_at(words, gap_place(words, gap));
-      c->gap = gap;
-    }
+  if (!same_gap) {
+    c->arms = arms_at(words, gap_place(words, gap));
+    c->gap = gap;
     if (c->solved == 0U) {
       c->next.way = 0;
+      c->next.fine = 0;
     }
-    c->flux_applied = c->kernel->flux(c, inner);
+  }
+  if (same_gap && applied == c->current && (c->flags & ANHYST_CURRENT_LIMITED) == 0U) {
+    c->flux_applied = c->flux;
+  } else {
+    c->flux_applied = c->kernel->flux(c, applied >> (words[ANHYST_WORD_CURRENT_SHIFT] + 1));
   }
   if (c->kernel->keep != 0) {
     c->kernel->keep(c);
@@ -199,15 +204,12 @@ static void commit(anhyst_compensator *c, int32_t applied, int32_t gap, int as_s
   c->solved = 0;
 }
 
-void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32_t gap)
-{
-  commit(c, applied, gap, applied == c->current);
-}
-
+/* What was solved is applied where that rounds to it. */
 void anhyst_compensator_commit_q15(anhyst_compensator *c, int16_t applied, int16_t gap)
 {
-  commit(c, (int32_t)applied * 65536, (int32_t)gap * 65536,
-         applied == anhyst_round_q31(c->current));
+  const int32_t given = (int32_t)applied * 65536;
+  const uint32_t off = (uint32_t)c->current - (uint32_t)given + 0x8000U;
+  anhyst_compensator_commit_q31(c, off < 0x10000U ? c->current : given, (int32_t)gap * 65536);
 }
 
 int32_t anhyst_compensator_output_q31(const anhyst_compensator *c)
@@ -234,7 +236,8 @@ void anhyst_compensator_swap(anhyst_compensator *c, const int16_t *words)
 {
   const int32_t output = anhyst_compensator_output_q31(c);
   const place at = gap_place(words, c->gap);
-  int32_t flux = flux_for(words, output, offset_at(words, at), at);
+  int32_t flux = anhyst_shl_q31(flux_for(words, anhyst_sub_q31(output, offset_at(words, at)), at),
+                                (uint16_t)words[ANHYST_WORD_FLUX_SHIFT]);
   if (words[ANHYST_WORD_POWER] == 2 && c->flux_applied < 0) {
     flux = -flux;
   }
