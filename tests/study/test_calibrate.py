@@ -16,9 +16,7 @@ from scipy.signal import lfilter
 from anhyst import Calibration, InputError, calibrate
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage import loop as module
 from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure
@@ -263,18 +261,6 @@ def test_an_amplifier_whose_lag_would_be_taken_for_the_iron_s_is_refused() -> No
     slow = stages.stage().settings.changed({"amplifier.bandwidth_Hz": 1000.0})
     with refused("amplifier-too-slow: amplifier.bandwidth_Hz"):
         calibrate(replace(stages.stage(), settings=slow), recorded(), magnet=bearings.knowledge())
-
-
-def test_what_answers_late_is_identified_as_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-
-    def identified(*_: object, late: bool = False) -> IdentifiedMagnet:
-        asked.append(late)
-        return bearings.knowledge()
-
-    monkeypatch.setattr(module, "identify_magnet", identified)
-    calibrate(stages.stage(), recorded(), methods=["single-valued"])
-    assert asked == [True]
 
 
 @pytest.mark.parametrize(
