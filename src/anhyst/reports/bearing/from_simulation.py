@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
+from anhyst.data.speeds import slow_loops
 from anhyst.reports.bearing.force_current import identified_loop, nearest_loops
 from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.over_frequency import Response
@@ -62,7 +63,7 @@ def subject_of(simulation: Simulation, command: str) -> SimulationSubject:
     chosen = {name: run for name, run in shown.items() if name in (*_COLUMNS, simulation.own)}
     linear_gain, linear_sensitivity = _linear(simulation)
     single = len(rig.magnets) == 1
-    loops, current = simulation.knowledge.loops, rig.settings.measurement.current_max_A
+    loops, current = slow_loops(simulation.knowledge.loops), rig.settings.measurement.current_max_A
     return SimulationSubject(
         rig=rig,
         controller=simulation.controller.settings,
