@@ -343,6 +343,7 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
             ["--io", "q31"],
             "not-compilable compensation.variant: :29:",
         ),
+        (
             [('variant = "full"', 'variant = "at-rest"')],
             ["--io", "q31"],
             "not-compilable compensation.variant: :29:",
