@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from anhyst.compilation.core import SOURCES, core_files
+from anhyst.compilation.core import LAYERS, SOURCES, core_files
 from anhyst.compilation.floating_source import memories
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
@@ -49,6 +49,7 @@ _CORE = (
 _CORE_OF_STAGE = (
     *(name for name in _CORE if not name.startswith("control/")),
     *(name for kind in SOURCES.values() for name in kind),
+    *LAYERS,
     *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
     *(
         f"control/{name}{of}.c"
