@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -14,9 +16,16 @@ import anhyst
 from anhyst.cli.app import main
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift
-from anhyst.rig.stage.loop import Feedforward, StageSetup, fit_method, make_stage, track
+from anhyst.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    axes_controller,
+    fit_method,
+    make_stage,
+    track,
+)
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.compiled import CompiledStage, write_stage
+from anhyst.study.tracking.compiled import ROWS, CompiledStage, write_stage
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
 from tests.refusals import refused
@@ -34,7 +43,7 @@ def single(several: bool, method: MethodName) -> StageSetup:
     return replace(make_stage(rig, bearings.knowledge(), method), law="f32")
 
 
-def replays(folder: Path) -> None:
+def replays(folder: Path, rows: int = ROWS) -> None:
     """Its own example, compiled as strictly as the core, plays its vectors without a difference."""
     sources = sorted(str(file) for file in folder.rglob("*.c"))
     options = [*WARNINGS.split(), "-ffp-contract=off", f"-I{folder / 'include'}"]
@@ -43,7 +52,7 @@ def replays(folder: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     vectors = (folder / "vectors.csv").read_text()
-    assert played(str(program), vectors) == "2000 rows, 0 differ\n"
+    assert played(str(program), vectors) == f"{rows} rows, 0 differ\n"
     command = [tool("nm"), str(program)]
     assert "_f64" not in subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
@@ -110,6 +119,31 @@ def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None
     assert stage["mass"][0][0] == pytest.approx(20.0)
     most = np.abs(compiled.vectors["forward_x"]).max()
     assert most == pytest.approx(20.0 * 22.0, rel=0.01)
+
+
+def test_a_flight_of_fewer_ticks_than_are_kept_is_compiled_whole(tmp_path: Path) -> None:
+    setup = single(True, "single-valued")
+    slow = setup.rig.settings.changed({"timing.rate_Hz": 2e3, "control.crossover_Hz": 60.0})
+    known = bearings.knowledge()
+    made = make_stage(replace(setup.rig, settings=slow), known, "single-valued")
+    compiled = folder_of(replace(made, law="f32"), tmp_path)
+    rows = len(compiled.vectors["flags"])
+    assert 500 < rows < 1000
+    replays(compiled.out, rows)
+    assert f"`vectors.csv`, {rows} ticks" in (compiled.out / "DROP_IN.md").read_text()
+
+
+@pytest.mark.parametrize("law", ["f32", "f64"])
+def test_a_reading_that_is_no_number_is_flagged_and_forgotten(law: Literal["f32", "f64"]) -> None:
+    setup = replace(single(True, "single-valued"), law=law)
+    controller, gaps = axes_controller(setup), [0.45e-3] * 10
+    forward = [0.0, 0.0, 20.0 * 9.81, 0.0, 0.0, 0.0]
+    before = controller.tick([0.0] * 6, forward, gaps)
+    for reading in (math.nan, math.inf, -math.inf):
+        current, _, flags = controller.tick([reading] + [0.0] * 5, forward, gaps)
+        assert flags
+        assert all(0.0 <= one <= 4.5 for one in current)
+        assert controller.tick([0.0] * 6, forward, gaps) == before
 
 
 @pytest.mark.parametrize(

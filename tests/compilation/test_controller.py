@@ -344,6 +344,11 @@ def test_rate_and_converter_come_from_the_file(place: Path, tmp_path: Path) -> N
             "not-compilable compensation.variant: :29:",
         ),
         (
+            [('variant = "full"', 'variant = "at-rest"')],
+            ["--io", "q31"],
+            "not-compilable compensation.variant: :29:",
+        ),
+        (
             [('format = "fixed"', 'format = "f64"')],
             ["--io", "q31"],
             "not-compilable compensation.format: :30:",

@@ -15,7 +15,7 @@ from anhyst.control.states import Phase, State
 from anhyst.exchange import bearing_part
 from anhyst.exchange.fmu_file import export_fmu
 from anhyst.rig.bearing.loop import SimulatedLoop
-from anhyst.rig.bearing.make_setup import make_setups
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
@@ -118,7 +118,9 @@ def test_so_does_solid_iron_and_what_follows_its_layers(tmp_path: Path) -> None:
     rig.write_text(rig.read_text().replace("turns = 250", solid))
     late().model.save(tmp_path / "model.toml")
     export_fmu(rig, tmp_path / "2.fmu", platforms=[HERE])
-    flies_alike(flown(tmp_path), tmp_path)
+    flight = flown(tmp_path)
+    flies_alike(flight, tmp_path)
+    goes_over(flight, tmp_path)
 
 
 def flies_alike(flight: Flight, tmp_path: Path) -> None:
@@ -136,6 +138,10 @@ def flies_alike(flight: Flight, tmp_path: Path) -> None:
 
 
 def test_a_state_in_mid_air_goes_over_to_another_instance(flight: Flight, tmp_path: Path) -> None:
+    goes_over(flight, tmp_path)
+
+
+def goes_over(flight: Flight, tmp_path: Path) -> None:
     half = flight.scenario.ticks - 600
     rest = flight.inputs(slice(half, half + 400))
     with slave(flight.path, tmp_path) as made, slave(flight.path, tmp_path) as other:
@@ -194,12 +200,29 @@ def stage_made(folder: Path) -> None:
             )
 
 
+def solid_stage_made(folder: Path) -> None:
+    """The same, a part of its iron solid, the layers of its magnets known."""
+    for name in ("loops.csv", "loops.toml"):
+        (folder / name).write_bytes((stages.EXAMPLE / name).read_bytes())
+    text, solid = (stages.EXAMPLE / "rig.toml").read_text(), "turns = 250\n"
+    assert text.count(solid) == 1
+    table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }\n"
+    (folder / "rig.toml").write_text(text.replace(solid, solid + table))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(bearing_part, "identify_stage", lambda _: late())
+        export_fmu(folder / "rig.toml", folder / "2.fmu", platforms=[HERE])
+
+
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
     """Follow two turnarounds while the long stroke strays, a load pushes and the sensor is noisy."""
     folder = made_once(tmp_path_factory, "fmu-stage", stage_made)
-    rig = read_stage(stages.EXAMPLE / "rig.toml")
-    setup = make_stage(rig, bearings.knowledge(), "full")
+    return scanned(folder, stages.EXAMPLE / "rig.toml", bearings.knowledge())
+
+
+def scanned(folder: Path, path: Path, magnet: IdentifiedMagnet) -> Scan:
+    rig = read_stage(path)
+    setup = make_stage(rig, magnet, "full")
     motion = motion_of(rig.settings.scan, [22.0, 12.0])
     gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
     time = instants(rig, count + 1)
@@ -221,6 +244,15 @@ def scan(tmp_path_factory: pytest.TempPathFactory) -> Scan:
 
 
 def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: Path) -> None:
+    moves_alike(scan, tmp_path)
+
+
+def test_so_does_a_stage_on_solid_iron(tmp_path: Path) -> None:
+    solid_stage_made(tmp_path)
+    moves_alike(scanned(tmp_path, tmp_path / "rig.toml", late()), tmp_path)
+
+
+def moves_alike(scan: Scan, tmp_path: Path) -> None:
     at_the_tick = {
         "position_read": "position_read_m",
         "gap_read": "gap_read_m",

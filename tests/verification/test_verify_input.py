@@ -103,6 +103,7 @@ def test_a_file_that_was_changed_or_is_missing(
         ("demand,gap\n1,2\n", "damaged-vectors"),
         ("demand,gap,current\n1,2,x\n", "damaged-vectors"),
         ("demand,gap,current\n1,2\n", "damaged-vectors"),
+        ("demand,gap,applied,current\n", "damaged-vectors"),
         ("demand,gap,current\n1,2,99999999999\n", "damaged-vectors"),
     ],
 )

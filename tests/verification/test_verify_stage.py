@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -73,6 +76,25 @@ def test_a_current_that_differs_is_named_with_its_tick(folder: Path, tmp_path: P
     found = verify(place, "cortex-m4", target_steps=100)
     assert not found.passed
     assert "golden vector 7: current 3" in found.first_failure()
+
+
+@pytest.mark.parametrize(
+    "wrong", [7, {}, {"heads": None}, {"free": []}, {"magnets": 0}, {"magnets": 10**9}]
+)
+def test_a_stage_whose_records_have_no_form_is_refused(
+    folder: Path, tmp_path: Path, wrong: object
+) -> None:
+    place = tmp_path / "out"
+    shutil.copytree(folder, place)
+    manifest = json.loads((place / "manifest.json").read_text())
+    manifest["stage"] = (
+        {**manifest["stage"], **wrong} if wrong and isinstance(wrong, dict) else wrong
+    )
+    manifest["files"]["stage_parameters.h"] = hashlib.sha256(b"").hexdigest()
+    (place / "stage_parameters.h").touch()
+    (place / "manifest.json").write_text(json.dumps(manifest))
+    with refused("damaged-manifest stage"):
+        read_bundle(place)
 
 
 def test_a_processor_without_float_format_is_refused(folder: Path) -> None:

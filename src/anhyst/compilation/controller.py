@@ -13,7 +13,6 @@ from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block, Scales
 from anhyst.compensate.current_map import CurrentMap
-from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plain_map import plain_map
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.control.controller_file import (
@@ -135,7 +134,7 @@ def _faults(table: ControllerTable, request: CompileRequest) -> list[FileFault]:
     if table.rate_Hz != request.rate:
         text = f"is {table.rate_Hz:g} Hz here and {request.rate:g} Hz in --rate; make them equal"
         faults.append(FileFault(("rate_Hz",), text, code="option-differs"))
-    if chosen.variant not in MODELS:  # the others exist to be compared with
+    if chosen.variant not in ("full", "simplified"):  # the others exist to be compared with
         text = f'"{chosen.variant}" is for comparison in simulations; write "full" or "simplified"'
         faults.append(FileFault(("compensation", "variant"), text, code="not-compilable"))
     elif chosen.variant != request.kind:

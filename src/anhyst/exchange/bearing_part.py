@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from anhyst.compilation.core import SOURCES, core_files
+from anhyst.compilation.core import LAYERS, SOURCES, core_files
 from anhyst.compilation.floating_source import memories
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
-from anhyst.exchange.part import WRAPPER, Part, Variable, header, row
+from anhyst.exchange.part import WRAPPER, Part, Variable, header, kernel_of, row
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.parts.iron import CellSteel
@@ -49,6 +49,7 @@ _CORE = (
 _CORE_OF_STAGE = (
     *(name for name in _CORE if not name.startswith("control/")),
     *(name for kind in SOURCES.values() for name in kind),
+    *LAYERS,
     *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
     *(
         f"control/{name}{of}.c"
@@ -162,7 +163,7 @@ def _controller_numbers(setup: StageSetup) -> str:
     scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
     defined = {
         "STAGE_DRIVES": len(setup.rig.bearing.magnets),
-        "STAGE_KERNEL": f"anhyst_kernel_{block.kind}",
+        "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{block.kind}", "stage_words"),
         "STAGE_GAP_TOTAL": numbers["gap_total"],
         "STAGE_SCALES": _fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
         "STAGE_SETTINGS": _fields(
@@ -240,7 +241,7 @@ def _names(name: str) -> str:
         "CONTROLLER_INIT": f"{name}_controller_init",
         "CONTROLLER_LIMITS": f"{name}_controller_limits",
         "CONTROLLER_SETTINGS": f"{name}_controller_settings",
-        "CONTROLLER_KERNEL": f"{macro}_KERNEL",
+        "CONTROLLER_KERNEL": kernel_of(f"{macro}_KERNEL", f"{name}_parameters"),
         "CONTROLLER_PARAMETERS": f"{name}_parameters",
     }
     return header("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from anhyst.compilation.verb import compile_actuator
-from anhyst.exchange.part import WRAPPER, Part, Variable, header
+from anhyst.exchange.part import WRAPPER, Part, Variable, header, kernel_of
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
 
@@ -41,7 +41,7 @@ def _numbers(manifest: Mapping[str, Any]) -> str:
     gap = signals.get("gap")
     ends = gap or {"low": 0.0, "high": 0.0}
     defined = {
-        "COMPENSATOR_KERNEL": f"{name.upper()}_KERNEL",
+        "COMPENSATOR_KERNEL": kernel_of(f"{name.upper()}_KERNEL", f"{name}_parameters"),
         "COMPENSATOR_WORDS": f"{name.upper()}_PARAMETERS_WORDS",
         "COMPENSATOR_FULL_SCALE_DEMAND": float(signals["demand"]["scale"]),
         "COMPENSATOR_FULL_SCALE_CURRENT": float(signals["current"]["scale"]),

@@ -75,6 +75,11 @@ def array(name: str, values: Iterable[float]) -> str:
     return f"static const double {name}[] = {row(values)};\n"
 
 
+def kernel_of(kernel: str, words: str) -> str:
+    """Return the C of the kernel that a block runs on, which with layers is one beside its kind's own."""
+    return f"(*({kernel}.for_block != 0 ? {kernel}.for_block({words}) : &{kernel}))"
+
+
 def header(name: str, defined: Mapping[str, object], before: str = "") -> str:
     """Return a header: lines before, then definitions."""
     guard = f"{name.upper()}_H"

@@ -23,6 +23,9 @@ FORMATS = {"q15": "15", "q31": "31", "f32": "32"}
 PLAY = "play"
 """Kind of a map with one play, which is no compensator with a kernel."""
 
+MOST = 64
+"""Coordinates, heads or magnets that are believed of a stage."""
+
 AGAIN = "run 'anhyst compile' again"
 
 
@@ -90,6 +93,7 @@ def read_bundle(folder: Path) -> Bundle:
             f"{place}: key 'format' is not {FORMAT}; {AGAIN}", code="damaged-manifest", key="format"
         )
     _check_files(folder, place, manifest)
+    _check_stage(place, manifest.get("stage"))
     io = _text(place, manifest, "io")
     if io not in FORMATS:
         known = " and ".join(FORMATS)
@@ -118,6 +122,21 @@ def _text(place: Path, manifest: Mapping[str, Any], key: str) -> str:
             key=key,
         )
     return value
+
+
+def _check_stage(place: Path, stage: object) -> None:
+    """Check the numbers from which the form of a stage's records follows."""
+    if stage is None:
+        return
+    found = stage if isinstance(stage, dict) else {}
+    free = found.get("free")
+    counts = [len(free) if isinstance(free, list) else 0, found.get("heads"), found.get("magnets")]
+    if not all(isinstance(count, int) and 0 < count <= MOST for count in counts):
+        raise InputError(
+            f"{place}: key 'stage' does not say what is free, how many heads and magnets there are; {AGAIN}",
+            code="damaged-manifest",
+            key="stage",
+        )
 
 
 def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None:

@@ -90,6 +90,8 @@ def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Wor
         lines = csv.reader(row for row in stream if not row.startswith("#"))
         names = [name.strip() for name in next(lines, [])]
         rows = list(lines)
+    if not rows:
+        raise InputError(f"{path}: has no rows; run 'anhyst compile' again", code="damaged-vectors")
     for name in needed:
         if name not in names:
             raise InputError(

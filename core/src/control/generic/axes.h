@@ -70,7 +70,9 @@ static void ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
   }
   ANHYST_NAME(multiply)(settings->decouple, axes, axes, error, apart);
   for (k = 0; k < axes; k++) {
-    apart[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
+    if (ANHYST_NAME(is_number)(apart[k])) { /* what is none must not stay in the filter */
+      apart[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
+    }
   }
   ANHYST_NAME(multiply)(settings->weigh, axes, axes, apart, wrench);
   for (k = 0; k < axes; k++) {

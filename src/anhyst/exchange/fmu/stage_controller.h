@@ -6,7 +6,7 @@
 #include "anhyst_plant/controller.h"
 
 /* Force controllers and PID, as stage_controller.c alone knows them; no pointer in it must hold. */
-typedef double anhyst_stage_controller[128];
+typedef double anhyst_stage_controller[256];
 
 /* At rest, the irons demagnetised. 0, or -1 for damaged parameters. */
 int anhyst_stage_controller_start(anhyst_stage_controller controller);

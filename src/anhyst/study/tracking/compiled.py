@@ -41,6 +41,7 @@ from anhyst.rig.stage.loop import (
     instants,
     make_stage,
     stray,
+    ticks_of,
     track,
 )
 from anhyst.rig.stage.setpoint import motion_of
@@ -59,7 +60,7 @@ if TYPE_CHECKING:
 StageKind = Literal["full", "simplified", "play", "single-valued"]
 
 ROWS = 2000
-"""Ticks of the flight that become golden vectors: at rest, the first acceleration, and after it."""
+"""Ticks of the flight that become golden vectors, if it takes as many: at rest, acceleration, after it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -211,7 +212,7 @@ def compile_stage(
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
     """Write the folder of a controller in single precision, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
-    files = stage_sources(stage, version, ROWS) | {"vectors.csv": _csv(vectors)}
+    files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
     write_folder(out, files, described)
     return CompiledStage(Path(out), described, (*files, "manifest.json"), vectors)
@@ -288,6 +289,7 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     """Return what the controller of several coordinates is given: heads off target, wrench, gaps."""
     rig, file = setup.rig, setup.rig.settings
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
+    rows = min(rows, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
     reference, along = motion.at(time)[0], scan_direction(file)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
