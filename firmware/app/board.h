@@ -30,8 +30,8 @@ typedef struct {
   int32_t current_high;
   int32_t stuck_current; /* q31 */
   int32_t stuck_demand;  /* q31 */
-  uint16_t still_ticks;  /* for which a position in the air may stay on one code after the wanted
-                            force has moved so much; 0 switches the rule off */
+  uint16_t still_ticks;  /* for which a position in the air may stay on one code after wanted
+                            force and current have moved so much; 0 switches the rule off */
   uint16_t
       max_implausible_samples; /* samples in a row that may be implausible before it is a fault */
   uint16_t missed_ticks;       /* ticks in a row that may be left out before it is a fault */

@@ -184,22 +184,25 @@ static int is_in_air(const app_body *body)
   return anhyst_levitation_controls(l) && anhyst_sub_q31(l->position, l->rest) >= detect;
 }
 
-/* Whether the position stays on one code although the force has moved: in the air nothing does. A
-   fine encoder may rest on a code for long as long as nothing moves, and so may solid iron while
-   its current moves. */
+/* Whether the position stays on one code although force and current have moved: in the air nothing
+   does. A fine encoder may rest on a code for long as long as nothing moves, also while the current
+   of solid iron moves alone, or the wanted force alone, where another method begins. */
 static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
 {
   const app_limits *limits = body->board->limits;
   app_stillness *still = &body->still;
   const int32_t demand = body->answer.demand;
+  const int32_t drive = body->answer.current[0];
   if (!is_in_air(body) || sample->position != still->code) {
     still->code = sample->position;
     still->demand = demand;
+    still->drive = drive;
     still->ticks = 0;
     return 0;
   }
-  const int32_t moved = anhyst_abs_q31(anhyst_sub_q31(demand, still->demand));
-  if (moved >= limits->stuck_demand || still->ticks > 0U) {
+  const int32_t wanted = anhyst_abs_q31(anhyst_sub_q31(demand, still->demand));
+  const int32_t driven = anhyst_abs_q31(anhyst_sub_q31(drive, still->drive));
+  if ((wanted >= limits->stuck_demand && driven >= limits->stuck_current) || still->ticks > 0U) {
     still->ticks += ticks;
   }
   return limits->still_ticks > 0U && still->ticks > limits->still_ticks;

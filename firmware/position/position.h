@@ -16,11 +16,12 @@ struct app_plan {
   uint16_t magnets; /* 1 or 2 */
 };
 
-/* How long the position has been on one code although the wanted force moved. */
+/* How long the position has been on one code although wanted force and current moved. */
 typedef struct {
   int32_t code;   /* of the position */
   int32_t demand; /* force wanted when it was new, q31 */
-  uint32_t ticks; /* since it has moved by app_limits.stuck_demand from there */
+  int32_t drive;  /* current driven when it was new, q31 */
+  uint32_t ticks; /* since both have moved by stuck_demand and stuck_current of app_limits */
 } app_stillness;
 
 struct app_body {

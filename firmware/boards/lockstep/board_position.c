@@ -5,8 +5,8 @@
 #include "lockstep.h"
 #include "position/position.h"
 
-/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the force moves by a
-   twentieth, an armature in the air does not. */
+/* An encoder may rest on one code as long as nothing moves; for 2 ms, while force and current move
+   by a twentieth, an armature in the air does not. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, PORT_ONE / 4 * 5, 0},
     .stuck_current = INT32_MAX / 20,

@@ -5,8 +5,8 @@
 #include "nucleo.h"
 #include "position/position.h"
 
-/* An encoder may rest on one code as long as nothing moves; for 2 ms, while the force moves by a
-   tenth, an armature in the air does not. */
+/* An encoder may rest on one code as long as nothing moves; for 2 ms, while force and current move
+   by a tenth, an armature in the air does not. */
 static const app_limits limits = {
     .current = {-PORT_ONE / 10, PORT_ONE / 10 * 11, PORT_ONE / 2, 0},
     .stuck_current = INT32_MAX / 10,
