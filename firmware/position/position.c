@@ -202,7 +202,8 @@ static int is_stuck(app_body *body, const port_sample *sample, uint32_t ticks)
   }
   const int32_t wanted = anhyst_abs_q31(anhyst_sub_q31(demand, still->demand));
   const int32_t driven = anhyst_abs_q31(anhyst_sub_q31(drive, still->drive));
-  if ((wanted >= limits->stuck_demand && driven >= limits->stuck_current) || still->ticks > 0U) {
+  const int moved = (wanted >= limits->stuck_demand) && (driven >= limits->stuck_current);
+  if (moved || still->ticks > 0U) {
     still->ticks += ticks;
   }
   return limits->still_ticks > 0U && still->ticks > limits->still_ticks;
