@@ -36,16 +36,16 @@ static void link_plant(virtual_plant *now)
   }
 }
 
-/* As anhyst_plant_start. */
+/* As anhyst_plant_start, which forgets where the memories of solid iron are. */
 static int start_plant(virtual_plant *now)
 {
   static const anhyst_plant_current_loop current_loops[] = BEARING_CURRENT_LOOPS;
-  static const virtual_plant fresh;
+  static const anhyst_plant_memory demagnetised;
   const int started = anhyst_plant_start(&bearing, &now->plant, BEARING_SEED);
   for (int i = 0; i < BEARING_MAGNETS; i++) {
     now->current_loop[i] = current_loops[i];
     for (int j = 0; j < BEARING_VOLUMES; j++) {
-      now->volume[i][j] = fresh.volume[i][j];
+      now->volume[i][j] = demagnetised;
     }
   }
   link_plant(now);
