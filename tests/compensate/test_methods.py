@@ -125,15 +125,15 @@ def test_the_static_curve_is_the_best_of_its_kind() -> None:
 
 
 def test_noise_of_the_force_leaves_the_slope_of_the_static_curve_quiet() -> None:
-    quiet = fit_surface(around(roots), 100.0, RANGE)
-    noisy = fit_surface(around(roots, noise=0.2), 100.0, RANGE)
+    quiet = fit_surface(around(roots), (0.0, 100.0), RANGE)
+    noisy = fit_surface(around(roots, noise=0.2), (0.0, 100.0), RANGE)
     inside = slice(20, -10)
     slopes = np.diff(noisy.current[8])[inside] / np.diff(quiet.current[8])[inside]
     assert np.abs(slopes - 1.0).max() < 0.1
 
 
 def test_beyond_what_was_measured_the_static_curve_goes_on_straight() -> None:
-    surface = fit_surface(around(roots), 150.0, RANGE)  # the loops end at 120 N
+    surface = fit_surface(around(roots), (0.0, 150.0), RANGE)  # the loops end at 120 N
     beyond = surface.force > 121.0
     slopes = np.diff(surface.current[:, beyond], axis=1) / np.diff(surface.force[beyond])
     assert np.ptp(slopes, axis=1).max() < 1e-6 * slopes.max()
@@ -334,10 +334,10 @@ def test_what_does_not_fit_is_refused() -> None:
     with refused("no-hall-probe flux"):
         make_compensator("flux", Sources(POINT, loops, model), "f64")
     with refused("force-not-reached loops: 1000 N"):
-        fit_surface(loops, 1000.0, RANGE)
+        fit_surface(loops, (0.0, 1000.0), RANGE)
     bare = Loops((replace(loops.loops[0], schedule=None),), loops.input, loops.output)
     with refused("columns-missing loops"):
-        fit_surface(bare, 90.0, RANGE)
+        fit_surface(bare, (0.0, 90.0), RANGE)
     with refused("no-valid-range valid"):
         make_compensator("simplified", Sources(POINT, loops, replace(model, valid=None)), "f64")
 

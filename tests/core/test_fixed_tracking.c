@@ -279,7 +279,7 @@ static void fixed_point_controls_as_double_precision_does(void)
                                        &real_filter,
                                        1};
   const anhyst_map_q31 map = {line, 0, 0};
-  const anhyst_map_f64 real_map = {straight, 1, 1, 1.0, 0.0, 1.0};
+  const anhyst_map_f64 real_map = {straight, 1, 1, 0.0, 1.0, 0.0, 1.0};
   anhyst_force_controller_q31 drive;
   anhyst_force_controller_f64 real_drive;
   anhyst_force_controller_q31 *const drives[1] = {&drive};

@@ -301,25 +301,24 @@ class CompensatorF32(_RealCompensator):
 class _RealForceController:
     """A controller of force_controller_real.h, bit for bit; signals in the model's units.
 
-    Rows of a map stand for gaps from the lowest to the highest, its columns for forces from 0 to
-    `force_high`; `low` and `high` are the limits of the current. `loop` holds proportional,
+    Rows of a map stand for gaps, its columns for forces, from the lowest to the highest; `low` and `high` are the limits of the current. `loop` holds proportional,
     integral, back and smoothing of ``anhyst_flux_loop``. ValueError if something is not valid.
     """
 
     @classmethod
     def map(
-        cls, entries: _Array, force_high: float, gap_low: float, gap_high: float,
-        low: float, high: float,
+        cls, entries: _Array, force_low: float, force_high: float, gap_low: float,
+        gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     @classmethod
     def play(
-        cls, entries: _Array, half: _Array, radius: float, force_high: float, gap_low: float,
-        gap_high: float, low: float, high: float,
+        cls, entries: _Array, half: _Array, radius: float, force_low: float, force_high: float,
+        gap_low: float, gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     @classmethod
     def flux(
-        cls, entries: _Array, wanted: _Array, loop: _Array, force_high: float, gap_low: float,
-        gap_high: float, low: float, high: float,
+        cls, entries: _Array, wanted: _Array, loop: _Array, force_low: float, force_high: float,
+        gap_low: float, gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""

@@ -72,7 +72,7 @@ def _compile(
     model, where = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
-    narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
+    narrowed = bearing_model(model, where.currents, where.forces, where.gap_range)
     solid = kind == "full" and has_layers(narrowed)
     narrowed = narrowed if solid else narrowed.at_rest
     io: Io = "f32" if solid and number_format != "fixed" else "q31"

@@ -228,8 +228,7 @@ def _entries(name: str, doc: str, values: FloatArray) -> str:
 
 def _map(entries: str, table: CurrentMap) -> str:
     rows, columns = table.entries.shape
-    ends = (table.scales.demand, table.scales.gap_low, table.scales.gap_high)
-    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(literal, ends))}}}"
+    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(literal, table.ends))}}}"
 
 
 def _bytes(magnet: ForceController) -> int:
@@ -238,5 +237,5 @@ def _bytes(magnet: ForceController) -> int:
         return parameters_bytes(parameters.block)
     table = _map_of(parameters)
     assert table is not None
-    one = 4 * table.entries.size + 4 + 2 * 2 + 3 * 4
+    one = 4 * table.entries.size + 4 + 2 * 2 + 4 * 4
     return 2 * one + 4 if isinstance(parameters, PlayMap) else one

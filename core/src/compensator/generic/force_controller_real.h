@@ -28,10 +28,10 @@ static ANHYST_REAL ANHYST_NAME(limited)(const ANHYST_NAME(anhyst_force_controlle
   return ANHYST_NAME(anhyst_limited)(current, c->low, c->high);
 }
 
-/* The nearest force of the map, which only pulls. */
+/* The nearest force of the map. */
 static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
 {
-  return ANHYST_NAME(anhyst_limited)(demand, R(0.0), map->force_high);
+  return ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high);
 }
 
 /* What the integral of the measured flux adds to the current. */

@@ -6,7 +6,7 @@ anhyst_status ANHYST_NAME(anhyst_play_law_check)(const ANHYST_NAME(anhyst_play_l
   const ANHYST_NAME(anhyst_map) *half = &law->half;
   if (ANHYST_NAME(anhyst_map_check)(map) != ANHYST_OK || half->entries == 0 ||
       half->force_segments != map->force_segments || half->gap_segments != map->gap_segments ||
-      half->force_high != map->force_high || half->gap_low != map->gap_low ||
+      half->force_low != map->force_low || half->force_high != map->force_high || half->gap_low != map->gap_low ||
       half->gap_high != map->gap_high || !(law->radius > R(0.0) && law->radius <= R(1e30))) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -34,10 +34,10 @@ static ANHYST_REAL ANHYST_NAME(limited)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_R
   return ANHYST_NAME(anhyst_limited)(a, low, high);
 }
 
-/* The nearest force of the map, which only pulls. */
+/* The nearest force of the map. */
 static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
 {
-  return ANHYST_NAME(anhyst_limited)(demand, R(0.0), map->force_high);
+  return ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high);
 }
 
 /* half*bounded(over/radius). */
@@ -55,13 +55,15 @@ static uint16_t ANHYST_NAME(columns_of)(const ANHYST_NAME(anhyst_map) *map)
 /* The column at or below a force; the last but one at most. */
 static uint16_t ANHYST_NAME(column_of)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL force)
 {
-  const ANHYST_REAL place = force / map->force_high * (ANHYST_REAL)map->force_segments;
+  const ANHYST_REAL place = (force - map->force_low) / (map->force_high - map->force_low) *
+                            (ANHYST_REAL)map->force_segments;
   return ANHYST_NAME(anhyst_spot_of)(map->force_segments, place).index;
 }
 
 static ANHYST_REAL ANHYST_NAME(force_of)(const ANHYST_NAME(anhyst_map) *map, uint16_t column)
 {
-  return map->force_high * ((ANHYST_REAL)column / (ANHYST_REAL)map->force_segments);
+  return map->force_low + (map->force_high - map->force_low) *
+                              ((ANHYST_REAL)column / (ANHYST_REAL)map->force_segments);
 }
 
 /* Where a straight line between two forces is as far above the one as below the other; both parts

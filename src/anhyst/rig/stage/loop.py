@@ -57,6 +57,7 @@ from anhyst.rig.stage.file import (
     mass_matrix,
     scan_direction,
     unit_of,
+    usual_allocation,
     weight,
     wrench_layout,
 )
@@ -387,6 +388,8 @@ def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
 
 def bias(rig: StageRig, method: str) -> float:
     """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
+    if rig.settings.magnet.both_ways:
+        return 0.0
     return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
 
 
@@ -460,7 +463,9 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     rig, compensator = setup.rig, setup.compensator
     amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.body
     low, high = amplifier.current_low_A, amplifier.current_high_A
-    at_bias = compensator.method in AT_BIAS
+    allocation = usual_allocation(rig.settings)
+    if compensator.method in AT_BIAS and allocation is Allocation.CLASS_AB:
+        allocation = Allocation.BY_HALVES
     return {
         "error_full": 0.5 * (stops.stop_high_m - stops.stop_low_m),
         "forward_full": scales.demand,
@@ -470,7 +475,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
         "gap_total": rig.settings.gap_total_m or 0.0,
-        "allocation": Allocation.BY_HALVES if at_bias else Allocation.CLASS_AB,
+        "allocation": allocation,
         "idle": bias(rig, compensator.method),
         "current_low": low,
         "current_high": high,
@@ -569,6 +574,7 @@ def fit_method(
             gap_range=(min(measured), max(measured)),
             force_max=table.tracking.force_max_N,
             current_max=table.amplifier.current_high_A,
+            both_ways=table.magnet.both_ways,
         )
         probe = calibrate_probe(rig.bearing) if method == "flux" else None
         model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model

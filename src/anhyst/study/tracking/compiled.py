@@ -20,6 +20,7 @@ from anhyst.model.actuator import Model
 from anhyst.rig.recording import Loss, column
 from anhyst.rig.stage.file import (
     StageRig,
+    least_of,
     mass_matrix,
     opposed,
     pull_rows,
@@ -261,7 +262,7 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
         rows=axes_rows(setup) | own,
         against=opposed(file),
         settings=settings,
-        force_min=file.tracking.force_min_N,
+        force_min=least_of(file),
         force_max=file.tracking.force_max_N,
         magnets=magnets,
         correction=setup.correction,
