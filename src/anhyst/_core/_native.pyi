@@ -301,8 +301,9 @@ class CompensatorF32(_RealCompensator):
 class _RealForceController:
     """A controller of force_controller_real.h, bit for bit; signals in the model's units.
 
-    Rows of a map stand for gaps, its columns for forces, from the lowest to the highest; `low` and `high` are the limits of the current. `loop` holds proportional,
-    integral, back and smoothing of ``anhyst_flux_loop``. ValueError if something is not valid.
+    Rows of a map stand for gaps, its columns for forces, from the lowest to the highest; `low` and
+    `high` are the limits of the current. `loop` holds proportional, integral, back and smoothing of
+    ``anhyst_flux_loop``. ValueError if something is not valid.
     """
 
     @classmethod

@@ -45,7 +45,7 @@ class CurrentMap:
         return self.force_low, self.scales.demand, self.scales.gap_low, self.scales.gap_high
 
     def real(self) -> tuple[float, ...]:
-        """Ends and limits as floating point takes them."""
+        """Return ends and limits as floating point takes them."""
         return *self.ends, *self.limits
 
     def words(self) -> NDArray[np.int16]:

@@ -314,9 +314,22 @@ def _pair_faults(file: RigFile) -> Iterator[FileFault]:
         if not pairs:
             text = "belongs to a pair of magnets; remove it"
         yield FileFault(("control", "bias_N"), text, code="pair-only")
-    if pushes and "force_min_N" in file.control.model_fields_set:
+    if first is not None and pushes and isinstance(file.control, TrackingTable):
+        yield from _push_faults(file, first, file.control)
+
+
+def _push_faults(file: RigFile, first: MagnetTable, control: TrackingTable) -> Iterator[FileFault]:
+    """Find what magnets that push as well as they pull have no use for."""
+    if "force_min_N" in control.model_fields_set:
         text = "is of magnets that only pull; remove it"
         yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
+    if control.format == "fixed":
+        text = 'magnets that push as well as they pull have none; write "f64" or "f32"'
+        yield FileFault(("control", "format"), text, code="not-for-this-kind")
+    for magnet in file.magnets:
+        if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:
+            text = f"'{first.name}' is made for {first.gap_m:g} m; write that"
+            yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
 
 
 def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[FileFault]:

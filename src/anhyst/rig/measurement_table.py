@@ -12,7 +12,6 @@ from anhyst.identification.options import IdentifyTable
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import Name, NotNegative, Positive, Table
 
-
 Turn = Annotated[float, Field(ge=-1.0, le=1.0)]
 """Of the largest current; below zero for what goes both ways."""
 

@@ -34,10 +34,11 @@ static ANHYST_REAL ANHYST_NAME(limited)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_R
   return ANHYST_NAME(anhyst_limited)(a, low, high);
 }
 
-/* The nearest force of the map. */
+/* The nearest force of the map; none where the demand is no number. */
 static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
 {
-  return ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high);
+  const int is_any = demand <= map->force_high || demand > map->force_high;
+  return ANHYST_NAME(anhyst_limited)(is_any ? demand : R(0.0), map->force_low, map->force_high);
 }
 
 /* half*bounded(over/radius). */

@@ -69,7 +69,9 @@ class Poles:
 class ActuatorKind:
     """What makes a force of a flux: one record a ``kind`` of ``[[magnet]]``."""
 
-    output: str  # quantity of its loops: "force" where it only pulls, "thrust" where it goes both ways
+    output: (
+        str  # quantity of its loops: "force" where it only pulls, "thrust" where it goes both ways
+    )
     numbers: Mapping[str, str]  # keys of ``magnet.numbers``, all above 0, and what they are
     circuit: Callable[[Poles, Mapping[str, float]], Poles]  # the circuit, with these numbers in it
 
