@@ -1,4 +1,4 @@
-"""The house is open: the law, the format and the board of docs/contributing.md go the whole way."""
+"""The house is open: what docs/contributing.md adds, a law to a board, goes the whole way."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ import pytest
 from typer.testing import CliRunner
 
 from anhyst.cli.app import app
+from anhyst.control.states import Command
+from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
 from anhyst.identification import identify
@@ -23,6 +25,8 @@ from anhyst.link import firmware
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
+from anhyst.rig.parts.magnet import ACTUATORS
+from anhyst.study.kept import prepared_once
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
@@ -51,19 +55,34 @@ def written(name: str) -> str:
     return "\n\n".join(pieces)
 
 
+def loaded(place: Path, name: str) -> None:
+    """Write a module of the page into a folder; what it registers is known here from now on."""
+    (place / f"{name}.py").write_text(written(f"{name}.py"))
+    spec = spec_from_file_location(name, place / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look there
+    spec.loader.exec_module(module)
+
+
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder with the file of the page; what it registers is known here while the module runs."""
     place = tmp_path_factory.mktemp("lab")
-    (place / "my_lab.py").write_text(written("my_lab.py"))
-    spec = spec_from_file_location("my_lab", place / "my_lab.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules["my_lab"] = module  # dataclasses look there
-    spec.loader.exec_module(module)
+    loaded(place, "my_lab")
     yield place
     del LAWS["play"], FORMATS[".toy"], sys.modules["my_lab"]
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder with the actuator of the page, known here while the module runs, and its rig."""
+    place = tmp_path_factory.mktemp("table")
+    loaded(place, "voice_coil")
+    (place / "table.toml").write_text(written("table.toml"))
+    yield place
+    del ACTUATORS["voice-coil"], sys.modules["voice_coil"]
 
 
 def magnet() -> Model:
@@ -167,10 +186,44 @@ def test_prediction_report_and_comparison_know_it(
 @pytest.mark.slow
 def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
     commands = [block.code for block in blocks(PAGE) if block.language == "sh"]
-    assert len(commands) == 2
-    for code in commands:
+    assert len(commands) == 3
+    for code in commands[:2]:
         shell(code, measured.parent)
     assert (measured.parent / "report.html").is_file()
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table: Path) -> None:
+    """Three voice coils on a body of two coordinates; full leaves a third of what a curve leaves."""
+    shell([block.code for block in blocks(PAGE) if block.language == "sh"][2], table)
+    found = json.loads((table / "figures.json").read_text())
+    assert found["lost_in"] == []
+    average = {
+        name: variant["test"]["average_m"]["mean"] for name, variant in found["variants"].items()
+    }
+    assert average["full"] < average["single-valued"] / 3.0
+    tuned = json.loads((table / "tuned" / "tuning.json").read_text())["variants"]["full"]
+    assert tuned["met"]
+    said = run("verify", table / "controller", "--on", "host")
+    assert "identical" in said
+    loops = read_loops(table / "loops.csv")
+    assert loops.output.name == "thrust"
+    assert min(loop.output.min() for loop in loops.loops) < -50.0
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
+    if not (table / "loops.csv").is_file():
+        run("excite", table / "table.toml", "--out", table / "loops.csv")
+    with prepared_once(table / "table.toml", None) as prepared:
+        bench, _, _ = opened(prepared)
+    bench.command(Command.RUN)
+    rows = bench.advance(4000)
+    names = ["tick", *(signal.name for signal in bench.signals)]
+    bench.close()
+    currents = rows[:, [names.index(name) for name in ("current", "current_2", "current_3")]]
+    assert currents.min() < -0.1 < 0.1 < currents.max()
+    assert np.abs(rows[2000:, names.index("error")]).max() < 2e-6
 
 
 @pytest.mark.slow
