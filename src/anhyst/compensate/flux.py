@@ -68,7 +68,6 @@ class FluxCalibration:
             constants.append(constant)
         return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
 
-
     def _at(self, gap: float) -> tuple[FloatArray, FloatArray]:
         here = self.gap == gap
         return self.force[here], self.flux_density[here]
