@@ -11,7 +11,7 @@ from typing import Protocol
 
 from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
-from anhyst.data.output_map import is_electromagnet, output_map
+from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
@@ -251,8 +251,8 @@ def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ..
         return DEFAULT_LAW, (shapes[law],)
     if law != AUTO:
         return law, ()
-    # What pulls is to be compensated, so a law that cannot be compiled is not even tried.
-    able = (name for name in shapes if not is_electromagnet(loops) or LAWS[name].least_slope)
+    # What makes a force is to be compensated, so a law that cannot be compiled is not even tried.
+    able = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
     return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
 
 

@@ -192,8 +192,8 @@ def check_over_gap(
     """
     if model.schedule is None or model.schedule.name != "gap" or not model.varying:
         return None
-    if len(model.nodes) < 2 or model.valid is None:
-        return None
+    if len(model.nodes) < 2 or model.valid is None or model.output.name == "thrust":
+        return None  # what pushes too has no gap that closes
     nodes = np.array(model.nodes)
     parts = np.arange(GAPS_BETWEEN_NODES) / GAPS_BETWEEN_NODES
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
