@@ -289,10 +289,9 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
     const double b = at.outer * c->iron_area;
     const double opposing = c->eddy * c->iron_length * per_second;
     const double before = coil->iron.density;
-    const anhyst_plant_asked asked = {c->iron_length, b + opposing,
-                                      magnet->turns * current + c->bias * at.moved +
-                                          opposing * before,
-                                      per_second};
+    const anhyst_plant_asked asked = {
+        c->iron_length, b + opposing,
+        magnet->turns * current + c->bias * at.moved + opposing * before, per_second};
     reached found;
     iron_answers(c, coil, &asked, b * TOLERANCE, &found);
     iron_moves(c, coil, &found);

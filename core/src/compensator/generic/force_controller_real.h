@@ -31,8 +31,10 @@ static ANHYST_REAL ANHYST_NAME(limited)(const ANHYST_NAME(anhyst_force_controlle
 /* The nearest force of the map; none where the demand is no number. */
 static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
 {
-  const int is_any = demand <= map->force_high || demand > map->force_high;
-  return ANHYST_NAME(anhyst_limited)(is_any ? demand : R(0.0), map->force_low, map->force_high);
+  const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
+  return demand >= map->force_low
+             ? ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high)
+             : below;
 }
 
 /* What the integral of the measured flux adds to the current. */

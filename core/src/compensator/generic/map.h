@@ -4,11 +4,11 @@ anhyst_status ANHYST_NAME(anhyst_map_check)(const ANHYST_NAME(anhyst_map) *map)
 {
   const ANHYST_REAL largest = R(1e30);
   const uint16_t columns = map->force_segments;
-  const int head =
-      map->entries != 0 && columns >= 1U && columns <= 4096U && map->gap_segments >= 1U &&
-      map->gap_segments <= 64U && map->force_low >= -largest &&
-      map->force_low < map->force_high && map->force_high <= largest &&
-      map->gap_low >= -largest && map->gap_low < map->gap_high && map->gap_high <= largest;
+  const int head = map->entries != 0 && columns >= 1U && columns <= 4096U &&
+                   map->gap_segments >= 1U && map->gap_segments <= 64U &&
+                   map->force_low >= -largest && map->force_low < map->force_high &&
+                   map->force_high <= largest && map->gap_low >= -largest &&
+                   map->gap_low < map->gap_high && map->gap_high <= largest;
   if (!head) {
     return ANHYST_BAD_PARAMETER;
   }

@@ -160,9 +160,9 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
               ANHYST_NAME(anhyst_allocation_is_valid)(&layout->pair);
   int i;
   for (i = 0; valid && i < (int)layout->drives; i++) {
-    valid =
-        layout->against[i] < layout->drives && layout->against[layout->against[i]] == (uint16_t)i &&
-        (ANHYST_NAME(is_alone)(layout, i) || layout->pair.kind != ANHYST_ALLOCATE_SINGLE);
+    valid = layout->against[i] < layout->drives &&
+            layout->against[layout->against[i]] == (uint16_t)i &&
+            (ANHYST_NAME(is_alone)(layout, i) || layout->pair.kind != ANHYST_ALLOCATE_SINGLE);
   }
   *w = fresh;
   if (!valid || !ANHYST_NAME(weigh)(w)) {
