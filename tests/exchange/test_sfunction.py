@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange import bearing_part
+from anhyst.exchange import stage_part
 from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
 from anhyst.exchange.sfunction import export_sfunction
 from anhyst.support.arrays import FloatArray
@@ -111,13 +111,13 @@ def test_a_rig_moves_as_its_fmu_does(
 ) -> None:
     if kind == "bearing":
         rig = bearings.copy_known(tmp_path)
-        inputs = {"target_gap": [0.45e-3] * 400, "load": [120.0] * 400, "command": [1.0] * 400}
+        inputs = {"target_m": [0.45e-3] * 400, "load_N": [120.0] * 400, "command": [1.0] * 400}
     else:
         rig = stages.EXAMPLE / "rig.toml"
-        monkeypatch.setattr(bearing_part, "identify_stage", lambda _: bearings.knowledge())
+        monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
         away = np.linspace(0.0, 1e-6, 400)
         columns = (away, 20.0 * away / away[-1], away - 0.45e-3, 0.0 * away, 1e-3 * away)
-        names = ("reference", "feedforward", "frame", "load", "position_noise")
+        names = ("reference_m", "feedforward_N", "frame_m", "load_N", "position_noise_m")
         inputs = {name: one.tolist() for name, one in zip(names, columns, strict=True)}
     program = built(export_sfunction(rig, tmp_path / "s"))
     head, found = simulated(program, beside(*inputs.values()))

@@ -6,32 +6,81 @@
 
 #include <stddef.h>
 
+#include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
-#include "stage_numbers.h"
+
+static const int16_t words[] = STAGE_WORDS;
+
+#if STAGE_HEADS > 0
+
+/* Of several coordinates. */
+typedef anhyst_axes_f64 law_of;
+
+static const anhyst_axes_settings_f64 settings = STAGE_SETTINGS;
+
+static int start_law(law_of *law)
+{
+  return anhyst_axes_init_f64(law, &settings, NULL) == ANHYST_OK;
+}
+
+/* The gap sensors of the magnets stand before the position heads. */
+static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
+                    const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
+{
+  const anhyst_axes_sample_f64 in = {.head = sample->head + STAGE_DRIVES,
+                                     .target = sample->target,
+                                     .forward = sample->load,
+                                     .gap = sample->head,
+                                     .flux = sample->flux};
+  anhyst_axes_answer_f64 out = {.current = answer->current, .demand = answer->demand};
+  law->settings = &settings;
+  law->share.layout = &settings.layout;
+  law->drive = drive;
+  anhyst_axes_tick_f64(law, &in, &out);
+}
+
+#else
+
+typedef anhyst_pid_state_f64 law_of;
+
+static const anhyst_tracking_settings_f64 settings = STAGE_SETTINGS;
+
+static int start_law(law_of *law)
+{
+  const law_of rest = {{0.0, 0.0}};
+  *law = rest;
+  return 1;
+}
+
+static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
+                    const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
+{
+  anhyst_tracking_f64 tracking = {&settings, drive, NULL, *law, STAGE_DRIVES};
+  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES, STAGE_GAP_TOTAL};
+  anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
+  *law = tracking.state;
+}
+
+#endif
 
 typedef struct {
   anhyst_force_controller_q31 force[STAGE_DRIVES];
-  anhyst_pid_state_f64 pid;
+  law_of law;
 } controller_of;
 
 typedef char it_fits[sizeof(controller_of) <= sizeof(anhyst_stage_controller) ? 1 : -1];
 
-static const anhyst_tracking_settings_f64 settings = STAGE_SETTINGS;
-
 int anhyst_stage_controller_start(anhyst_stage_controller controller)
 {
   controller_of *now = (controller_of *)(void *)controller;
-  const anhyst_pid_state_f64 rest = {{0.0, 0.0}};
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
-    if (anhyst_force_controller_init_compensator_q31(&now->force[i], &STAGE_KERNEL, stage_words,
-                                                     sizeof stage_words / sizeof *stage_words) !=
-        ANHYST_OK) {
+    if (anhyst_force_controller_init_compensator_q31(&now->force[i], &STAGE_KERNEL, words,
+                                                     sizeof words / sizeof *words) != ANHYST_OK) {
       return -1;
     }
   }
-  now->pid = rest;
-  return 0;
+  return start_law(&now->law) ? 0 : -1;
 }
 
 void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
@@ -41,18 +90,15 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
   anhyst_tracking_drive_q31 fixed[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
-  anhyst_tracking_f64 tracking = {&settings, drive, NULL, now->pid, STAGE_DRIVES};
-  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES, STAGE_GAP_TOTAL};
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
     const anhyst_tracking_drive_q31 one = {&now->force[i], STAGE_SCALES};
     now->force[i].method = &anhyst_force_by_compensator_q31;
     now->force[i].compensator.kernel = &STAGE_KERNEL;
-    now->force[i].compensator.words = stage_words;
+    now->force[i].compensator.words = words;
     fixed[i] = one;
     anhyst_tracking_drive_init_q31(&in_si[i], &fixed[i]);
     drive[i] = &in_si[i];
   }
-  anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
-  now->pid = tracking.state;
+  run_law(&now->law, drive, sample, answer);
 }

@@ -15,12 +15,18 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import power
 from anhyst.support.errors import InputError
 
+CURVE = ("sharp", "knee_sharp", "slow", "knee_slow")
+"""Of the numbers of a steel those of the curve that nothing pins, by ``anhyst_plant/curve.h``."""
 MOST_CELLS = 64
 """Of an iron, the unpinned one included."""
 
 
 class AnySteel(Protocol):
     """A steel of any family."""
+
+    def numbers(self) -> dict[str, float]:
+        """Return its numbers by the names of ``plant/include/anhyst_plant``, without its arrays."""
+        ...
 
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
@@ -72,10 +78,10 @@ class CellSteel:
                 code="too-many-cells",
                 key="cells",
             )
-        return Steel(self.curve(), self.thresholds, self.weights)
+        return Steel(self.numbers(), self.thresholds, self.weights)
 
-    def curve(self) -> dict[str, float]:
-        """Return the curve that nothing pins by the names of ``anhyst_plant/curve.h``."""
+    def numbers(self) -> dict[str, float]:
+        """Return the curve that nothing pins."""
         return {
             "sharp": self.saturation_sharp,
             "knee_sharp": self.knee_sharp,
@@ -113,17 +119,19 @@ class DuhemSteel:
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
         self._check()
-        return Steel(
-            {
-                "coercivity": self.coercivity,
-                "rate": 1.0 / self.turning,
-                "fading": self.fading,
-                "sharp": self.saturation_sharp,
-                "knee_sharp": self.knee_sharp,
-                "slow": self.saturation_slow,
-                "knee_slow": self.knee_slow,
-            }
-        )
+        return Steel(self.numbers())
+
+    def numbers(self) -> dict[str, float]:
+        """Return its numbers by the names of ``anhyst_plant/duhem.h``."""
+        return {
+            "coercivity": self.coercivity,
+            "rate": 1.0 / self.turning,
+            "fading": self.fading,
+            "sharp": self.saturation_sharp,
+            "knee_sharp": self.knee_sharp,
+            "slow": self.saturation_slow,
+            "knee_slow": self.knee_slow,
+        }
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""

@@ -64,6 +64,18 @@ class PreisachSteel:
         """Return it as the plant computes it."""
         return _plant(self, True)
 
+    def numbers(self) -> dict[str, float]:
+        """Return its numbers by the names of ``anhyst_plant/preisach.h``."""
+        return {
+            "knee": self.knee,
+            "reach": self.reach / (self.reach + self.knee),
+            "feedback": self.feedback,
+            "sharp": self.saturation_sharp,
+            "knee_sharp": self.knee_sharp,
+            "slow": self.saturation_slow,
+            "knee_slow": self.knee_slow,
+        }
+
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
         return _plant(self, False)
@@ -119,7 +131,7 @@ def _biased(steel: PreisachSteel, at: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=32)
 def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
-    table, knee = everett(steel, pinned), steel.knee
+    table = everett(steel, pinned)
     # The steepest way comes from far below, past the middle of the reversible part.
     relays = float(np.max(np.diff(table[0]) / np.diff(nodes(steel))))
     slope = steel.saturation_sharp / steel.knee_sharp + relays
@@ -131,13 +143,4 @@ def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
             code="reversible-part-jumps",
             key="feedback",
         )
-    numbers = {
-        "knee": knee,
-        "reach": steel.reach / (steel.reach + knee),
-        "feedback": steel.feedback,
-        "sharp": steel.saturation_sharp,
-        "knee_sharp": steel.knee_sharp,
-        "slow": steel.saturation_slow,
-        "knee_slow": steel.knee_slow,
-    }
-    return Steel(numbers, np.ascontiguousarray(table))
+    return Steel(steel.numbers(), np.ascontiguousarray(table))
