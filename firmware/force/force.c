@@ -260,13 +260,13 @@ void app_body_status(const app_body *body, link_status *status)
   status->demand = body->demand;
   status->force = body->force.value;
   status->gap = body->gap.value;
-  status->current = body->current.value;
-  status->drive = body->drive;
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    status->current[i] = i == 0 ? body->current.value : 0;
+    status->drive[i] = i == 0 ? body->drive : 0;
+  }
   status->phase = ANHYST_PHASE_REST;
   status->position = 0;
   status->reference = 0;
-  status->current_2 = 0;
-  status->drive_2 = 0;
 }
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)

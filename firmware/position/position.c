@@ -235,8 +235,9 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
     return 0;
   }
   anhyst_position_tick_q31(&body->position, &in, &body->answer);
-  currents[0] = body->answer.current[0];
-  currents[1] = body->answer.current[1];
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    currents[i] = body->answer.current[i];
+  }
   return body->answer.flags;
 }
 
@@ -245,13 +246,13 @@ void app_body_status(const app_body *body, link_status *status)
   status->demand = body->answer.demand;
   status->force = 0;
   status->gap = 0;
-  status->current = body->current[0].value;
-  status->drive = body->answer.current[0];
   status->phase = body->position.levitation.phase;
   status->position = body->position.position;
   status->reference = body->answer.reference;
-  status->current_2 = body->current[1].value;
-  status->drive_2 = body->answer.current[1];
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    status->current[i] = body->current[i].value;
+    status->drive[i] = body->answer.current[i];
+  }
 }
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)

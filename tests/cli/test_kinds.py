@@ -29,6 +29,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 FILES = {
     "bearing": EXAMPLES / "bearing" / "rig.toml",
     "stage": EXAMPLES / "stage" / "rig.toml",
+    "planar": EXAMPLES / "planar" / "rig.toml",
     "piezo": EXAMPLES / "piezo" / "rig.toml",
     "force": EXAMPLES / "solenoid" / "rig.toml",
     "controller": EXAMPLES / "bearing" / "controller.toml",
@@ -37,6 +38,7 @@ FILES = {
 CALLED = {
     "bearing": "a bearing",
     "stage": "a stage",
+    "planar": "a stage",
     "piezo": "a piezo stage",
     "force": "a rig of force control",
     "model": "a model",
@@ -44,8 +46,8 @@ CALLED = {
     "compiled": "a compiled folder",
     "measurement": "a measurement",
 }
-MEASURED, MODEL = {"measurement"}, {"model"}
-RIGS = {"bearing", "stage", "piezo", "force"}
+MEASURED, MODEL, STAGES = {"measurement"}, {"model"}, {"stage", "planar"}
+RIGS = {"bearing", *STAGES, "piezo", "force"}
 WORKS = {
     "inspect": MEASURED,
     "convert": MEASURED | RIGS,
@@ -56,16 +58,16 @@ WORKS = {
     "invert": MODEL,
     "report": MODEL,
     "diff": MODEL,
-    "compile": {"model", "stage"},
+    "compile": MODEL | STAGES,
     "watch": MODEL,
-    "export": {"model", "bearing", "stage"},
+    "export": {"model", "bearing", *STAGES},
     "verify": {"compiled"},
-    "simulate": {"bearing", "stage", "piezo", "force"},
-    "calibrate": {"stage"},
-    "tune": {"bearing", "stage"},
+    "simulate": RIGS,
+    "calibrate": STAGES,
+    "tune": {"bearing", *STAGES},
     "force-control": {"force"},
-    "excite": {"bearing", "stage", "force"},
-    "live": {"bearing", "stage", "force", "compiled"},
+    "excite": {"bearing", *STAGES, "force"},
+    "live": {"bearing", *STAGES, "force", "compiled"},
     "xcp": set[str](),
 }
 """What each verb is to take; everything else it refuses."""
@@ -100,7 +102,7 @@ def written(kind: str, folder: Path) -> Path:
     else:
         path = folder / FILES[kind].name
         shutil.copy(FILES[kind], path)
-        if kind in {"bearing", "stage", "force"}:
+        if kind in RIGS - {"piezo"}:
             for name in ("loops.csv", "loops.toml", "controller.toml", "solenoid.toml"):
                 if (FILES[kind].parent / name).exists():
                     shutil.copy(FILES[kind].parent / name, folder)

@@ -204,14 +204,28 @@ def stage_made(folder: Path) -> None:
             )
 
 
+DUHEM = """family = "duhem"
+coercivity_A_per_m = 80.0
+turning_T = 0.18
+fading = 0.6
+saturation_sharp_T = 1.35
+knee_sharp_A_per_m = 120.0
+saturation_slow_T = 0.55
+knee_slow_A_per_m = 3200.0
+
+"""
+
+
 def solid_stage_made(folder: Path) -> None:
-    """The same, a part of its iron solid, the layers of its magnets known."""
+    """The same of Duhem iron, a part of it solid, the layers of the magnets known."""
     for name in ("loops.csv", "loops.toml"):
         (folder / name).write_bytes((stages.EXAMPLE / name).read_bytes())
     text, solid = (stages.EXAMPLE / "rig.toml").read_text(), "turns = 250\n"
     assert text.count(solid) == 1
     table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }\n"
-    (folder / "rig.toml").write_text(text.replace(solid, solid + table))
+    cells = text[text.index('family = "cells"') : text.index("[[magnet]]")]
+    text = text.replace(solid, solid + table).replace(cells, DUHEM)
+    (folder / "rig.toml").write_text(text)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(stage_part, "identify_stage", lambda _: late())
         export_fmu(folder / "rig.toml", folder / "2.fmu", platforms=[HERE])
@@ -251,7 +265,7 @@ def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: 
     moves_alike(scan, tmp_path)
 
 
-def test_so_does_a_stage_on_solid_iron(tmp_path: Path) -> None:
+def test_so_does_a_stage_on_solid_iron_of_another_family(tmp_path: Path) -> None:
     solid_stage_made(tmp_path)
     moves_alike(scanned(tmp_path, tmp_path / "rig.toml", late()), tmp_path)
 

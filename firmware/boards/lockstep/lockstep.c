@@ -62,15 +62,17 @@ void port_sense(port_sample *to)
   to->gap = sample.gap;
   to->force = sample.force;
   to->position = sample.position;
-  to->current[0] = sample.current;
-  to->current[1] = sample.current_2;
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    to->current[i] = sample.current[i];
+  }
   to->status = sample.status;
 }
 
 void port_drive(const int32_t *currents, uint32_t state)
 {
-  drive.drive = currents[0];
-  drive.drive_2 = currents[1];
+  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
+    drive.drive[i] = currents[i];
+  }
   drive.state = state;
 }
 

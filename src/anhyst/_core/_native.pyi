@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 _Array = NDArray[np.float64]
 _Numbers = Mapping[str, float]
 
+POSITION_MAGNETS: int
+"""Of a position controller, at most."""
+
 class AnyIron:
     """A material in physical units, of any law: A/m, and T for flux density."""
 

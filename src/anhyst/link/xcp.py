@@ -61,12 +61,6 @@ _PACKET_BYTES = 12
 _INPUT = {value.name: AREAS["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE = AREAS["signal"] + 4 * [value.name for value in SIGNALS].index("state")
 
-_NOT_OF = {
-    Body.FORCE: {"position", "reference", "phase", "current_2", "drive_2"},
-    Body.POSITION: {"force", "gap"},
-}
-"""Signals that say nothing of a controller of this kind."""
-
 Samples = NDArray[np.int64]
 
 
@@ -99,8 +93,8 @@ class XcpMaster:
             self.body = Body.FORCE
         except InputError:
             self.body = Body.POSITION
-        left_out = _NOT_OF[self.body]
-        self.signals = tuple(one.name for one in SIGNALS if one.name not in left_out)
+        own = ("", self.body.name.lower())
+        self.signals = tuple(one.name for one in SIGNALS if one.body in own)
         if self._line.serial:
             wanted = self._rate() * (_PACKET_BYTES + 4 * len(self.signals))
             self.every = min(255, math.ceil(wanted / _CARRIED))
