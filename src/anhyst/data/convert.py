@@ -51,8 +51,8 @@ def convert_measurement(
     file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
     notes = [*file.notes]
     if out.suffix.lower() in ONE_TABLE:
-        parts, said = _one_table(ChannelTable(file))
-        notes += said
+        parts, remarks = _one_table(ChannelTable(file))
+        notes += remarks
     else:
         parts = sections(file)
     parts, left = _without_complex(parts)

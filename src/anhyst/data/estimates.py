@@ -232,8 +232,8 @@ def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> FloatArray:
     for side in (after, ~after):
         parts += [np.where(side, u**power, 0.0) for power in range(1, powers + 1)]
     across, sizes, _ = np.linalg.svd(np.stack(parts, axis=2), full_matrices=False)
-    told = sizes > np.finfo(np.float64).eps * rows.size * sizes[:, :1]
-    shares = told * (answer @ across)
+    distinct = sizes > np.finfo(np.float64).eps * rows.size * sizes[:, :1]
+    shares = distinct * (answer @ across)
     left = answer - (across @ shares[:, :, np.newaxis])[:, :, 0]
     size = (float(np.var(answer)) or 1.0) * (rows.size - len(parts))
     return np.asarray(np.sum(left**2, axis=1) / size)

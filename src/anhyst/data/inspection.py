@@ -14,7 +14,7 @@ from anhyst.data.look import length_scale
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.speeds import rate_told
+from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, propose_histories
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
 from anhyst.support.arrays import FloatArray
@@ -200,7 +200,7 @@ def inspect(loops: Loops) -> Inspection:
         loops.repairs,
         tuple(warnings),
         judge(loops),
-        rate_told(loops),
+        rate_line(loops),
     )
 
 

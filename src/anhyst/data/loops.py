@@ -313,7 +313,7 @@ class Loops(Result):
         """Return number of loops and samples, ranges, and where they were measured."""
         drive = [end for loop in self.loops for end in (loop.input.min(), loop.input.max())]
         answer = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
-        told = {
+        facts = {
             "loops": str(len(self)),
             "samples": str(sum(loop.n for loop in self.loops)),
             self.input.name: range_text(min(drive), max(drive), self.input.unit),
@@ -321,8 +321,8 @@ class Loops(Result):
         }
         if self.schedule is not None:
             values = self.schedule_values
-            told["measured at"] = ", ".join(map(self.schedule.show, values)) or "moving"
-        return told
+            facts["measured at"] = ", ".join(map(self.schedule.show, values)) or "moving"
+        return facts
 
     def draw(self, ax: Axes) -> None:
         """Draw all loops, output over input, one colour a scheduling value."""

@@ -112,7 +112,7 @@ def _spread(time: FloatArray | None) -> FloatArray | None:
     return spread
 
 
-def rate_told(loops: Loops) -> str:
+def rate_line(loops: Loops) -> str:
     """Say whether rate matters and from where on; nothing where loops run at one speed."""
     speeds = speeds_of(loops)
     if speeds is None:

@@ -136,8 +136,8 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
         for place in outputs:
-            said = {"valueReference": str(place), "dependencies": ""}
-            Xml.SubElement(structure, tag, said)
+            attributes = {"valueReference": str(place), "dependencies": ""}
+            Xml.SubElement(structure, tag, attributes)
 
 
 def _text(root: Xml.Element) -> bytes:

@@ -80,7 +80,7 @@ class LibraryBoard:
                 raise InputError(
                     f"{program}: cannot be loaded: {error}", code="did-not-start"
                 ) from error
-        self._said = ctypes.create_string_buffer(_LINK_MOST)
+        self._answered = ctypes.create_string_buffer(_LINK_MOST)
         self._drive = ctypes.create_string_buffer(DRIVE_BYTES)
         self._rest = b""
         self._board.library_link.restype = ctypes.c_uint16
@@ -93,8 +93,8 @@ class LibraryBoard:
 
     def write(self, data: bytes) -> None:
         """Send bytes over the link; what they bring about is kept for :meth:`read`."""
-        count = self._board.library_link(data, len(data), self._said, _LINK_MOST)
-        self._rest += ctypes.string_at(self._said, count)
+        count = self._board.library_link(data, len(data), self._answered, _LINK_MOST)
+        self._rest += ctypes.string_at(self._answered, count)
 
     def read(self, timeout: float) -> bytes:
         """Return what the firmware has said; it is never waited for, no time passes meanwhile."""

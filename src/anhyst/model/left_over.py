@@ -193,7 +193,7 @@ def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     return left_over(records, largest_output(loopset))
 
 
-def told(left: LeftOver, loopset: Loops, model: Model) -> str:
+def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     """Say what is left and what to do about it."""
     if left.done:
         return (

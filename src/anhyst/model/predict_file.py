@@ -248,9 +248,9 @@ def _compute(
     else:
         valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
     count = len(runs)
-    said = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    said += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
-    return found, valid, count, (*flags, *said)
+    lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    lines += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
+    return found, valid, count, (*flags, *lines)
 
 
 def _pasts(

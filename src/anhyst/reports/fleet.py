@@ -136,6 +136,6 @@ def _magnets(found: Fleet) -> Section:
     if len(rows) > _MOST_ROWS:
         blocks.append(Text(f"The other {len(rows) - _MOST_ROWS} are in fleet.csv."))
     if found.failed:
-        said = tuple(f"{name}: {why}" for name, why in found.failed.items())
-        blocks.append(Items("Not judged", said))
+        reasons = tuple(f"{name}: {why}" for name, why in found.failed.items())
+        blocks.append(Items("Not judged", reasons))
     return Section("magnets", "Magnet by magnet", tuple(blocks))

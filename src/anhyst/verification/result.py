@@ -125,12 +125,12 @@ class Verification(Result):
 
     def facts(self) -> dict[str, str]:
         """Return where every bit was the same, and what a tick costs there."""
-        told = {"passed": "yes" if self.passed else "no"}
+        facts = {"passed": "yes" if self.passed else "no"}
         for one in self.results:
             cost = one.cost("tick")
             price = f", a tick takes {cost.mean:.0f} to {cost.most} {one.unit}" if cost else ""
-            told[one.label] = one.verdict() + price
-        return told | ({"not run": ", ".join(self.not_run)} if self.not_run else {})
+            facts[one.label] = one.verdict() + price
+        return facts | ({"not run": ", ".join(self.not_run)} if self.not_run else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the cost of each part of a step on each target, in the target's unit."""

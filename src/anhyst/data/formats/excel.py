@@ -123,9 +123,9 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
     if isinstance(cells[0], str):
         return np.array([str(cell) for cell in cells]), False
     row = next(place for place, cell in enumerate(cells) if type(cell) is not type(cells[0]))
-    said = f"'{str(cells[row])[:30]}' is no number" if cells[row] != "" else "is empty"
+    fault = f"'{str(cells[row])[:30]}' is no number" if cells[row] != "" else "is empty"
     raise InputError(
-        f"{where}, row {row + 1} below the header: {said}; correct or remove it", code="bad-cell"
+        f"{where}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
     )
 
 

@@ -339,8 +339,8 @@ def section_measurement(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = []
     inspection = evidence.inspection
     if inspection is not None:
-        said = " ".join(inspection.verdict.sentences)
-        blocks += [Text(written(re.sub(r"(?<=\d)%", " %", said)))]
+        verdict = " ".join(inspection.verdict.sentences)
+        blocks += [Text(written(re.sub(r"(?<=\d)%", " %", verdict)))]
         blocks += [_recorded(subject, inspection), _dirt(subject, inspection)]
     if not evidence.loops.repairs:
         blocks.append(Text("Nothing was repaired: the samples were fitted as they were read."))

@@ -411,8 +411,8 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         )
         blocks.append(Picture(svg, _correlated(unsure), caption))
     if unsure.statements:
-        said = (written(text) for text in unsure.statements)
-        blocks.append(Items("What the data leave open", tuple(said)))
+        statements = (written(text) for text in unsure.statements)
+        blocks.append(Items("What the data leave open", tuple(statements)))
     return blocks
 
 

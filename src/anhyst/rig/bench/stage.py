@@ -342,9 +342,9 @@ class StageBench:
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        said = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
+        states = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *said])
+        return np.column_stack([numbers, *of_loop, *states])
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
