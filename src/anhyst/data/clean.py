@@ -133,13 +133,13 @@ def offset(loopset: Loops) -> Loops:
     """Centre symmetric loops of an odd output: one input offset for all, one output offset each."""
     if is_even(loopset):
         return loopset
-    found = [estimates.offsets(loop) for loop in loopset.loops]
-    centres = [centre for centre in found if centre is not None]
+    offsets = [estimates.offsets(loop) for loop in loopset.loops]
+    centres = [centre for centre in offsets if centre is not None]
     if not centres:
         return loopset
     shift = float(np.median([centre[0] for centre in centres]))
     loops, texts = [], []
-    for loop, centre in zip(loopset.loops, found, strict=True):
+    for loop, centre in zip(loopset.loops, offsets, strict=True):
         zero = centre[1] if centre is not None else 0.0
         loops.append(replace(loop, input=loop.input - shift, output=loop.output - zero))
         texts.append(f"{zero:.3g} {loopset.output.unit} in loop '{loop.label}'")
@@ -150,8 +150,8 @@ def offset(loopset: Loops) -> Loops:
 
 def skew(loopset: Loops) -> Loops:
     """Shift the output by its delay behind the input (one delay for all loops, their median)."""
-    found = [estimates.skew(loop) for loop in loopset.loops]
-    delays = [delay for delay in found if delay is not None]
+    skews = [estimates.skew(loop) for loop in loopset.loops]
+    delays = [delay for delay in skews if delay is not None]
     delay = float(np.median(delays)) if delays else 0.0
     if delay == 0.0:
         return loopset

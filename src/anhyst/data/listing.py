@@ -50,15 +50,15 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     texts = [place for place, field in enumerate(first) if not is_number(field)]
     roles = _roles(headers, texts)
     units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
-    found = []
+    listed = []
     for place, (name, unit) in enumerate(zip(table.header, units, strict=True)):
         values = None if place in texts else _values(table, place)
         samples, rate = _pace(table, place)
         finite = values[np.isfinite(values)] if values is not None else np.empty(0)
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
         count = samples if samples is not None else (0 if values is None else values.size)
-        found.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(place, "")))
-    return found
+        listed.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(place, "")))
+    return listed
 
 
 def _values(table: OpenTable, place: int) -> Any:

@@ -298,16 +298,16 @@ class Loops(Result):
         codes = np.concatenate(
             [np.full(loop.n, place, np.int32) for place, loop in enumerate(self.loops)]
         )
-        found: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
+        columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):
-            found[QUANTITIES["time"].column] = np.concatenate(times)
-        found[self.input.column] = np.concatenate([loop.input for loop in self.loops])
-        found[self.output.column] = np.concatenate([loop.output for loop in self.loops])
+            columns[QUANTITIES["time"].column] = np.concatenate(times)
+        columns[self.input.column] = np.concatenate([loop.input for loop in self.loops])
+        columns[self.output.column] = np.concatenate([loop.output for loop in self.loops])
         values = [loop.schedule for loop in self.loops if loop.schedule is not None]
         if self.schedule is not None:
-            found[self.schedule.column] = np.concatenate(values)
-        return found
+            columns[self.schedule.column] = np.concatenate(values)
+        return columns
 
     def facts(self) -> dict[str, str]:
         """Return number of loops and samples, ranges, and where they were measured."""

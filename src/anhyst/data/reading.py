@@ -124,12 +124,12 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, listed):
         if path.is_dir():
-            found = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
-            if not found:
+            here = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
+            if not here:
                 raise InputError(
                     f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
                 )
-            files += found
+            files += here
         else:
             files.append(path)
     if not files:
@@ -288,7 +288,7 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     """Give the loops whose history nobody stated the one that their data propose, with a note."""
     loops = [loop for part in parts for place, loop in enumerate(part.loops) if place in part.open]
     proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))
-    found = []
+    completed = []
     for part in parts:
         judged, notes = list(part.loops), list(part.notes)
         for place in sorted(part.open):
@@ -304,8 +304,8 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
         ordered = one_after_another(judged, over_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
             notes.append(f"{part.place}: {IN_ONE_RUN}")
-        found.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
-    return found
+        completed.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
+    return completed
 
 
 def _refuse_negative_gaps(columns: _Columns) -> None:

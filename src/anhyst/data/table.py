@@ -46,8 +46,8 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
-        found = [place for place, other in enumerate(self.names) if other == name]
-        healthy = [place for place in found if self.headers[place].problem is None]
+        indices = [place for place, other in enumerate(self.names) if other == name]
+        healthy = [place for place in indices if self.headers[place].problem is None]
         if len(healthy) > 1:
             texts = " and ".join(f"'{self.headers[place].text}'" for place in healthy)
             raise InputError(
@@ -55,9 +55,12 @@ class DataTable:
                 code="column-twice",
                 key=name,
             )
-        if not found:
+        if not indices:
             return None
-        header, column = self.headers[(healthy or found)[0]], self.columns[(healthy or found)[0]]
+        header, column = (
+            self.headers[(healthy or indices)[0]],
+            self.columns[(healthy or indices)[0]],
+        )
         if header.problem:
             raise InputError(
                 f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",

@@ -84,16 +84,16 @@ class CellKernel:
         """Return the parameters of an iron, from its scales and what was fitted."""
         share_0, width_0, *rest = law
         rest = [1.0, 1.0, *rest]
-        found = {"M_0": share_0 * saturation, "a_0": width_0 * width}
+        parameters = {"M_0": share_0 * saturation, "a_0": width_0 * width}
         for place in range(self.populations):
             share, wide, pinning, spread = rest[4 * place : 4 * place + 4]
-            found |= {
+            parameters |= {
                 f"M_{place + 1}": share * saturation,
                 f"a_{place + 1}": wide * width,
                 f"k_{place + 1}": pinning * width,
                 f"s_{place + 1}": spread,
             }
-        return found | {"alpha": alpha}
+        return parameters | {"alpha": alpha}
 
     def shrink_field(self, iron: dict[str, float], part: float) -> None:
         """Take the field inside an iron without interaction to a part of itself, by interaction."""

@@ -346,15 +346,15 @@ def _as_cells(
 
 def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray]:
     """Add a population to fits, where each would take most off what is left."""
-    found = []
+    suggestions = []
     objective = Objective(levels.coarse, levels.tie)
     for one in dict.fromkeys(before):  # ends may have joined
         tried = [
             _weighed(objective, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
         ]
         tried.sort(key=lambda start: -start[0])
-        found += [theta for _, theta in tried[:_SUGGESTED]]
-    return found
+        suggestions += [theta for _, theta in tried[:_SUGGESTED]]
+    return suggestions
 
 
 def _weighed(

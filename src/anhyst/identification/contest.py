@@ -118,13 +118,13 @@ class Contest:
 
     def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
         """Cross-validation error of each map under the law of one, of its best variant."""
-        found: dict[str, float] = {}
+        errors: dict[str, float] = {}
         for one in self.entrants if self.places else ():
             if (one.cells, one.polished) == (alike.cells, alike.polished):
                 error = mean_of(self.misses(one))
                 name = WRITTEN.get(one.gap_map, one.gap_map)
-                found[name] = min(error, found.get(name, np.inf))
-        return found
+                errors[name] = min(error, errors.get(name, np.inf))
+        return errors
 
     def nested(self) -> list[float]:
         """Errors at places that neither the fit nor the choice has seen."""

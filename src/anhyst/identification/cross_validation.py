@@ -143,14 +143,14 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
         )
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
-        found = follow(space, wide.theta[kept], tolerance, most, wide.tie)
+        followed = follow(space, wide.theta[kept], tolerance, most, wide.tie)
         if whole.form.cells is None:
-            found = only_demanded(found, tolerance, most)
-        model = model_of(found, loopset)
+            followed = only_demanded(followed, tolerance, most)
+        model = model_of(followed, loopset)
         span, clocks = whole.records.output_span, clocks_of(groups)
         if by == "block":
             every = [loop for group in groups for loop in group]
-            return Refit(found.cost, _missed_blocks(model, span, every, fold, blocks))
+            return Refit(followed.cost, _missed_blocks(model, span, every, fold, blocks))
         seen = fold | {0, len(groups) - 1} if by == "gap" else fold
         off = {place: [one / span for one in _off(model, groups[place])] for place in seen}
         squares = {place: _squares(some, clocks[place]) for place, some in off.items()}
@@ -165,7 +165,7 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             for one in fold
         }
         return Refit(float("inf"), nothing)
-    return Refit(found.cost, missed)
+    return Refit(followed.cost, missed)
 
 
 def _missed_blocks(
@@ -254,19 +254,19 @@ def promise(
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
     plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
-    found = np.asarray(plain, dtype=np.float64)
-    if not found.size or not np.isfinite(found).all() or found.min() <= 0.0:
+    left_out = np.asarray(plain, dtype=np.float64)
+    if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
         return None
-    logs = np.log(found)
-    freedom = _SEEN + found.size - 1.0
+    logs = np.log(left_out)
+    freedom = _SEEN + left_out.size - 1.0
     variance = (_SEEN * SCATTER**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
-    reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / found.size))
+    reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / left_out.size))
     middle = float(logs.mean())
     return CrossValidation(
-        error=float(found.mean()),
+        error=float(left_out.mean()),
         low=float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
         high=float(np.exp(middle + reach)),
-        folds=tuple(found.tolist()),
+        folds=tuple(left_out.tolist()),
         left_out=by,
     )
 

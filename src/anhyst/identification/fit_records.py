@@ -120,11 +120,11 @@ class FitRecords:
 
         Each record has `blocks` of equal way, numbered on from record to record.
         """
-        found = []
+        records = []
         for place, record in enumerate(self.loops):
             of_samples = place * blocks + blocks_along(record.input, blocks)
-            found.append(replace(record, unseen=np.isin(of_samples, list(left_out))))
-        return replace(self, loops=tuple(found))
+            records.append(replace(record, unseen=np.isin(of_samples, list(left_out))))
+        return replace(self, loops=tuple(records))
 
     def thinned(self, most: int) -> FitRecords:
         """Take at most about `most` samples of each loop, weighing the same together.

@@ -60,8 +60,8 @@ class Evaluation:
     def worth(self, theta: FloatArray, cost: float) -> Linear | None:
         """Linearise where the cost is below another; a numerical derivative is dear."""
         if not self.analytic:
-            found = self.objective.deviations(theta)
-            if float(found @ found) >= cost:
+            deviations = self.objective.deviations(theta)
+            if float(deviations @ deviations) >= cost:
                 return None
         there = self.at(theta)
         return there if there.cost < cost else None

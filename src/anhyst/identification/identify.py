@@ -399,9 +399,9 @@ def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.found
     assert start is not None
-    found = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
+    followed = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
     return replace(
-        before, model=model_of(found, loops), uncertainty=assess(found, loops), found=found
+        before, model=model_of(followed, loops), uncertainty=assess(followed, loops), found=followed
     )
 
 

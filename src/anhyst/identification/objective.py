@@ -76,10 +76,10 @@ class Objective:
     def deviations(self, theta: FloatArray) -> FloatArray:
         """Weighted deviations, shape (samples,), and ties, if any, after them."""
         try:
-            found = self.outputs([local for local, _ in self.space.unpack(theta)])
+            outputs = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.impossible
-        off = (found - self.measured) * self.weights
+        off = (outputs - self.measured) * self.weights
         off, cost = self._drift.without(off)
         return np.concatenate([off, cost, self._ties @ theta, self._pull @ theta - self._usual])
 

@@ -186,13 +186,13 @@ class XcpMaster:
     def _decoded(self, packets: bytes) -> Samples:
         """Return samples; their stamps count on from the last one, since 32 bits begin again."""
         form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
-        found = np.frombuffer(packets, dtype=form)
-        stamps = found["tick"].astype(np.int64)
+        samples = np.frombuffer(packets, dtype=form)
+        stamps = samples["tick"].astype(np.int64)
         before = self._last if self._last >= 0 else int(stamps[0]) - 1
         steps = np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF
         ticks = before + np.cumsum(steps)
         self._last = int(ticks[-1])
-        return np.column_stack((ticks, found["values"].astype(np.int64)))
+        return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
     def _rate(self) -> float:
         """Return the ticks a second, as exact as the period of a time stamp is said."""

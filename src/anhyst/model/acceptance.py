@@ -164,8 +164,8 @@ class Acceptance:
     @property
     def passed(self) -> bool | None:
         """Whether all that apply have passed; None if none applies."""
-        found = [check.passed for check in (self.over_gap, self.over_drive) if check is not None]
-        return all(found) if found else None
+        verdicts = [check.passed for check in (self.over_gap, self.over_drive) if check is not None]
+        return all(verdicts) if verdicts else None
 
     def text(self, unit: str) -> str:
         """Say what failed, or else what has passed; ``unit`` is that of the drive."""

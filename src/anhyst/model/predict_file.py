@@ -186,19 +186,19 @@ def run_file(
     check_writable(out)
     table = read_columns(path, columns, progress)
     past = history if history is not None else str(model.history)
-    found, valid, runs, warnings = _compute(model, direction, table, past)
+    answers, valid, runs, warnings = _compute(model, direction, table, past)
     wanted = model.output if direction == "predict" else model.input
     return RunSummary(
         out=str(out),
-        column=_write(table, out, wanted, found, valid),
+        column=_write(table, out, wanted, answers, valid),
         unit=wanted.unit,
         rows=len(table),
         runs=runs,
         history=past,
-        low=float(found.min()),
-        high=float(found.max()),
+        low=float(answers.min()),
+        high=float(answers.max()),
         outside=int((~valid).sum()),
-        deviation=_deviation(table, wanted, found),
+        deviation=_deviation(table, wanted, answers),
         warnings=warnings,
     )
 

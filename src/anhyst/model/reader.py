@@ -357,11 +357,11 @@ def _fit(table: FitTable) -> FitFigures:
     plain = dict(table)
     loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
     candidates = tuple(CandidateFit(**dict(one)) for one in plain.pop("candidate"))
-    found = table.cross_validation
-    if found is not None:
-        low, high = found.interval
+    validation = table.cross_validation
+    if validation is not None:
+        low, high = validation.interval
         plain["cross_validation"] = CrossValidation(
-            found.error, low, high, tuple(found.folds), found.left_out
+            validation.error, low, high, tuple(validation.folds), validation.left_out
         )
     return FitFigures(loops=loops, candidates=candidates, **plain)
 

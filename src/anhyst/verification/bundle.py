@@ -60,8 +60,8 @@ class Bundle:
     @property
     def stage(self) -> Mapping[str, Any] | None:
         """What the manifest says of a stage; None of a compensator."""
-        found = self.manifest.get("stage")
-        return found if isinstance(found, dict) else None
+        described = self.manifest.get("stage")
+        return described if isinstance(described, dict) else None
 
     @property
     def has_port(self) -> bool:
@@ -128,9 +128,13 @@ def _check_stage(place: Path, stage: object) -> None:
     """Check the numbers from which the form of a stage's records follows."""
     if stage is None:
         return
-    found = stage if isinstance(stage, dict) else {}
-    free = found.get("free")
-    counts = [len(free) if isinstance(free, list) else 0, found.get("heads"), found.get("magnets")]
+    described = stage if isinstance(stage, dict) else {}
+    free = described.get("free")
+    counts = [
+        len(free) if isinstance(free, list) else 0,
+        described.get("heads"),
+        described.get("magnets"),
+    ]
     if not all(isinstance(count, int) and 0 < count <= MOST for count in counts):
         raise InputError(
             f"{place}: key 'stage' does not say what is free, how many heads and magnets there are; {AGAIN}",
@@ -161,14 +165,14 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
     for file, wanted in files.items():
         path = folder / str(file)
         try:
-            found = hashlib.sha256(path.read_bytes()).hexdigest()
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             raise InputError(
                 f"{path}: {error.strerror}, but {MANIFEST} names it; {AGAIN}",
                 code="damaged-manifest",
                 key="files",
             ) from None
-        if found != wanted:
+        if digest != wanted:
             raise InputError(
                 f"{path}: was changed since it was written (sha256); {AGAIN}", code="changed-since"
             )

@@ -150,9 +150,9 @@ class Verification(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest cost of a tick on each target that counts it."""
-        found = [(one, cost) for one in self.results if (cost := one.cost("tick")) is not None]
-        places = range(len(found))
-        ax.barh(places, [cost.most for _, cost in found], color="0.85", label="largest")
-        ax.barh(places, [cost.mean for _, cost in found], height=0.5, label="mean")
-        ax.set_yticks(places, [f"{one.label}, {one.unit}" for one, _ in found])
+        costs = [(one, cost) for one in self.results if (cost := one.cost("tick")) is not None]
+        places = range(len(costs))
+        ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
+        ax.barh(places, [cost.mean for _, cost in costs], height=0.5, label="mean")
+        ax.set_yticks(places, [f"{one.label}, {one.unit}" for one, _ in costs])
         ax.set_xlabel("cost of a tick")

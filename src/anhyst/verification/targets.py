@@ -125,9 +125,9 @@ def host_compilers() -> dict[str, list[str]]:
 
     Those that a report names; where there is none of them, any other.
     """
-    found = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
-    if found:
-        return found
+    compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
+    if compilers:
+        return compilers
     if shutil.which("cc"):
         return {"cc": ["cc"]}
     return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}

@@ -99,7 +99,7 @@ def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
         ]
         names = [up or name for up, name in zip(above, names, strict=True)]
     last = max(place for place, row in enumerate(rows) if any(cell != "" for cell in row))
-    found = []
+    channels = []
     for place in width:
         if not names[place]:
             continue
@@ -107,8 +107,8 @@ def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
         values, is_date = _values(f"{path}: sheet '{sheet}', column '{names[place]}'", cells)
         unit = "s" if is_date else units[place]
         is_text = values.dtype.kind == "U"
-        found.append(Channel(names[place], len(cells), values, unit, "", None, is_text))
-    return found
+        channels.append(Channel(names[place], len(cells), values, unit, "", None, is_text))
+    return channels
 
 
 def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:

@@ -94,16 +94,16 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
                 )
             if isinstance(link, h5py.SoftLink):
                 continue  # what it leads to is found in its own place
-            found = here[name]
-            info = h5py.h5o.get_info(found.id)
+            member = here[name]
+            info = h5py.h5o.get_info(member.id)
             if info.addr in seen:
                 continue
             seen.add(info.addr)
-            if isinstance(found, h5py.Group):
-                waiting.append((found, depth + 1))
-            elif isinstance(found, h5py.Dataset):
-                check_dataset(path, found)
-                yield found
+            if isinstance(member, h5py.Group):
+                waiting.append((member, depth + 1))
+            elif isinstance(member, h5py.Dataset):
+                check_dataset(path, member)
+                yield member
 
 
 def check_dataset(path: Path, dataset: Any) -> None:

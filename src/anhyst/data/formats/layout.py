@@ -120,9 +120,9 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
         _ask_for_more(complete)
         raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
     offset = start + lines[after][1]
-    found = tuple(notes + more)
+    remarks = tuple(notes + more)
     return Layout(
-        path, size, encoding, eol, delimiter, tuple(header), units, found, offset, after + 1
+        path, size, encoding, eol, delimiter, tuple(header), units, remarks, offset, after + 1
     )
 
 
@@ -144,12 +144,12 @@ def _skip_preamble(
 ) -> tuple[int, str | None]:
     """Find header and delimiter above the first long run of numbers; else they are the first line's."""
     runs = [(_find_run(lines, first, sign, least), sign) for sign in _DELIMITERS]
-    found = [(run, sign) for run, sign in runs if run is not None]
-    if not found and not last:
+    signed = [(run, sign) for run, sign in runs if run is not None]
+    if not signed and not last:
         raise _HeadTooShortError
-    if not found or any(run.start == first for run, _ in found):
+    if not signed or any(run.start == first for run, _ in signed):
         return first, _delimiter(lines[first][0])
-    for run, sign in found:
+    for run, sign in signed:
         above = _text_above(lines, first, run.start)
         header = _header_fields(lines[above][0], sign)
         if header is None or not run.used <= len(header) <= run.width:
@@ -160,7 +160,7 @@ def _skip_preamble(
             if names is not None and len(names) == len(header):
                 above = higher
         return above, sign
-    run, _ = max(found, key=lambda one: one[0].width)
+    run, _ = max(signed, key=lambda one: one[0].width)
     above = _text_above(lines, first, run.start)
     raise InputError(
         f"{path}: line {above + 1}: '{_short(lines[above][0].strip())}' stands where the header of "

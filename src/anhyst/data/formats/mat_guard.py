@@ -152,10 +152,10 @@ class MatGuard:
         return struct.unpack_from(f"{self._order}{len(content) // 4}{code}", content)
 
     def _next(self, parts: Iterator[tuple[int, memoryview]]) -> memoryview:
-        found = next(parts, None)
-        if found is None:
+        part = next(parts, None)
+        if part is None:
             raise self._fault("ends within a variable")
-        return found[1]
+        return part[1]
 
     def _fault(self, what: str) -> InputError:
         return InputError(

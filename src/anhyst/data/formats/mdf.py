@@ -48,7 +48,7 @@ def open_mdf(path: Path, least: int) -> ChannelTable:
 
 
 def _channels(path: Path, file: Any) -> list[Channel]:
-    found: list[Channel] = []
+    channels: list[Channel] = []
     size = path.stat().st_size
     for place, group in enumerate(file.groups):
         count = int(group.channel_group.cycles_nr)
@@ -75,8 +75,10 @@ def _channels(path: Path, file: Any) -> list[Channel]:
                 clock = Channel(one.name, count, (place, index), str(unit) or "s", name)
             else:
                 own.append(channel)
-        found += [Channel(c.name, c.length, c.key, c.unit, c.group, clock, c.is_text) for c in own]
-    return found
+        channels += [
+            Channel(c.name, c.length, c.key, c.unit, c.group, clock, c.is_text) for c in own
+        ]
+    return channels
 
 
 def _gives_text(conversion: Any) -> bool:
@@ -88,13 +90,13 @@ def _reader(path: Path) -> Any:
     def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
         from asammdf import MDF
 
-        found = []
+        values = []
         with MDF(path) as file:
             for one in wanted:
                 group, index = one.key
                 signal = file.get(group=group, index=index, record_offset=0, record_count=count)
-                found.append(_values(signal, one))
-        return found
+                values.append(_values(signal, one))
+        return values
 
     return read
 

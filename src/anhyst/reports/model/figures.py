@@ -81,29 +81,29 @@ def groups_of(loopset: Loops) -> list[Group]:
     """Group loops by scheduling value, ascending; loops along which it moves come last."""
     if loopset.schedule is None:
         return [Group("", tuple(range(len(loopset))))]
-    found: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
+    indices: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
     for place, loop in enumerate(loopset.loops):
-        found.setdefault(loop.schedule_value, []).append(place)
+        indices.setdefault(loop.schedule_value, []).append(place)
     schedule = loopset.schedule
     return [
         Group(
             f"{name_of(schedule)} moving" if at is None else shown_at(schedule, at), tuple(places)
         )
-        for at, places in found.items()
+        for at, places in indices.items()
     ]
 
 
 def small_loops(loopset: Loops) -> list[Group]:
     """Loops that are too small to be seen among the others of their group, each by itself."""
-    found = []
+    groups = []
     for group in groups_of(loopset):
         spans = {place: float(np.ptp(loopset.loops[place].input)) for place in group.places}
-        found += [
+        groups += [
             Group(", ".join(filter(None, (group.title, _name(loopset.loops[place])))), (place,))
             for place, span in spans.items()
             if span < SMALL * max(spans.values())
         ]
-    return found
+    return groups
 
 
 def _name(loop: Loop) -> str:
@@ -265,10 +265,10 @@ def _percent_axis(ax: Axes, whole: float) -> None:
 
 def rising(loop: Loop) -> NDArray[np.bool_]:
     """Return which samples lie on rising branches of the input, shape (n,)."""
-    found = np.zeros(loop.n, dtype=np.bool_)
+    rises = np.zeros(loop.n, dtype=np.bool_)
     for part in branches(loop.input):
-        found[part.rows] = part.rising
-    return found
+        rises[part.rows] = part.rising
+    return rises
 
 
 def _residuals(

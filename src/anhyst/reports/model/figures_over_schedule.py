@@ -107,9 +107,9 @@ def sweep(model: Model, check: GapCheck | None) -> Sweep:
     at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID), *model.nodes])
     output = np.full((at.size, drive.size), np.nan)
     for place, value in enumerate(at.tolist()):
-        found = settled_loop(model, drive, value)
-        if found is not None:
-            output[place] = found
+        loop = settled_loop(model, drive, value)
+        if loop is not None:
+            output[place] = loop
     return Sweep(at, drive, output)
 
 

@@ -277,20 +277,20 @@ def section_laws(subject: ModelSubject) -> Section | None:
     )
 
 
-def _expected(subject: ModelSubject, found: CrossValidation) -> str:
+def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
     """Say what to expect between the nodes, where the least error of a choice promises too much."""
-    each = ", ".join(percent(error) for error in found.folds)
-    if found.left_out == "block":
+    each = ", ".join(percent(error) for error in validation.folds)
+    if validation.left_out == "block":
         return (
-            f"Expected at other samples of such loops: mean deviation {percent(found.error)} of the "
-            f"largest {subject.answer}, in nine of ten cases {percent(found.low)} to "
-            f"{percent(found.high)}. Found ({each}) where blocks of samples were left out of the fit "
+            f"Expected at other samples of such loops: mean deviation {percent(validation.error)} of the "
+            f"largest {subject.answer}, in nine of ten cases {percent(validation.low)} to "
+            f"{percent(validation.high)}. Found ({each}) where blocks of samples were left out of the fit "
             "and of the choice of the law; it says nothing of loops of other sizes."
         )
     return (
         f"Expected at a {subject.over} between those measured: mean deviation "
-        f"{percent(found.error)} of the largest {subject.answer}, in nine of ten cases "
-        f"{percent(found.low)} to {percent(found.high)}. Found ({each}) where the {subject.over} "
+        f"{percent(validation.error)} of the largest {subject.answer}, in nine of ten cases "
+        f"{percent(validation.low)} to {percent(validation.high)}. Found ({each}) where the {subject.over} "
         "was left out of the fit, of the choice of the map and of the decision about offsets; "
         "noise of the sensor is taken off."
     )
