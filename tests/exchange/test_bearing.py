@@ -18,7 +18,7 @@ from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.recording import Recording, of_magnets
-from anhyst.rig.stage.file import error_columns, read_stage, scan_direction, unit_of
+from anhyst.rig.stage.file import CENTRE, error_columns, read_stage, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
     Feedforward,
     demand_columns,
@@ -216,11 +216,30 @@ knee_slow_A_per_m = 3200.0
 """
 
 
-def solid_stage_made(folder: Path) -> None:
-    """The same of Duhem iron, a part of it solid, the layers of the magnets known."""
+def calibrated(source: Path, folder: Path, values: dict[str, float]) -> str:
+    """Copy a stage and say what calibration found of it; return the text of its rig file."""
     for name in ("loops.csv", "loops.toml"):
-        (folder / name).write_bytes((stages.EXAMPLE / name).read_bytes())
-    text, solid = (stages.EXAMPLE / "rig.toml").read_text(), "turns = 250\n"
+        (folder / name).write_bytes((source.parent / name).read_bytes())
+    rig, most = read_stage(source), "force_max_N = 240.0"
+    numbers = "".join(
+        f"[[method.parameter]]\nname = {name!r}\nvalue = {value}\nsigma = 0.0\nprior = 1.0\n"
+        "frozen = false\n"
+        for name, value in values.items()
+    )
+    (folder / "calibration.toml").write_text(
+        f'format = "anhyst-calibration"\nversion = 1\nrig = {rig.settings.name!r}\n'
+        f"mass_kg = {rig.settings.body.mass_kg}\n"
+        f'[[method]]\nname = "full"\nresidual_N = 0.1\nforce_N = 100.0\nfits = true\n{numbers}'
+    )
+    text = source.read_text()
+    assert text.count(most) == 1
+    return text.replace(most, f'{most}\ncalibration = "calibration.toml"')
+
+
+def solid_stage_made(folder: Path) -> None:
+    """The same of Duhem iron, a part of it solid, the layers of the magnets known, calibrated."""
+    found = {"scale_1": 0.01, "scale_2": -0.005, "gap_zero_m": 1e-6, "width": 0.1, "lag_s": 2e-5}
+    text, solid = calibrated(stages.EXAMPLE / "rig.toml", folder, found), "turns = 250\n"
     assert text.count(solid) == 1
     table = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.05 }\n"
     cells = text[text.index('family = "cells"') : text.index("[[magnet]]")]
@@ -265,7 +284,7 @@ def test_a_stage_moves_as_the_simulation_does_bit_for_bit(scan: Scan, tmp_path: 
     moves_alike(scan, tmp_path)
 
 
-def test_so_does_a_stage_on_solid_iron_of_another_family(tmp_path: Path) -> None:
+def test_so_does_a_calibrated_stage_on_solid_iron_of_another_family(tmp_path: Path) -> None:
     solid_stage_made(tmp_path)
     moves_alike(scanned(tmp_path, tmp_path / "rig.toml", late()), tmp_path)
 
@@ -366,7 +385,7 @@ def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Pat
         (
             "force_max_N = 240.0",
             "force_max_N = 240.0\ncalibrate = true",
-            "calibration-not-exported",
+            "learning-not-exported control.calibrate",
         ),
     ],
 )
@@ -391,17 +410,23 @@ PLANAR = stages.EXAMPLE.parent / "planar" / "rig.toml"
 
 
 def planar_made(folder: Path) -> None:
-    """Fill a folder with the FMU of the bundled stage of six axes, Preisach iron in ten magnets."""
+    """Fill a folder with the bundled stage of six axes, its ten magnets calibrated, and its FMU."""
+    found = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-4)}
+    for number in range(1, 11):
+        found |= {f"scale_{number}": 1e-3 * number, f"gap_zero_{number}_m": 1e-7 * number}
+        found[f"width_{number}"] = 0.1 if number > 8 else 0.0
+    (folder / "rig.toml").write_text(calibrated(PLANAR, folder, found))
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
         for fmi in ("2.0", "3.0"):
-            export_fmu(PLANAR, folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
+            export_fmu(folder / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
 
 
 @pytest.fixture(scope="module")
 def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
     """Lift the body, take it through a turnaround while the long stroke strays."""
-    folder, rig = made_once(tmp_path_factory, "fmu-planar", planar_made), read_stage(PLANAR)
+    folder = made_once(tmp_path_factory, "fmu-planar", planar_made)
+    rig = read_stage(folder / "rig.toml")
     setup = make_stage(rig, bearings.knowledge(), "full")
     motion = motion_of(rig.settings.scan, [22.0])
     gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
@@ -409,7 +434,7 @@ def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
     reference = motion.at(time)[0]
     each = {
         ("reference", "m", "rad"): np.outer(reference[:count], along),
-        ("feedforward", "N", "N_m"): fed_wrench(rig, feed(setup, motion, gains)),
+        ("feedforward", "N", "N_m"): fed_wrench(setup.believed, feed(setup, motion, gains)),
         ("frame", "m", "rad"): np.outer(reference + stray(rig, motion, time), along)[1:],
     }
     inputs = {
@@ -420,7 +445,7 @@ def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
     return Scan(folder / "2.fmu", inputs, track(setup, motion, gains))
 
 
-def test_six_axes_and_ten_magnets_move_as_the_simulation_does_bit_for_bit(
+def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for_bit(
     planar: Scan, tmp_path: Path
 ) -> None:
     """All but the pose as it was read: the recording sums its heads in another order."""

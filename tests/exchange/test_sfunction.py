@@ -19,7 +19,7 @@ from tests.cli.command import quick as run
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave
 from tests.exchange.test_actuator import STEP, drives, gaps, magnet
-from tests.exchange.test_bearing import PLANAR, planar_made, stage_made
+from tests.exchange.test_bearing import planar_made, stage_made
 from tests.exchange.test_fmu import GAP, demands, expected
 from tests.once import made_once
 from tests.refusals import refused
@@ -129,9 +129,9 @@ def test_a_rig_moves_as_its_fmu_does(
         inputs |= {"feedforward_N": 2e7 * away, "position_noise_m": 1e-3 * away}
         path = made_once(tmp_path_factory, "fmu-stage", stage_made) / "2.fmu"
     else:
-        rig = PLANAR
-        inputs |= {"feedforward_z_N": 196.0 + 0.0 * away, "reference_ry_rad": away}
         path = made_once(tmp_path_factory, "fmu-planar", planar_made) / "2.fmu"
+        rig = path.with_name("rig.toml")
+        inputs |= {"feedforward_z_N": 196.0 + 0.0 * away, "reference_ry_rad": away}
     monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
     program = built(export_sfunction(rig, tmp_path / "s"))
     about = fmpy.read_model_description(path).modelVariables

@@ -23,19 +23,20 @@ from anhyst.rig.stage.file import StageRig, opposed, pull_rows, read_stage, unit
 from anhyst.rig.stage.loop import (
     StageSetup,
     axes_rows,
-    block_of,
+    blocks_of,
     controller_settings,
     identify_stage,
     make_stage,
     pid,
 )
+from anhyst.study.tracking.simulate import check_calibration
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 
 _CORE_OF_STAGE = (
     *(name for name in CORE_OF_PLANT if not name.startswith("control/")),
-    *("control/axes.c", "control/wrench.c"),
+    *("compensator/force_corrected_real.c", "control/axes.c", "control/wrench.c"),
     *(name for kind in SOURCES.values() for name in kind),
     *LAYERS,
     *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
@@ -57,10 +58,8 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     refuse_plant(rig.bearing)
     setup = make_stage(rig, identify_stage(rig), "full")
-    sources = {
-        path: text.encode()
-        for path, text in core_files(_CORE_OF_STAGE, memories(block_of(setup))).items()
-    }
+    layers = max(map(memories, blocks_of(setup)))
+    sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE, layers).items()}
     sources |= plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
@@ -79,18 +78,28 @@ def _refuse_stage(rig: StageRig) -> None:
             code="not-compiled-controller",
             key="control.format",
         )
-    for key in ("calibrate", "calibration"):
-        if getattr(control, key):
-            raise InputError(
-                f"{rig.path}: control.{key}: an FMU of a stage corrects nothing; leave it out",
-                code="calibration-not-exported",
-                key=f"control.{key}",
-            )
+    if control.calibrate:
+        raise InputError(
+            f"{rig.path}: control.calibrate: an FMU of a stage does not learn; name what anhyst "
+            "calibrate found as control.calibration",
+            code="learning-not-exported",
+            key="control.calibrate",
+        )
+    check_calibration(rig)
 
 
 def _controller_numbers(setup: StageSetup) -> str:
     """Return the controller of a stage as structures, and the words of its compensators."""
-    block, settings = block_of(setup), controller_settings(setup)
+    blocks, settings = blocks_of(setup), controller_settings(setup)
+    count, each = len(blocks), [tuple(one.words.tolist()) for one in blocks]
+    words: list[int] = []
+    first: dict[tuple[int, ...], int] = {}
+    for one in dict.fromkeys(each):
+        first[one] = len(words)
+        words += one
+    corrections = [[1.0, 0.0, 1.0, 0.0]] * count
+    if setup.correction is not None:
+        corrections = setup.correction.tolist()
     file, numbers = setup.rig.settings, {key: repr(float(one)) for key, one in settings.items()}
     scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
     pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
@@ -103,10 +112,12 @@ def _controller_numbers(setup: StageSetup) -> str:
     return header(
         "stage_numbers",
         {
-            "STAGE_DRIVES": len(file.placed),
+            "STAGE_DRIVES": count,
             "STAGE_HEADS": len(file.position_sensors) if file.several else 0,
-            "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{block.kind}", "words"),
-            "STAGE_WORDS": fields(block.words.tolist()),
+            "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{blocks[0].kind}", "words"),
+            "STAGE_WORDS": fields(words),
+            "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
+            "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
             "STAGE_SEE": row(see.ravel()),
             "STAGE_GAP_TOTAL": numbers["gap_total"],
             "STAGE_SCALES": fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),

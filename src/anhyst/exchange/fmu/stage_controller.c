@@ -6,10 +6,19 @@
 
 #include <stddef.h>
 
+#include "anhyst/compensator/force_corrected_real.h"
 #include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
 
+/* The blocks of all magnets that differ, and where that of each drive stands. */
 static const int16_t words[] = STAGE_WORDS;
+static const struct {
+  uint16_t first;
+  uint16_t count;
+} blocks[STAGE_DRIVES] = STAGE_BLOCKS;
+
+/* What calibration found of each; nothing: {1, 0, 1, 0}. */
+static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
 
 #if STAGE_HEADS > 0
 
@@ -65,6 +74,7 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
 
 typedef struct {
   anhyst_force_controller_q31 force[STAGE_DRIVES];
+  anhyst_corrected_f64 corrected[STAGE_DRIVES];
   law_of law;
 } controller_of;
 
@@ -75,8 +85,10 @@ int anhyst_stage_controller_start(anhyst_stage_controller controller)
   controller_of *now = (controller_of *)(void *)controller;
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
-    if (anhyst_force_controller_init_compensator_q31(&now->force[i], &STAGE_KERNEL, words,
-                                                     sizeof words / sizeof *words) != ANHYST_OK) {
+    const anhyst_corrected_f64 rest = {corrections[i], NULL, 0.0, 0.0};
+    now->corrected[i] = rest;
+    if (anhyst_force_controller_init_compensator_q31(
+            &now->force[i], &STAGE_KERNEL, words + blocks[i].first, blocks[i].count) != ANHYST_OK) {
       return -1;
     }
   }
@@ -89,16 +101,23 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
   controller_of *now = (controller_of *)self;
   anhyst_tracking_drive_q31 fixed[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
+  anhyst_force_controller_f64 behind[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
     const anhyst_tracking_drive_q31 one = {&now->force[i], STAGE_SCALES};
+    const double root = now->corrected[i].root;
+    const double before = now->corrected[i].before;
     now->force[i].method = &anhyst_force_by_compensator_q31;
     now->force[i].compensator.kernel = &STAGE_KERNEL;
-    now->force[i].compensator.words = words;
+    now->force[i].compensator.words = words + blocks[i].first;
     fixed[i] = one;
     anhyst_tracking_drive_init_q31(&in_si[i], &fixed[i]);
-    drive[i] = &in_si[i];
+    (void)anhyst_force_controller_init_corrected_f64(&behind[i], &now->corrected[i],
+                                                     &corrections[i], &in_si[i]);
+    now->corrected[i].root = root;
+    now->corrected[i].before = before;
+    drive[i] = &behind[i];
   }
   run_law(&now->law, drive, sample, answer);
 }

@@ -481,12 +481,14 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     }
 
 
-def block_of(setup: StageSetup) -> Block:
-    """Return the parameter block of a compensator of a law in fixed point."""
-    parameters = setup.compensator.parameters
-    assert isinstance(parameters, HysteresisInverse)
-    assert isinstance(parameters.block, Block)
-    return parameters.block
+def blocks_of(setup: StageSetup) -> list[Block]:
+    """Return for each magnet the parameter block of its compensator of a law in fixed point."""
+    blocks = []
+    for one in setup.own or (setup.compensator,) * len(setup.rig.settings.placed):
+        assert isinstance(one.parameters, HysteresisInverse)
+        assert isinstance(one.parameters.block, Block)
+        blocks.append(one.parameters.block)
+    return blocks
 
 
 def fixed_pid(setup: StageSetup) -> FixedPidd2:
