@@ -260,10 +260,10 @@ void app_body_status(const app_body *body, link_status *status)
   status->demand = body->demand;
   status->force = body->force.value;
   status->gap = body->gap.value;
-  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
-    status->current[i] = i == 0 ? body->current.value : 0;
-    status->drive[i] = i == 0 ? body->drive : 0;
-  }
+  status->current[0] = body->current.value;
+  status->drive[0] = body->drive;
+  status->current[1] = 0;
+  status->drive[1] = 0;
   status->phase = ANHYST_PHASE_REST;
   status->position = 0;
   status->reference = 0;

@@ -235,9 +235,8 @@ uint16_t app_body_tick(app_body *body, const int32_t *settings, const port_sampl
     return 0;
   }
   anhyst_position_tick_q31(&body->position, &in, &body->answer);
-  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
-    currents[i] = body->answer.current[i];
-  }
+  currents[0] = body->answer.current[0];
+  currents[1] = body->answer.current[1];
   return body->answer.flags;
 }
 
@@ -249,10 +248,10 @@ void app_body_status(const app_body *body, link_status *status)
   status->phase = body->position.levitation.phase;
   status->position = body->position.position;
   status->reference = body->answer.reference;
-  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
-    status->current[i] = body->current[i].value;
-    status->drive[i] = body->answer.current[i];
-  }
+  status->current[0] = body->current[0].value;
+  status->drive[0] = body->answer.current[0];
+  status->current[1] = body->current[1].value;
+  status->drive[1] = body->answer.current[1];
 }
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)

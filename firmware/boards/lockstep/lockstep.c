@@ -62,17 +62,15 @@ void port_sense(port_sample *to)
   to->gap = sample.gap;
   to->force = sample.force;
   to->position = sample.position;
-  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
-    to->current[i] = sample.current[i];
-  }
+  to->current[0] = sample.current[0];
+  to->current[1] = sample.current[1];
   to->status = sample.status;
 }
 
 void port_drive(const int32_t *currents, uint32_t state)
 {
-  for (uint16_t i = 0; i < PORT_CURRENTS; i++) {
-    drive.drive[i] = currents[i];
-  }
+  drive.drive[0] = currents[0];
+  drive.drive[1] = currents[1];
   drive.state = state;
 }
 
