@@ -199,10 +199,10 @@ class TickRecorder:
         if self._file is None or self._next is not None or crossing is None:
             return
         seen = self._ring.take(max(last, 0), self._ring.total)
-        place = crossing.find(seen[:, crossing.column])
-        if place is not None:
-            self._frame(int(seen[place, 0]))
-            self._notify(f"{self._file.path.name}: tick {int(seen[place, 0])} crossed the level")
+        row = crossing.find(seen[:, crossing.column])
+        if row is not None:
+            self._frame(int(seen[row, 0]))
+            self._notify(f"{self._file.path.name}: tick {int(seen[row, 0])} crossed the level")
 
     def _frame(self, tick: int) -> None:
         """Set the first and the last tick around one; rows before the first may still come."""

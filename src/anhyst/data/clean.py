@@ -94,11 +94,11 @@ def steady(loopset: Loops) -> Loops:
     """Settle a scheduling value that wobbles by less than 2 % within a loop to its median."""
     loops = list(loopset.loops)
     settled = 0
-    for place, loop in enumerate(loops):
+    for index, loop in enumerate(loops):
         values = loop.schedule
         if values is not None and 0.0 < np.ptp(values) <= _STEADY * float(np.max(np.abs(values))):
             middle = np.full(loop.n, float(np.median(values)))
-            loops[place] = replace(loop, schedule=middle)
+            loops[index] = replace(loop, schedule=middle)
             settled += 1
     if not settled:
         return loopset
@@ -112,14 +112,14 @@ def drift(loopset: Loops) -> Loops:
     Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
     """
     loops, texts, unknown = list(loopset.loops), [], []
-    for place, loop in enumerate(loops):
+    for index, loop in enumerate(loops):
         total = estimates.drift(loop)
         if total is None:
             unknown.append(f"'{loop.label}'")
         elif total:
             clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
             share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
-            loops[place] = replace(loop, output=loop.output - total * share)
+            loops[index] = replace(loop, output=loop.output - total * share)
             texts.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
     if unknown:
         note = f"drift of loops {_some(unknown)} cannot be judged: no state comes again in them"

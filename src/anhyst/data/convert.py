@@ -97,7 +97,7 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
         raw = table.read(numbers, texts)
         columns: dict[int, Any] = {n: np.array(one.rows()) for n, one in raw.texts.items()}
         columns |= raw.numbers
-        read = [columns[place] for place in range(len(table.header))]
+        read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]
     named = [
         Series(name, unit, values)

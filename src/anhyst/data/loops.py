@@ -287,16 +287,16 @@ class Loops(Result):
 
     def describe(self, loop: Loop) -> str:
         """Name a loop for a message: its file, its label and its scheduling value."""
-        place = f"{loop.source}: " if loop.source else ""
+        where = f"{loop.source}: " if loop.source else ""
         value = loop.schedule_value
         if self.schedule is None or value is None:
-            return f"{place}loop '{loop.label}'"
-        return f"{place}loop '{loop.label}' at {self.schedule.show(value)}"
+            return f"{where}loop '{loop.label}'"
+        return f"{where}loop '{loop.label}' at {self.schedule.show(value)}"
 
     def to_columns(self) -> dict[str, Column]:
         """All loops one below the other, as columns of SI values by header."""
         codes = np.concatenate(
-            [np.full(loop.n, place, np.int32) for place, loop in enumerate(self.loops)]
+            [np.full(loop.n, index, np.int32) for index, loop in enumerate(self.loops)]
         )
         columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]

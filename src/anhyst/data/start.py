@@ -167,8 +167,8 @@ def _rises(loop: Loop, *, even: bool) -> list[_Rises]:
     if not first.rising:
         size, answer = -size, answer if even else -answer
     low, end = float(size[0]), float(size[first.stop - 1])
-    for place in range(2, len(parts), 2):
-        later = parts[place]
+    for index in range(2, len(parts), 2):
+        later = parts[index]
         top = min(end, float(size[later.stop - 1]))
         if float(size[later.start]) <= low + reach and top - low >= 0.5 * (end - low):
             break
@@ -176,9 +176,9 @@ def _rises(loop: Loop, *, even: bool) -> list[_Rises]:
         return []
     curves = [(size[part.rows], answer[part.rows]) for part in parts]
     sigma = noise(loop.input), max(noise(loop.output), _QUIET * float(np.ptp(loop.output)))
-    falls = (curves[1], curves[place + 1]) if place + 1 < len(parts) else None
-    drift = _drift(curves[0], curves[place], falls, top, sigma)
-    weighed = _weigh(curves[0], curves[place], curves[1], top - low, drift, sigma)
+    falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
+    drift = _drift(curves[0], curves[index], falls, top, sigma)
+    weighed = _weigh(curves[0], curves[index], curves[1], top - low, drift, sigma)
     if not _turned_over(loop, first, later):
         return weighed
     # Inside a loop the virgin curve lies above later rises; but close to rest a square of the flux

@@ -178,10 +178,10 @@ class _Problem:
         """Return the best sets of a spread: cost, and where a descent begins."""
         free = [one for one in self.entries if not one.node]  # all nodes alike
         spread = evenly(len(free), SCREENED, seed).T
-        place = {one.name: column for column, one in enumerate(free)}
+        column_of = {one.name: column for column, one in enumerate(free)}
         starts = []
         for draw in spread:
-            theta = np.array([draw[place[one.name]] if one.name in place else 0.5
+            theta = np.array([draw[column_of[one.name]] if one.name in column_of else 0.5
                               for one in self.entries])  # fmt: skip
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):

@@ -85,13 +85,13 @@ class CellKernel:
         share_0, width_0, *rest = law
         rest = [1.0, 1.0, *rest]
         parameters = {"M_0": share_0 * saturation, "a_0": width_0 * width}
-        for place in range(self.populations):
-            share, wide, pinning, spread = rest[4 * place : 4 * place + 4]
+        for index in range(self.populations):
+            share, wide, pinning, spread = rest[4 * index : 4 * index + 4]
             parameters |= {
-                f"M_{place + 1}": share * saturation,
-                f"a_{place + 1}": wide * width,
-                f"k_{place + 1}": pinning * width,
-                f"s_{place + 1}": spread,
+                f"M_{index + 1}": share * saturation,
+                f"a_{index + 1}": wide * width,
+                f"k_{index + 1}": pinning * width,
+                f"s_{index + 1}": spread,
             }
         return parameters | {"alpha": alpha}
 
@@ -126,7 +126,7 @@ def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
 
 def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
     return [
-        Population(*(iron[f"{name}_{place}"] for name in "Maks")) for place in range(1, count + 1)
+        Population(*(iron[f"{name}_{index}"] for name in "Maks")) for index in range(1, count + 1)
     ]
 
 

@@ -116,12 +116,12 @@ class _Drives:
 def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Drives]:
     """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
     group: list[FitRecord] = []
-    for place, record in enumerate(records):
+    for index, record in enumerate(records):
         group.append(record)
-        last = place + 1 == len(records)
+        last = index + 1 == len(records)
         if (
             last
-            or alike[records[place + 1].gap] != alike[record.gap]
+            or alike[records[index + 1].gap] != alike[record.gap]
             or sum(one.input.size for one in group) > _TOGETHER
         ):
             yield _joined(group)

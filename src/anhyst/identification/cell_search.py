@@ -130,7 +130,7 @@ class _Levels:
         """
         objective = Objective(self.rough, self.tie)
         (short, long), end = pace
-        costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
+        costs = [(_cost(objective, theta), index, theta) for index, theta in enumerate(starts)]
         chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
         spent = len(costs)
         ends: list[FoundModel] = []
@@ -140,8 +140,8 @@ class _Levels:
             (self.fine, _ENDED, *end),
         ):
             ends = []
-            for place, theta in enumerate(chosen):
-                again = next((at for at in range(place) if _same(theta, chosen[at])), None)
+            for index, theta in enumerate(chosen):
+                again = next((at for at in range(index) if _same(theta, chosen[at])), None)
                 if again is not None:
                     ends.append(ends[again])
                     continue
@@ -394,7 +394,7 @@ def _with_population(local: Local, power: int, how: tuple[float, float, float]) 
     share, width, pinning = how
     all_of_it = 1.0 + share / width
     share_0, width_0, pinning_1, spread_1, *others = local.law
-    kept = [value / all_of_it if place % 4 == 0 else value for place, value in enumerate(others)]
+    kept = [value / all_of_it if index % 4 == 0 else value for index, value in enumerate(others)]
     more = (share, width, pinning_1 * pinning, spread_1)
     return replace(
         local,

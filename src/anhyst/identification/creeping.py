@@ -176,7 +176,7 @@ def held(model: Model, loopset: Loops) -> tuple[Model, str]:
     rates = sorted(missed)
     mean = [float(np.mean(missed[rate])) for rate in rates]
     good = [rate for rate, off in zip(rates, mean, strict=True) if off <= HOLDS * mean[0]]
-    beyond = [place for place, rate in enumerate(rates) if rate not in good]
+    beyond = [index for index, rate in enumerate(rates) if rate not in good]
     first = beyond[0] if beyond else len(rates)
     fastest = rates[max(0, first - 1)]
     assert model.dynamics is not None
@@ -340,8 +340,8 @@ class _Problem:
         for width, cell in product(range(curves), range(2, PLAYS)):
             row = np.zeros(columns)
             for at, part in ((cell - 1, 1.0), (cell, -2.0), (cell + 1, 1.0)):
-                place = at * curves + width
-                row[place] = part * size[place]
+                column = at * curves + width
+                row[column] = part * size[column]
             rows.append(row)
         return np.array(rows)
 

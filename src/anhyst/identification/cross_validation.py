@@ -102,12 +102,12 @@ def inner_loops(records: FitRecords) -> tuple[int, ...]:
     Where there are fewer than two, the smallest at each gap count too.
     """
     order: list[list[int]] = [[] for _ in range(records.gaps)]
-    for place in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
-        order[records.loops[place].gap].append(int(place))
-    between = sorted(place for places in order for place in places[1:-1])
+    for index in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
+        order[records.loops[index].gap].append(int(index))
+    between = sorted(index for places in order for index in places[1:-1])
     if len(between) > 1:
         return tuple(between)
-    return tuple(sorted(place for places in order for place in places[:-1]))
+    return tuple(sorted(index for places in order for index in places[:-1]))
 
 
 def blocks_of(records: FitRecords) -> int:
@@ -152,12 +152,12 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             every = [loop for group in groups for loop in group]
             return Refit(followed.cost, _missed_blocks(model, span, every, fold, blocks))
         seen = fold | {0, len(groups) - 1} if by == "gap" else fold
-        off = {place: [one / span for one in _off(model, groups[place])] for place in seen}
-        squares = {place: _squares(some, clocks[place]) for place, some in off.items()}
+        off = {index: [one / span for one in _off(model, groups[index])] for index in seen}
+        squares = {index: _squares(some, clocks[index]) for index, some in off.items()}
         outer = (*squares[0], *squares[len(groups) - 1]) if by == "gap" else ()
         missed = {
-            place: Miss(float(np.mean(np.abs(np.concatenate(off[place])))), squares[place], outer)
-            for place in fold
+            index: Miss(float(np.mean(np.abs(np.concatenate(off[index])))), squares[index], outer)
+            for index in fold
         }
     except (InputError, NegativeResult):
         nothing = {
@@ -173,12 +173,12 @@ def _missed_blocks(
 ) -> dict[int, Miss]:
     """Give what was missed in each block."""
     missed, off = {}, {}
-    for place in fold:
-        loop, number = divmod(place, blocks)
+    for index in fold:
+        loop, number = divmod(index, blocks)
         if loop not in off:
             off[loop] = _off(model, [loops[loop]])[0] / span
         part = off[loop][blocks_along(loops[loop].input, blocks) == number]
-        missed[place] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
+        missed[index] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
     return missed
 
 

@@ -183,8 +183,8 @@ class _Problem:
         else:
             places = sorted({gap for gap in self.gaps[0] if gap is not None})
             parts = [
-                [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == place]]
-                for place in places
+                [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == index]]
+                for index in places
             ]
         if len(parts) < 2:
             return [(self.groups, self.groups)]

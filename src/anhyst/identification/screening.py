@@ -191,16 +191,16 @@ def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]
     cost, gain, out_0 = screen(space.form, space.records, sets)
     apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
     chosen: list[int] = []
-    for place in np.argsort(cost):
-        if not np.isfinite(cost[place]) or len(chosen) == keep:
+    for index in np.argsort(cost):
+        if not np.isfinite(cost[index]) or len(chosen) == keep:
             break
-        if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
-            chosen.append(int(place))
+        if all(np.linalg.norm(apart[:, index] - apart[:, other]) > 0.7 for other in chosen):
+            chosen.append(int(index))
     best = []
-    for place in chosen:
-        kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, place])
-        offset = 0.0 if "out_0" in space.held else float(out_0[place])
-        local = Local((kappa, c), omega, scale, float(gain[place]), in_0, offset, 0.0)
+    for index in chosen:
+        kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, index])
+        offset = 0.0 if "out_0" in space.held else float(out_0[index])
+        local = Local((kappa, c), omega, scale, float(gain[index]), in_0, offset, 0.0)
         best.append(space.form.with_h(local))
     return best
 

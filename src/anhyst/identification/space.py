@@ -123,10 +123,10 @@ class CoordinateSpace:
     @cached_property
     def _places(self) -> NDArray[np.intp]:
         """Place of the coordinate of each parameter at each gap; -1 of one that is held at zero."""
-        place = {entry: at for at, entry in enumerate(self.entries)}
+        column = {entry: at for at, entry in enumerate(self.entries)}
         return np.array(
             [
-                [place.get((name, gap), place.get((name, None), -1)) for name in self.at_gap]
+                [column.get((name, gap), column.get((name, None), -1)) for name in self.at_gap]
                 for gap in range(self.records.gaps)
             ]
         )
@@ -202,12 +202,12 @@ class CoordinateSpace:
 
     def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Take all gaps but these: the space, and the places of its coordinates in this one."""
-        kept = [place for place, (_, gap) in enumerate(self.entries) if gap not in left_out]
+        kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in left_out]
         return replace(self, records=self.records.without(left_out)), np.array(kept)
 
     def holding(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Hold more at zero: the space, and the places of its coordinates in this one."""
-        kept = [place for place, (name, _) in enumerate(self.entries) if name not in names]
+        kept = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, held=self.held | names), np.array(kept)
 
     def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:

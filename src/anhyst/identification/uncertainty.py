@@ -122,7 +122,7 @@ def statements(
             f"uncertain by more than {100 * _LOOSE:.0f} %: {listed}, ..."
         ]
     sentences.extend(
-        f"{', '.join(names[place] for place in group)}: determined only together (correlations above "
+        f"{', '.join(names[index] for index in group)}: determined only together (correlations above "
         f"{_TIED:g}); none of them means much by itself"
         for group in _tied(correlation)
     )
@@ -150,7 +150,7 @@ def _of_the_gauge(found: FoundModel) -> list[str]:
 def _tied(correlation: FloatArray) -> list[list[int]]:
     """Group coordinates that are tied by strong correlations."""
     groups: list[list[int]] = []
-    for place in range(correlation.shape[0]):
-        near = [g for g in groups if any(abs(correlation[place, o]) > _TIED for o in g)]
-        groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), place]]
+    for index in range(correlation.shape[0]):
+        near = [g for g in groups if any(abs(correlation[index, o]) > _TIED for o in g)]
+        groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), index]]
     return [sorted(group) for group in groups if len(group) > 1]

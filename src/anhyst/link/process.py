@@ -70,9 +70,9 @@ class LibraryBoard:
 
     def __init__(self, program: Path) -> None:
         self.url = str(program)
-        with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
+        with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
             # What the firmware remembers belongs to the file: each copy is another controller.
-            copy = Path(place, "firmware")
+            copy = Path(scratch, "firmware")
             shutil.copyfile(program, copy)
             try:
                 self._board = ctypes.CDLL(str(copy))
@@ -183,14 +183,14 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
 def find_qemu() -> str:
     """Return the path of QEMU."""
     check_runs_here("qemu-mps2")
-    place = shutil.which(_QEMU)
-    if place is None:
+    program_path = shutil.which(_QEMU)
+    if program_path is None:
         raise InputError(
             f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}",
             code="not-installed",
             key=_QEMU,
         )
-    return place
+    return program_path
 
 
 def _serial(name: str, where: str) -> list[str]:

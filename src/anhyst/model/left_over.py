@@ -179,7 +179,7 @@ _ALSO = 0.2
 
 def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     """Judge what a model leaves of loops."""
-    places = {value: place for place, value in enumerate(loopset.schedule_values)}
+    places = {value: index for index, value in enumerate(loopset.schedule_values)}
     records = [
         Residual(
             loop.input,

@@ -270,13 +270,13 @@ def _pasts(
     try:
         loops = [
             Loop(
-                str(place),
+                str(index),
                 values[rows],
                 measured[rows],
                 None if schedule is None else schedule[rows],
                 time[rows],
             )
-            for place, rows in enumerate(runs)
+            for index, rows in enumerate(runs)
         ]
     except InputError:  # a run that is no loop
         return [past] * len(runs)

@@ -175,8 +175,8 @@ class _Reader:
     def _strip_units(self, table: Any, at: KeyPath) -> None:
         """Rename keys that carry units to fields, in place; complain about those that do not."""
         if isinstance(table, list):
-            for place, item in enumerate(table):
-                self._strip_units(item, (*at, place))
+            for index, item in enumerate(table):
+                self._strip_units(item, (*at, index))
         if not isinstance(table, dict):
             return
         names = self._names_in(at)

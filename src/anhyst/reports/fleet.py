@@ -88,11 +88,11 @@ def _scatter(fleet: Fleet) -> Section:
     columns = fleet.to_columns()
     values = np.array([columns[name] for name in fleet.quantities]).T
     size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
-    for place in range(len(fleet.quantities)):
-        share = 100.0 * (values[:, place] - spread.mean[place]) / size[place]
+    for index in range(len(fleet.quantities)):
+        share = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
         odd = spread.outlier
-        ax.plot(share[~odd], np.full((~odd).sum(), place), "|", ms=9, color="C0")
-        ax.plot(share[odd], np.full(odd.sum(), place), "x", ms=6, color="C3")
+        ax.plot(share[~odd], np.full((~odd).sum(), index), "|", ms=9, color="C0")
+        ax.plot(share[odd], np.full(odd.sum(), index), "x", ms=6, color="C3")
     ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)

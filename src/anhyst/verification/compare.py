@@ -119,8 +119,8 @@ def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None
     wrong = _first_wrong(wanted, answered)
     if wrong is None:
         return None
-    row, place = wrong
-    name = list(vectors.outputs)[place]
+    row, column = wrong
+    name = list(vectors.outputs)[column]
     return Difference("vectors", row, name, _signed(wanted[wrong]), _signed(answered[wrong]))
 
 

@@ -101,7 +101,7 @@ def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Wor
         raise InputError(
             f"{path}: a cell is not {what}; run 'anhyst compile' again", code="damaged-vectors"
         ) from error
-    return {name: words[:, place] for place, name in enumerate(names)}
+    return {name: words[:, column] for column, name in enumerate(names)}
 
 
 def _words_of_codes(rows: list[list[str]]) -> Words:

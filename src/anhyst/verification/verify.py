@@ -105,8 +105,8 @@ def verify(
             raise InputError(f"no target can run; missing is {_listed(missing)}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
-            place = Path(scratch) / "controller"
-            around = Workshop.set_up(bundle, place, "controller")
+            controller_folder = Path(scratch) / "controller"
+            around = Workshop.set_up(bundle, controller_folder, "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(

@@ -179,9 +179,9 @@ def _header_fields(text: str, delimiter: str | None) -> list[str] | None:
 def _text_above(lines: list[tuple[str, int]], first: int, start: int) -> int:
     """Index of the last line above another that is neither blank nor a comment."""
     return next(
-        place
-        for place in range(start - 1, first - 1, -1)
-        if lines[place][0].strip() and not lines[place][0].lstrip().startswith("#")
+        line
+        for line in range(start - 1, first - 1, -1)
+        if lines[line][0].strip() and not lines[line][0].lstrip().startswith("#")
     )
 
 
@@ -201,20 +201,20 @@ def _find_run(
 ) -> _Run | None:
     """Find the first run of at least `_RUN` rows, else the longest of three or more."""
     run, best = _Run(first, 0, set()), None
-    for place in range(first, len(lines)):
-        text = lines[place][0]
+    for line in range(first, len(lines)):
+        text = lines[line][0]
         if not text.strip() or text.lstrip().startswith("#"):
             continue
         fields = split_line(text, delimiter)
         numbers = {index for index, field in enumerate(fields) if is_number(field)}
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
-            run, common = _Run(place, len(fields), numbers), numbers
+            run, common = _Run(line, len(fields), numbers), numbers
         run.numbers = common
         run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
         run.rows += 1
         if not _are_enough(run.numbers, run.used, least):
-            run = _Run(place, 0, set())
+            run = _Run(line, 0, set())
         elif run.rows >= _RUN:
             return run
         elif run.rows >= 3 and (best is None or run.rows > best.rows):

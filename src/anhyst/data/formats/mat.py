@@ -130,7 +130,7 @@ def _row(values: Any) -> Any:
 
 def _structs(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Any:
     table = np.empty((1, len(rows)), dtype=[(name, object) for name in names])
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         for name in names:
-            table[0, place][name] = row[name]
+            table[0, index][name] = row[name]
     return table

@@ -88,11 +88,11 @@ def _group(tree: MatTree, group: str) -> list[Channel]:
         elif isinstance(node, Mapping):
             channels += _structure(name, node, group, path)
         elif isinstance(node, list):
-            for place, one in enumerate(node, start=1):
+            for number, one in enumerate(node, start=1):
                 if isinstance(one, Mapping):
-                    channels += _structure(f"{name}_{place}", one, group, f"{path}_{place}")
+                    channels += _structure(f"{name}_{number}", one, group, f"{path}_{number}")
                 elif _is_array(one):
-                    channels += _columns(f"{name}_{place}", one, group)
+                    channels += _columns(f"{name}_{number}", one, group)
     return channels
 
 
@@ -145,11 +145,11 @@ def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
         (clock,) = _columns("time", times, path, "s")
     signals = _several(node["signals"])
     channels: list[Channel] = []
-    for place, one in enumerate(signals, start=1):
+    for number, one in enumerate(signals, start=1):
         values: Any = one.get("values")
         if not _is_array(values):
             continue
-        own = f"{name}_{place}" if len(signals) > 1 else name
+        own = f"{name}_{number}" if len(signals) > 1 else name
         labels: Any = one.get("label")
         block = _text(one.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
         columns = _columns(_text(labels) or block or own, values, path, "", clock)
@@ -203,10 +203,10 @@ def _columns(
     length, width = shape[axis], count // shape[axis]
     return [
         Channel(
-            f"{name}_{place + 1}", length, _Column(array, axis, place), unit, group, clock,
+            f"{name}_{column + 1}", length, _Column(array, axis, column), unit, group, clock,
             array.is_text,
         )
-        for place in range(width)
+        for column in range(width)
     ]  # fmt: skip
 
 

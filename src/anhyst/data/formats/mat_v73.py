@@ -112,9 +112,9 @@ class _Tree:
                 key=name,
             )
         members = []
-        for place, reference in enumerate(np.ravel(item[()]), start=1):
+        for number, reference in enumerate(np.ravel(item[()]), start=1):
             target = self.file[reference] if reference else None
-            members.append(self.node(f"{name}_{place}", target, depth + 1) if target else None)
+            members.append(self.node(f"{name}_{number}", target, depth + 1) if target else None)
         if members and all(isinstance(one, str) for one in members):
             return ArrayInMemory(np.array(members))
         return members

@@ -50,17 +50,17 @@ def open_mdf(path: Path, least: int) -> ChannelTable:
 def _channels(path: Path, file: Any) -> list[Channel]:
     channels: list[Channel] = []
     size = path.stat().st_size
-    for place, group in enumerate(file.groups):
+    for group_index, group in enumerate(file.groups):
         count = int(group.channel_group.cycles_nr)
         if count == 0:
             continue
         name = str(group.channel_group.acq_name or "")
         row = int(group.channel_group.samples_byte_nr)
-        check_size(path, name or f"group {place + 1}", count, row)
+        check_size(path, name or f"group {group_index + 1}", count, row)
         stored = sum(int(block.original_size or 0) for block in group.get_data_blocks())
         if row and count * row > max(stored, size):
             raise InputError(
-                f"{path}: group '{name or place + 1}' says that it holds {count} samples, more "
+                f"{path}: group '{name or group_index + 1}' says that it holds {count} samples, more "
                 "than are there; the file is damaged, record or export it again",
                 code="damaged-file",
             )
@@ -70,9 +70,9 @@ def _channels(path: Path, file: Any) -> list[Channel]:
             is_text = one.data_type in _TEXTS or _gives_text(one.conversion)
             if not is_text and one.data_type > 5:
                 continue  # bytes, pictures, structures
-            channel = Channel(one.name, count, (place, index), str(unit), name, None, is_text)
+            channel = Channel(one.name, count, (group_index, index), str(unit), name, None, is_text)
             if one.channel_type in _MASTERS and one.sync_type == _OF_TIME:
-                clock = Channel(one.name, count, (place, index), str(unit) or "s", name)
+                clock = Channel(one.name, count, (group_index, index), str(unit) or "s", name)
             else:
                 own.append(channel)
         channels += [

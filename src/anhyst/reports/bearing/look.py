@@ -72,9 +72,9 @@ def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
         return rows
     starts = range(0, shape.size, every)
     kept = {
-        start + int(place(shape[start : start + every]))
+        start + int(extreme(shape[start : start + every]))
         for start in starts
-        for place in (np.argmin, np.argmax)
+        for extreme in (np.argmin, np.argmax)
     }
     index = np.array(sorted({0, *kept, shape.size - 1}))
     return tuple(row[index] for row in rows)

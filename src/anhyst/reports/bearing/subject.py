@@ -56,7 +56,7 @@ def grouped(cells: Iterable[StepCell]) -> tuple[Steps, ...]:
     by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
         by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
-    return tuple(Steps(*place, mine) for place, mine in by_step.items())
+    return tuple(Steps(*step, mine) for step, mine in by_step.items())
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,6 @@ class SimulationSubject:
 
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""
-        place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
+        where = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
         several = len({one.load for one in self.steps}) > 1
-        return f"{place}, {step.load:g}{NBSP}N" if several else place
+        return f"{where}, {step.load:g}{NBSP}N" if several else where

@@ -109,8 +109,8 @@ def _node_table(subject: ModelSubject) -> PageTable:
         head.append(Markup("{}{}").format(symbol(names[name][0]), unit))
         columns.append([scale.number(value, 5) for value in values])
     rows = [
-        [subject.schedule_scale.number(node, 5, short=True), *(column[place] for column in columns)]
-        for place, node in enumerate(model.nodes)
+        [subject.schedule_scale.number(node, 5, short=True), *(column[index] for column in columns)]
+        for index, node in enumerate(model.nodes)
     ]
     return table("At the nodes", head, rows, texts=0)
 
@@ -378,7 +378,7 @@ def symbol(name: str) -> Markup:
 
 def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
     rows, last = [], ""
-    for place, (name, value, deviation) in enumerate(
+    for index, (name, value, deviation) in enumerate(
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
     ):
         part = deviation / abs(value) if value and "offset" not in name else None
@@ -387,7 +387,7 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         )
         rows.append(
             [
-                Cell(str(place)),
+                Cell(str(index)),
                 Cell(written(name)),
                 Cell("" if meaning == last else meaning),
                 Cell(with_deviation(value, deviation)),
