@@ -176,6 +176,10 @@ def test_what_it_cannot_hold_is_refused(tmp_path: Path) -> None:
     rig = copied(tmp_path, controller=('format = "fixed"', 'format = "f64"'))
     with refused("not-compiled-controller"):
         export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE])
+    law = 'kind = "electromagnet"', 'kind = "law"\nmodel = "model.toml"'
+    truth("bearing").save(tmp_path / "model.toml")
+    with refused("law-not-exported magnet.kind"):
+        export_fmu(copied(tmp_path, rig=law, controller=KNOWN), tmp_path / "b.fmu")
     done = run("export", "rig.toml", "--rate", "1e4", "-o", "b.fmu", cwd=tmp_path)
     assert done.returncode == 2
     assert says(done.stderr, "option-not-for-this: --rate")

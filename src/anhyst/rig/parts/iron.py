@@ -15,7 +15,12 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import power
 from anhyst.support.errors import InputError
 
-CURVE = ("sharp", "knee_sharp", "slow", "knee_slow")
+CURVE = {
+    "sharp": "saturation_sharp",
+    "knee_sharp": "knee_sharp",
+    "slow": "saturation_slow",
+    "knee_slow": "knee_slow",
+}
 """Of the numbers of a steel those of the curve that nothing pins, by ``anhyst_plant/curve.h``."""
 MOST_CELLS = 64
 """Of an iron, the unpinned one included."""
@@ -35,6 +40,11 @@ class AnySteel(Protocol):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, the same steel without what makes its loops wide."""
         ...
+
+
+def curve_numbers(steel: AnySteel) -> dict[str, float]:
+    """Return the curve of a steel that nothing pins by the names of ``anhyst_plant/curve.h``."""
+    return {name: getattr(steel, attribute) for name, attribute in CURVE.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +92,7 @@ class CellSteel:
 
     def numbers(self) -> dict[str, float]:
         """Return the curve that nothing pins."""
-        return {
-            "sharp": self.saturation_sharp,
-            "knee_sharp": self.knee_sharp,
-            "slow": self.saturation_slow,
-            "knee_slow": self.knee_slow,
-        }
+        return curve_numbers(self)
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
@@ -127,10 +132,7 @@ class DuhemSteel:
             "coercivity": self.coercivity,
             "rate": 1.0 / self.turning,
             "fading": self.fading,
-            "sharp": self.saturation_sharp,
-            "knee_sharp": self.knee_sharp,
-            "slow": self.saturation_slow,
-            "knee_slow": self.knee_slow,
+            **curve_numbers(self),
         }
 
     def unpinned(self) -> Steel:

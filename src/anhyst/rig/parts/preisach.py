@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from anhyst._core import Steel, exp, log
+from anhyst.rig.parts.iron import curve_numbers
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -70,10 +71,7 @@ class PreisachSteel:
             "knee": self.knee,
             "reach": self.reach / (self.reach + self.knee),
             "feedback": self.feedback,
-            "sharp": self.saturation_sharp,
-            "knee_sharp": self.knee_sharp,
-            "slow": self.saturation_slow,
-            "knee_slow": self.knee_slow,
+            **curve_numbers(self),
         }
 
     def unpinned(self) -> Steel:
