@@ -38,6 +38,7 @@ from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once
 from tests.refusals import refused, says
 from tests.study import bearings, stages
+from tests.study.test_axes import three_magnets
 from tests.study.test_solid_stage import late
 from tests.truths import truth
 
@@ -426,13 +427,11 @@ def planar_made(folder: Path) -> None:
             export_fmu(folder / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
 
 
-@pytest.fixture(scope="module")
-def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
+def scanned_by_axes(fmu: Path, rig_path: Path, peak: float) -> Scan:
     """Lift the body, take it through a turnaround while the long stroke strays."""
-    folder = made_once(tmp_path_factory, "fmu-planar", planar_made)
-    rig = read_stage(folder / "rig.toml")
+    rig = read_stage(rig_path)
     setup = make_stage(rig, bearings.knowledge(), "full")
-    motion = motion_of(rig.settings.scan, [22.0])
+    motion = motion_of(rig.settings.scan, [peak])
     gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
     time, along = instants(rig, count + 1), scan_direction(rig.settings)
     reference = motion.at(time)[0]
@@ -446,7 +445,29 @@ def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
         for (name, *units), rows in each.items()
         for place, axis in enumerate(rig.settings.body.free)
     }
-    return Scan(folder / "2.fmu", inputs, track(setup, motion, gains))
+    return Scan(fmu, inputs, track(setup, motion, gains))
+
+
+@pytest.fixture(scope="module")
+def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
+    folder = made_once(tmp_path_factory, "fmu-planar", planar_made)
+    return scanned_by_axes(folder / "2.fmu", folder / "rig.toml", 22.0)
+
+
+def test_three_magnets_on_a_body_of_two_coordinates_are_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+    rig = three_magnets(tmp_path)
+    scan = scanned_by_axes(export_fmu(rig, tmp_path / "t.fmu", platforms=[HERE]), rig, 14.0)
+    names = ("demand_y_N", "command_3_A", "current_3_A", "gap_3_m")
+    with slave(scan.path, tmp_path / "t") as made:
+        rows = np.array(made.run(scan.inputs, names, TICK))
+    assert scan.recording.loss is None
+    for name, values in zip(names[:2], rows.T, strict=False):
+        assert np.array_equal(values, scan.recording[name]), name
+    for name, values in zip(names[2:], rows.T[2:], strict=True):
+        assert np.array_equal(values[:-1], scan.recording[name][1:]), name
 
 
 def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for_bit(
