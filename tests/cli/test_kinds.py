@@ -146,11 +146,11 @@ def test_a_good_file_of_another_kind_is_refused_by_its_name(
 ) -> None:
     path = written(kind, tmp_path)
     before = sorted(tmp_path.iterdir())
-    said = refusal(verb, path, monkeypatch, capsys)
-    assert said.startswith(f"{path.name}: this is {CALLED[kind]}; {verb} is for ")
+    complaint = refusal(verb, path, monkeypatch, capsys)
+    assert complaint.startswith(f"{path.name}: this is {CALLED[kind]}; {verb} is for ")
     for other, kinds in WORKS.items():
         if kind in kinds:
-            assert other in said.rpartition(";")[2]
+            assert other in complaint.rpartition(";")[2]
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -169,9 +169,13 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
     if (verb, kind) == ("export", "model"):
         monkeypatch.setitem(OPTIONS, "export", [*OPTIONS["export"], "--rate", "1000"])
     expected = spoil(path)
-    said = refusal(verb, path, monkeypatch, capsys)
-    assert "this is " not in said
-    assert Path(expected).name in said if kind in {"compiled", "measurement"} else expected in said
+    complaint = refusal(verb, path, monkeypatch, capsys)
+    assert "this is " not in complaint
+    assert (
+        Path(expected).name in complaint
+        if kind in {"compiled", "measurement"}
+        else expected in complaint
+    )
     assert not list(tmp_path.glob("out*"))
 
 
@@ -209,9 +213,9 @@ def test_a_file_that_says_no_kind_is_asked_for_it_alone(
     ):
         path.write_text(whole.replace(old, new))
         for verb in ("simulate", "tune", "excite", "force-control"):
-            said = refusal(verb, path, monkeypatch, capsys)
-            assert f": {key}: must be " in said
-            assert "wrong as well" not in said
+            complaint = refusal(verb, path, monkeypatch, capsys)
+            assert f": {key}: must be " in complaint
+            assert "wrong as well" not in complaint
 
 
 def test_an_ending_of_measurements_is_one_that_is_read() -> None:
