@@ -8,17 +8,15 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 _Numbers = Mapping[str, float]
+_Path = tuple[_Array, _Array, _Array, int, int]
+POSITION_MAGNETS: int  # of a position controller, at most
 
 class AnyIron:
     """A material in physical units, of any law: A/m, and T for flux density."""
 
-    def forward(
-        self, drive: _Array, rho: _Array, eddy: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
+    def forward(self, drive: _Array, rho: _Array, eddy: _Array, state: _Array) -> _Path:
         """Return flux density (T), field (A/m), state after, status, index."""
-    def inverse(
-        self, b: _Array, rho: _Array, eddy: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
+    def inverse(self, b: _Array, rho: _Array, eddy: _Array, state: _Array) -> _Path:
         """Return drive (A/m), field (A/m), state after, status, index."""
     def settle(
         self,
@@ -84,9 +82,7 @@ class Operator:
         law: str = "effective-field",
         step: str = "exact",
     ) -> None: ...
-    def run(
-        self, omega: _Array, r: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
+    def run(self, omega: _Array, r: _Array, state: _Array) -> _Path:
         """Follow x + omega*m(x) = r; return x, m, state after, status, index."""
     def sensitivity(
         self,

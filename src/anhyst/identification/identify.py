@@ -46,7 +46,7 @@ from anhyst.model.fit_record import (
     Uncertainty,
     fit_figures,
 )
-from anhyst.model.left_over import left_of, told
+from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -185,7 +185,7 @@ def identify(
         outcome.candidates,
     )
     left = left_of(loops, fitted)
-    line = told(left, loops, model)
+    line = left_over_text(left, loops, model)
     figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
@@ -399,9 +399,9 @@ def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.found
     assert start is not None
-    found = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
+    followed = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
     return replace(
-        before, model=model_of(found, loops), uncertainty=assess(found, loops), found=found
+        before, model=model_of(followed, loops), uncertainty=assess(followed, loops), found=followed
     )
 
 

@@ -43,9 +43,9 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
         numbers = [each for each in below if each is not None]
         return one.frame + max(numbers, default=0) if len(numbers) == len(below) else None
 
-    found = [depth(image.address(root), frozenset()) for root in roots]
-    numbers = [each for each in found if each is not None]
-    return max(numbers) if len(numbers) == len(found) else None
+    depths = [depth(image.address(root), frozenset()) for root in roots]
+    numbers = [each for each in depths if each is not None]
+    return max(numbers) if len(numbers) == len(depths) else None
 
 
 def _in_constants(image: Image, functions: dict[int, Symbol]) -> frozenset[int]:

@@ -40,10 +40,10 @@ class ProcessProgram:
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other, from reset."""
-        said = b"".join(request.pack() + request.pack_rows() for request in requests)
+        reason = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
             done = subprocess.run(
-                self.command, input=said, capture_output=True, timeout=TIME_LIMIT, check=False
+                self.command, input=reason, capture_output=True, timeout=TIME_LIMIT, check=False
             )
         except subprocess.TimeoutExpired:
             raise NegativeResult(
@@ -67,8 +67,8 @@ def _reason(stderr: bytes, code: int) -> str:
     for line in lines:
         if "runtime error" in line or "ERROR" in line:
             return line
-    said = next((line for line in reversed(lines) if line), "no reason given")
-    return f"the program ended with {code}: {said}"
+    reason = next((line for line in reversed(lines) if line), "no reason given")
+    return f"the program ended with {code}: {reason}"
 
 
 Order = Callable[[], Variant]
@@ -125,9 +125,9 @@ def host_compilers() -> dict[str, list[str]]:
 
     Those that a report names; where there is none of them, any other.
     """
-    found = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
-    if found:
-        return found
+    compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
+    if compilers:
+        return compilers
     if shutil.which("cc"):
         return {"cc": ["cc"]}
     return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}

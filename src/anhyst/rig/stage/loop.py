@@ -10,6 +10,7 @@ from functools import cache, partial
 import numpy as np
 
 from anhyst._core import (
+    POSITION_MAGNETS,
     FixedTracking,
     LoopController,
     PlantLoop,
@@ -34,7 +35,6 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, ide
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.recording import (
     CURRENTS,
-    MAGNETS,
     OUT_OF_PROPORTION,
     Loss,
     Recording,
@@ -341,9 +341,9 @@ def demand_columns(free: Sequence[str]) -> list[str]:
     return [f"demand_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
 
 
-COMMANDS = of_magnets(CURRENTS[:1], 1, MAGNETS)
+COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)
 READ = ("position_read_m", "gap_read_m")
-PROBES = of_magnets([("flux_read", "T")], 1, MAGNETS)
+PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
 """What the controller is given of the body, and of flux probes where there are some."""
 
 
@@ -363,7 +363,10 @@ def _recorded(
         "position_m": run["gap_m"] + frame[:n],
         "error_m": reference[:n] - run["gap_m"] - frame[:n],
         "gap_m": run["gap_m"],
-        **{name: run[name] for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))},
+        **{
+            name: run[name]
+            for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
+        },
         "force_error_N": _force_error(rig, run, run["demand_N"]),
         **{name: read[name] for name in (*READ, *probes)},
     }
@@ -483,12 +486,14 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     }
 
 
-def block_of(setup: StageSetup) -> Block:
-    """Return the parameter block of a compensator of a law in fixed point."""
-    parameters = setup.compensator.parameters
-    assert isinstance(parameters, HysteresisInverse)
-    assert isinstance(parameters.block, Block)
-    return parameters.block
+def blocks_of(setup: StageSetup) -> list[Block]:
+    """Return for each magnet the parameter block of its compensator of a law in fixed point."""
+    blocks = []
+    for one in setup.own or (setup.compensator,) * len(setup.rig.settings.placed):
+        assert isinstance(one.parameters, HysteresisInverse)
+        assert isinstance(one.parameters.block, Block)
+        blocks.append(one.parameters.block)
+    return blocks
 
 
 def fixed_pid(setup: StageSetup) -> FixedPidd2:

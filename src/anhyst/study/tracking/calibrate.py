@@ -184,10 +184,10 @@ class Calibration(Result):
 
     def facts(self) -> dict[str, str]:
         """Return what every method is corrected by and what is left, and the number trusted."""
-        told = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
+        facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
         for one in self.file.method:
-            told[one.name] = one.judgement
-        return told
+            facts[one.name] = one.judgement
+        return facts
 
     def to_columns(self) -> dict[str, Any]:
         """Return every number of every method with what is left of its uncertainty."""
