@@ -21,7 +21,7 @@ from anhyst.compilation.core import (
     core_files,
     single_precision,
 )
-from anhyst.compilation.floating_source import WIDTH, c_parameters_f32, listed, literal, memories
+from anhyst.compilation.floating_source import WIDTH, c_parameters, listed, literal, memories
 from anhyst.compilation.memory import parameters_bytes
 from anhyst.compilation.source import in_comment, render
 from anhyst.support.arrays import FloatArray
@@ -202,7 +202,7 @@ def _parameters(name: str, magnet: ForceController) -> str:
     parameters = magnet.parameters
     if isinstance(parameters, HysteresisInverse):
         assert isinstance(parameters.block, RealBlock)
-        return c_parameters_f32(name, parameters.block, NEWTON_AMPERE, GAP)
+        return c_parameters(name, parameters.block, NEWTON_AMPERE, GAP)
     table = _map_of(parameters)
     assert table is not None
     entries = _entries("entries", "Current over force and gap, A: a row a gap", table.entries)
