@@ -50,7 +50,8 @@ _CORE_OF_STAGE = (
     *(name for name in _CORE if not name.startswith("control/")),
     *(name for kind in SOURCES.values() for name in kind),
     *LAYERS,
-    *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
+    *("compensator/map.c", "compensator/force_controller.c", "compensator/force_coded_real.c"),
+    "control/pidd2.c",
     *(
         f"control/{name}{of}.c"
         for name in ("allocation", "biquad", "tracking")

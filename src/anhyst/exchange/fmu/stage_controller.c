@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 
+#include "anhyst/compensator/force_coded_real.h"
 #include "anhyst_plant/tracking.h"
 #include "stage_numbers.h"
 
@@ -38,19 +39,20 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
                                   anhyst_loop_answer *answer)
 {
   controller_of *now = (controller_of *)self;
-  anhyst_tracking_drive_q31 fixed[STAGE_DRIVES];
+  anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
   anhyst_tracking_f64 tracking = {&settings, drive, NULL, now->pid, STAGE_DRIVES};
   anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES, STAGE_GAP_TOTAL};
+  const anhyst_tracking_scales *of = &adapter.scales;
+  const anhyst_code_scales_f64 codes = {of->demand, of->current, of->flux, of->gap_low,
+                                        of->gap_high};
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
-    const anhyst_tracking_drive_q31 one = {&now->force[i], STAGE_SCALES};
     now->force[i].method = &anhyst_force_by_compensator_q31;
     now->force[i].compensator.kernel = &STAGE_KERNEL;
     now->force[i].compensator.words = stage_words;
-    fixed[i] = one;
-    anhyst_tracking_drive_init_q31(&in_si[i], &fixed[i]);
+    (void)anhyst_force_controller_init_coded_f64(&in_si[i], &coded[i], &codes, &now->force[i]);
     drive[i] = &in_si[i];
   }
   anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
