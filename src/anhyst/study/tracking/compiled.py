@@ -202,8 +202,9 @@ def compile_stage(
     _refuse(rig, io, rate)
     if progress is not None:
         progress(0, 3)
-    single = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
-    setup = replace(make_stage(single, identify_stage(rig), kind), law="f32")
+    if rig.settings.tracking.format != "fixed":  # what reckons in floating point, does so in single
+        rig = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+    setup = replace(make_stage(rig, identify_stage(rig), kind), law="f32")
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
