@@ -4,7 +4,7 @@
 
 static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
-/* The nearest code; the lowest for what is no number. */
+/* The nearest code; the lowest for what is no number, which of a flux density means no probe. */
 static int32_t ANHYST_NAME(code)(ANHYST_REAL codes)
 {
   const ANHYST_REAL near = codes + (codes < R(0.0) ? R(-0.5) : R(0.5));
@@ -24,12 +24,10 @@ static ANHYST_REAL ANHYST_NAME(solve)(ANHYST_NAME(anhyst_force_controller) *c, A
                                       ANHYST_REAL gap, ANHYST_REAL flux)
 {
   const ANHYST_NAME(anhyst_coded) *own = c->own;
-  const int32_t density =
-      ANHYST_NAME(is_number)(flux) ? ANHYST_NAME(code)(flux * own->flux) : ANHYST_NO_FLUX;
-  const int32_t wanted =
-      ANHYST_NAME(is_number)(gap) ? ANHYST_NAME(code)(demand * own->force) : ANHYST_Q31_MIN;
+  const int known = gap >= R(0.0) || gap < R(0.0);
   const int32_t current = anhyst_force_controller_solve_q31(
-      own->inner, wanted, ANHYST_NAME(gap_code)(own, gap), density);
+      own->inner, known ? ANHYST_NAME(code)(demand * own->force) : ANHYST_Q31_MIN,
+      ANHYST_NAME(gap_code)(own, gap), ANHYST_NAME(code)(flux * own->flux));
   c->flags = own->inner->flags;
   c->current = (ANHYST_REAL)current * own->ampere;
   return c->current;

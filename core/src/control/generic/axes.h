@@ -48,10 +48,11 @@ static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int colum
   int i;
   int j;
   for (i = 0; i < rows; i++) {
-    found[i] = R(0.0);
+    ANHYST_REAL sum = R(0.0); /* apart: what is written through a pointer is read again each time */
     for (j = 0; j < columns; j++) {
-      found[i] += matrix[i * columns + j] * values[j];
+      sum += *matrix++ * values[j];
     }
+    found[i] = sum;
   }
 }
 
