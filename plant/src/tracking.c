@@ -43,8 +43,8 @@ static double value_q31(int32_t code, double full) { return (double)code / ONE *
 static double solve_f32(anhyst_force_controller_f64 *c, double demand, double gap, double flux)
 {
   anhyst_force_controller_f32 *force = c->own;
-  c->current = (double)anhyst_force_controller_solve_f32(force, (float)demand, (float)gap,
-                                                         (float)flux);
+  c->current =
+      (double)anhyst_force_controller_solve_f32(force, (float)demand, (float)gap, (float)flux);
   c->flags = force->flags;
   return c->current;
 }

@@ -27,8 +27,8 @@ typedef struct {
   double gap_high; /* m */
 } anhyst_tracking_scales;
 
-/* Makes a force controller in double precision that asks one in single precision, which must live as
-   long; for one in fixed point see force_coded_real.h. */
+/* Makes a force controller in double precision that asks one in single precision, which must live
+   as long; for one in fixed point see force_coded_real.h. */
 void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
                                     anhyst_force_controller_f32 *force);
 

@@ -2,12 +2,12 @@
 /* A force controller in SI units that asks one in fixed point, whatever its method: floating point
    outside, codes of q31 inside. The memory of the iron is that of the inner one.
 
-   A code is the nearest to its signal, one that is beyond the format its end. Error: half a code,
-   and of the signal 3 units in the last place of the outer format, which in single precision is
-   the larger part: 2e-7 of the force, of the current and, of its range, of the gap (where this is
-   the difference to gap_low, rounded once more with the gap). A gap beyond the range counts as its
-   end. A force or gap that is no number asks for the lowest force; a flux density that is none is
-   that of no probe. Declarations are in generic/force_coded.h. */
+   A code is its signal cut off towards zero; what is beyond the format becomes its end, a gap
+   beyond its range the end of that. Error: one code, 2^-31 of full scale, and 2 units in the last
+   place of the signal in the outer format, which in single precision are the larger part: 2.4e-7 of
+   a force, a current, or the distance of a gap from gap_low. A force or gap that is no number asks
+   for the lowest force; a flux density that is none is that of no probe. Nothing here waits or
+   loops. Declarations are in generic/force_coded.h. */
 #ifndef ANHYST_FORCE_CODED_REAL_H
 #define ANHYST_FORCE_CODED_REAL_H
 

@@ -4,14 +4,14 @@
 
 static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
-/* The nearest code; the lowest for what is no number, which of a flux density means no probe. */
+/* The next code towards zero; the lowest for what is no number, which of a flux density means no
+   probe. */
 static int32_t ANHYST_NAME(code)(ANHYST_REAL codes)
 {
-  const ANHYST_REAL near = codes + (codes < R(0.0) ? R(-0.5) : R(0.5));
-  if (near >= ANHYST_CODES) {
+  if (codes >= ANHYST_CODES) {
     return ANHYST_Q31_MAX;
   }
-  return near > -ANHYST_CODES ? (int32_t)near : ANHYST_Q31_MIN;
+  return codes > -ANHYST_CODES ? (int32_t)codes : ANHYST_Q31_MIN;
 }
 
 static int32_t ANHYST_NAME(gap_code)(const ANHYST_NAME(anhyst_coded) *own, ANHYST_REAL gap)
@@ -88,15 +88,14 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_coded)(
       ANHYST_NAME(carry)};
   const ANHYST_NAME(anhyst_force_controller) fresh = {.method = &by_codes, .own = coded};
   const ANHYST_REAL range = scales->gap_high - scales->gap_low;
-  const ANHYST_NAME(anhyst_coded)
-      found = {inner,
-               ANHYST_CODES / scales->demand,
-               ANHYST_CODES / scales->current,
-               ANHYST_CODES / scales->flux,
-               ANHYST_CODES / range,
-               scales->gap_low,
-               scales->demand / ANHYST_CODES,
-               scales->current / ANHYST_CODES};
+  const ANHYST_NAME(anhyst_coded) found = {inner,
+                                           ANHYST_CODES / scales->demand,
+                                           ANHYST_CODES / scales->current,
+                                           ANHYST_CODES / scales->flux,
+                                           ANHYST_CODES / range,
+                                           scales->gap_low,
+                                           scales->demand / ANHYST_CODES,
+                                           scales->current / ANHYST_CODES};
   if (!(scales->demand > R(0.0) && scales->current > R(0.0) && scales->flux > R(0.0) &&
         range > R(0.0) && ANHYST_NAME(is_number)(found.force) &&
         ANHYST_NAME(is_number)(found.current) && ANHYST_NAME(is_number)(found.flux) &&
