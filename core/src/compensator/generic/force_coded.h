@@ -2,7 +2,7 @@
 
 #define ANHYST_CODES R(2147483648.0)
 
-static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+static int ANHYST_NAME(is_scale)(ANHYST_REAL a) { return a >= R(1e-12) && a <= R(1e12); }
 
 /* The next code towards zero; the lowest for what is no number, which of a flux density means no
    probe. */
@@ -88,22 +88,19 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_coded)(
       ANHYST_NAME(carry)};
   const ANHYST_NAME(anhyst_force_controller) fresh = {.method = &by_codes, .own = coded};
   const ANHYST_REAL range = scales->gap_high - scales->gap_low;
-  const ANHYST_NAME(anhyst_coded) found = {inner,
-                                           ANHYST_CODES / scales->demand,
-                                           ANHYST_CODES / scales->current,
-                                           ANHYST_CODES / scales->flux,
-                                           ANHYST_CODES / range,
-                                           scales->gap_low,
-                                           scales->demand / ANHYST_CODES,
-                                           scales->current / ANHYST_CODES};
-  if (!(scales->demand > R(0.0) && scales->current > R(0.0) && scales->flux > R(0.0) &&
-        range > R(0.0) && ANHYST_NAME(is_number)(found.force) &&
-        ANHYST_NAME(is_number)(found.current) && ANHYST_NAME(is_number)(found.flux) &&
-        ANHYST_NAME(is_number)(found.gap))) {
+  if (!ANHYST_NAME(is_scale)(scales->demand) || !ANHYST_NAME(is_scale)(scales->current) ||
+      !ANHYST_NAME(is_scale)(scales->flux) || !ANHYST_NAME(is_scale)(range)) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
-  *coded = found;
+  coded->inner = inner;
+  coded->force = ANHYST_CODES / scales->demand;
+  coded->current = ANHYST_CODES / scales->current;
+  coded->flux = ANHYST_CODES / scales->flux;
+  coded->gap = ANHYST_CODES / range;
+  coded->gap_low = scales->gap_low;
+  coded->newton = scales->demand / ANHYST_CODES;
+  coded->ampere = scales->current / ANHYST_CODES;
   return ANHYST_OK;
 }
 

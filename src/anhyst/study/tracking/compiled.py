@@ -92,6 +92,7 @@ class CompiledStage(Result):
             "folder": str(self.out),
             "kind": told["kind"],
             "signals": told["io"],
+            "force to current": stage["force_to_current"],
             "rate": f"{told['rate_Hz']:g} Hz",
             "stage": f"{about}, {stage['heads']} heads",
         }
@@ -360,6 +361,7 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
             "free": list(stage.free),
             "heads": len(stage.rows["at"]),
             "magnets": len(stage.magnets),
+            "force_to_current": "q31" if stage.fixed else "f32",
             "ahead_s": stage.ahead,
             "mass": stage.rows["mass"].tolist(),
             "weight": stage.rows["weight"].tolist(),

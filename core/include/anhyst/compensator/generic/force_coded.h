@@ -21,7 +21,8 @@ typedef struct {
 } ANHYST_NAME(anhyst_coded);
 
 /* Makes a force controller that asks the inner one, which must live as long, as coded must.
-   ANHYST_OK, or ANHYST_BAD_PARAMETER where a scale is not above zero; nothing is changed then. */
+   ANHYST_OK, or ANHYST_BAD_PARAMETER where a scale or the range of the gap is not within
+   1e-12..1e12; nothing is changed then. */
 anhyst_status ANHYST_NAME(anhyst_force_controller_init_coded)(
     ANHYST_NAME(anhyst_force_controller) *c, ANHYST_NAME(anhyst_coded) *coded,
     const ANHYST_NAME(anhyst_code_scales) *scales, anhyst_force_controller_q31 *inner);
