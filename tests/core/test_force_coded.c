@@ -119,7 +119,7 @@ CLAIMS(f32, float, (double)FLT_EPSILON)
 static void a_map_behind_codes_is_the_map(void)
 {
   static const int16_t entries[] = {0, 16384, 32767, 0, 8192, 24576};
-  const anhyst_map_q31 map = {entries, 1, 1};
+  const anhyst_map_q31 map = {entries, 1, 0};
   const anhyst_code_scales_f32 scales = {100.0F, 4.0F, 1.0F, 1.0F, 2.0F};
   anhyst_force_controller_q31 inner;
   anhyst_force_controller_f32 c;
