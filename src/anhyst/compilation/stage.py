@@ -82,7 +82,7 @@ class StageController:
 
     def called(self, magnet: ForceController) -> str:
         """Return what the parameters of a magnet are called."""
-        place = [one.parameters for one in self.distinct].index(magnet.parameters)
+        place = [one.parameters is magnet.parameters for one in self.distinct].index(True)
         return self.name if place == 0 else f"{self.name}_{place + 1}"
 
     @property

@@ -89,7 +89,7 @@ class StageSetup:
 
     rig: StageRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
-    # number format of PID and allocation; other than f64 only with a compensator of the same
+    # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
     correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point

@@ -203,16 +203,21 @@ def compile_stage(
     _refuse(rig, io, rate)
     if progress is not None:
         progress(0, 3)
-    if rig.settings.tracking.format != "fixed":  # what reckons in floating point, does so in single
-        rig = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
-    setup = replace(make_stage(rig, identify_stage(rig), kind), law="f32")
+    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), kind), law="f32")
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
 
 
+def compiled_rig(rig: StageRig) -> StageRig:
+    """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
+    if rig.settings.tracking.format == "fixed":
+        return rig
+    return replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+
+
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
-    """Write the folder of a controller in single precision, with its flight."""
+    """Write the folder of a controller whose axes are in single precision, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
     files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
