@@ -24,7 +24,7 @@ static ANHYST_REAL ANHYST_NAME(solve)(ANHYST_NAME(anhyst_force_controller) *c, A
                                       ANHYST_REAL gap, ANHYST_REAL flux)
 {
   const ANHYST_NAME(anhyst_coded) *own = c->own;
-  const int known = gap >= R(0.0) || gap < R(0.0);
+  const int known = gap >= R(-1e30);
   const int32_t current = anhyst_force_controller_solve_q31(
       own->inner, known ? ANHYST_NAME(code)(demand * own->force) : ANHYST_Q31_MIN,
       ANHYST_NAME(gap_code)(own, gap), ANHYST_NAME(code)(flux * own->flux));
