@@ -163,18 +163,19 @@ def test_a_flight_of_fewer_ticks_than_are_kept_is_compiled_whole(tmp_path: Path)
 
 @pytest.mark.parametrize("number_format", ["f32", "fixed"])
 @pytest.mark.parametrize("law", ["f32", "f64"])
-def test_a_reading_that_is_no_number_is_flagged_and_forgotten(
+def test_a_reading_that_cannot_be_is_flagged_and_the_last_one_counts(
     law: Literal["f32", "f64"], number_format: NumberFormat
 ) -> None:
     setup = replace(single(True, "single-valued", number_format), law=law)
     controller, gaps = axes_controller(setup), [0.45e-3] * 10
     forward = [0.0, 0.0, 20.0 * 9.81, 0.0, 0.0, 0.0]
-    before = controller.tick([0.0] * 6, forward, gaps)
-    for reading in (math.nan, math.inf, -math.inf):
-        current, _, flags = controller.tick([reading] + [0.0] * 5, forward, gaps)
-        assert flags
-        assert all(0.0 <= one <= 4.5 for one in current)
-        assert controller.tick([0.0] * 6, forward, gaps) == before
+    other = axes_controller(setup)
+    for reading in (math.nan, math.inf, -math.inf, 0.5e-3, -0.3e-3, 1e30):
+        *wrong, flags = controller.tick([reading] + [1e-7] * 5, forward, gaps)
+        assert flags == 8
+        last = [0.0] * 6 if reading is math.nan else [2e-7] * 6
+        assert (*wrong, 0) == other.tick(last, forward, gaps)
+        assert controller.tick([2e-7] * 6, forward, gaps) == other.tick([2e-7] * 6, forward, gaps)
 
 
 @pytest.mark.parametrize(

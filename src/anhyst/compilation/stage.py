@@ -44,6 +44,7 @@ TABLES = {
     "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
     "see": "Pose of what the heads read, a row a coordinate.",
     "decouple": "Errors taken to the centre of mass, a row a coordinate.",
+    "reach": "Largest plausible error of each coordinate, m and rad.",
     "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
     "mass": "Masses and moments of inertia about the point that the pose is of.",
     "weight": "Wrench of the weight, N and N m.",
