@@ -139,13 +139,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
 
 def _values(stage: StageController, version: str) -> dict[str, object]:
     """Return what the templates show."""
-    parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
-    settings, table, law = stage.settings, _map_of(parameters), "q31" if stage.fixed else "f32"
-    low, high = ("", "") if table is None else map(literal, table.limits)
-    if table is not None and stage.fixed:
-        low, high = map(str, table.codes())
-    parts = [(stage.called(one), _words(one)) for one in stage.distinct]
-    full = scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high
+    settings, scales = stage.settings, stage.magnets[0].scales
     return {
         "name": stage.name,
         "macro": stage.name.upper(),
@@ -172,6 +166,28 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "idle": literal(settings["idle"]),
         "allocation": f"{int(settings['allocation'])}U",
         "least": literal(stage.force_min),
+        "corrected": []
+        if stage.correction is None
+        else [_row(r) for r in stage.correction.tolist()],
+        "core": sorted(f"{SRC}/{one}" for one in stage.core),
+        "real": True,
+        "port": stage.fixed,
+        "parameters_bytes": stage.parameters_bytes,
+        **_magnet_values(stage),
+    }
+
+
+def _magnet_values(stage: StageController) -> dict[str, object]:
+    """Return what they show of the way from force to current."""
+    parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
+    table, law = _map_of(parameters), "q31" if stage.fixed else "f32"
+    low, high = ("", "") if table is None else map(literal, table.limits)
+    if table is not None and stage.fixed:
+        low, high = map(str, table.codes())
+    parts = [(stage.called(one), _words(one)) for one in stage.distinct]
+    own = [(stage.called(one), _words(one)) for one in stage.magnets]
+    block = parameters.block if isinstance(parameters, HysteresisInverse) else None
+    return {
         "type": _type(parameters, law),
         "play": isinstance(parameters, PlayMap),
         "map": table is not None,
@@ -180,24 +196,13 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "fixed": stage.fixed,
         "law": law,
         "inner": "inner" if stage.fixed else "magnet",
-        "kernel": _kernel(parameters),
-        "scales": _row(full),
-        "words": [
-            f"{stage.called(one).upper()}_PARAMETERS_WORDS" for one in stage.magnets if _words(one)
-        ],
+        "kernel": "" if block is None else f"anhyst_kernel_{block.kind}",
+        "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
+        "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
         "headers": _headers(stage),
         "parts": parts,
-        "own": [
-            f"{'' if _words(one) else '&'}{stage.called(one)}_parameters" for one in stage.magnets
-        ],
-        "corrected": []
-        if stage.correction is None
-        else [_row(r) for r in stage.correction.tolist()],
+        "own": [f"{'' if words else '&'}{part}_parameters" for part, words in own],
         "sources": [f"{part}_parameters.c" for part, _ in parts] + [f"{stage.name}_controller.c"],
-        "core": sorted(f"{SRC}/{one}" for one in stage.core),
-        "real": True,
-        "port": stage.fixed,
-        "parameters_bytes": stage.parameters_bytes,
     }
 
 
@@ -212,14 +217,6 @@ def _words(magnet: ForceController) -> int:
     """Return how many words a block has; 0 where a magnet has none."""
     block = getattr(magnet.parameters, "block", None)
     return block.words.size if isinstance(block, Block) else 0
-
-
-def _kernel(parameters: object) -> str:
-    return (
-        f"anhyst_kernel_{parameters.block.kind}"
-        if isinstance(parameters, HysteresisInverse)
-        else ""
-    )
 
 
 def _type(parameters: object, law: str) -> str:
