@@ -229,8 +229,8 @@ def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
     if io != "f32":
         raise InputError(
-            f"--io: {io} is not for a stage, whose controller is compiled in single precision; "
-            "give f32",
+            f"--io: {io} is not for a stage, whose signals are in single precision; give f32 "
+            "(control.format of the rig file says in what its magnets reckon)",
             code="option-not-for-this",
             key="--io",
         )
