@@ -31,6 +31,7 @@ from tests.core.test_c_core import tool
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar
+from tests.study.test_solid_stage import late, solid
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -90,8 +91,10 @@ def test_one_axis_is_compiled_as_a_body_of_one_coordinate(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number_format", ["f32", "fixed"])
-@pytest.mark.parametrize("method", ["play", "single-valued", "simplified"])
+@pytest.mark.parametrize(
+    ("method", "number_format"),
+    [("play", "f32"), ("single-valued", "f32"), ("simplified", "f32"), ("play", "fixed")],
+)
 def test_every_kind_replays_its_flight(
     method: MethodName, number_format: NumberFormat, tmp_path: Path
 ) -> None:
@@ -119,6 +122,12 @@ def test_what_calibration_found_of_each_magnet_is_compiled(
     for number in (2, 4, 9):
         assert np.array_equal(compiled.vectors[f"current_{number}"], flown(corrected, number))
     assert not np.array_equal(compiled.vectors["current_2"], flown(setup, 2))
+
+
+@pytest.mark.slow
+def test_layers_of_solid_iron_are_compiled_in_fixed_point_too(tmp_path: Path) -> None:
+    made = make_stage(solid(**{"control.format": "fixed"}), late(), "full")
+    replays(folder_of(replace(made, law="f32"), tmp_path).out)
 
 
 def test_the_rig_file_says_in_which_format_a_magnet_reckons() -> None:
@@ -169,13 +178,13 @@ def test_a_reading_that_cannot_be_is_flagged_and_the_last_one_counts(
     setup = replace(single(True, "single-valued", number_format), law=law)
     controller, gaps = axes_controller(setup), [0.45e-3] * 10
     forward = [0.0, 0.0, 20.0 * 9.81, 0.0, 0.0, 0.0]
-    other = axes_controller(setup)
+    other, last, true = axes_controller(setup), [0.0] * 6, [2e-7] * 6
     for reading in (math.nan, math.inf, -math.inf, 0.5e-3, -0.3e-3, 1e30):
         *wrong, flags = controller.tick([reading] + [1e-7] * 5, forward, gaps)
         assert flags == 8
-        last = [0.0] * 6 if reading is math.nan else [2e-7] * 6
         assert (*wrong, 0) == other.tick(last, forward, gaps)
-        assert controller.tick([2e-7] * 6, forward, gaps) == other.tick([2e-7] * 6, forward, gaps)
+        assert controller.tick(true, forward, gaps) == other.tick(true, forward, gaps)
+        last = true
 
 
 @pytest.mark.parametrize(
