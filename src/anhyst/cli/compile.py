@@ -170,6 +170,7 @@ def _show_stage(compiled: CompiledStage) -> None:
     manifest, stage = compiled.manifest, compiled.manifest["stage"]
     show(
         f"{compiled.out}: controller of a stage, {manifest['kind']}, {manifest['io']}, {manifest['rate_Hz']:g} Hz",
+        f"force to current in {stage['force_to_current']}, as control.format of the rig file says",
         f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} magnets; "
         f"{manifest['memory']['parameters_bytes']} bytes of parameters",
         f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors",

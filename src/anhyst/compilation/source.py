@@ -73,6 +73,7 @@ def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
         "sha256": sha256,
         "io": io,
         "real": isinstance(block, RealBlock),
+        "port": not isinstance(block, RealBlock),
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
         "type": TYPES[io],

@@ -19,7 +19,7 @@ from anhyst.exchange.bearing_part import (
 from anhyst.exchange.part import WRAPPER, Causality, Part, Variable, header, kernel_of, row
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import column
-from anhyst.rig.stage.file import StageRig, opposed, pull_rows, read_stage, unit_of
+from anhyst.rig.stage.file import StageRig, least_of, opposed, pull_rows, read_stage, unit_of
 from anhyst.rig.stage.loop import (
     StageSetup,
     axes_rows,
@@ -39,7 +39,8 @@ _CORE_OF_STAGE = (
     *("compensator/force_corrected_real.c", "control/axes.c", "control/wrench.c"),
     *(name for kind in SOURCES.values() for name in kind),
     *LAYERS,
-    *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
+    *("compensator/map.c", "compensator/force_controller.c", "compensator/force_coded_real.c"),
+    "control/pidd2.c",
     *(
         f"control/{name}{of}.c"
         for name in ("allocation", "biquad", "tracking")
@@ -121,6 +122,7 @@ def _controller_numbers(setup: StageSetup) -> str:
             "STAGE_SEE": row(see.ravel()),
             "STAGE_GAP_TOTAL": numbers["gap_total"],
             "STAGE_SCALES": fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
+            "STAGE_CODES": fields([numbers[name] for name in (*scales[2:], "gap_low", "gap_high")]),
             "STAGE_SETTINGS": fields(law),
         },
     )
@@ -138,12 +140,12 @@ def _law_of_axes(
             "pull": f"(const double[]){row(pull.ravel())}",
             "against": f"(const uint16_t[]){fields(opposed(file))}",
             "pair": pair,
-            "least": float(file.tracking.force_min_N),
+            "least": least_of(file),
         },
         "heads": len(file.position_sensors),
         **{
             name: f"(const double[]){row(rows[name].ravel())}"
-            for name in ("see", "decouple", "weigh")
+            for name in ("see", "decouple", "weigh", "reach")
         },
         "pid": f"(const anhyst_biquad_f64[]){fields([*map(_biquad, rows['pid'].tolist())])}",
     }

@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 
+#include "anhyst/compensator/force_coded_real.h"
 #include "anhyst/compensator/force_corrected_real.h"
 #include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
@@ -19,6 +20,9 @@ static const struct {
 
 /* What calibration found of each; nothing: {1, 0, 1, 0}. */
 static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
+
+/* What codes are of. */
+static const anhyst_code_scales_f64 codes = STAGE_CODES;
 
 #if STAGE_HEADS > 0
 
@@ -99,20 +103,18 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
                                   anhyst_loop_answer *answer)
 {
   controller_of *now = (controller_of *)self;
-  anhyst_tracking_drive_q31 fixed[STAGE_DRIVES];
+  anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
   anhyst_force_controller_f64 behind[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
-    const anhyst_tracking_drive_q31 one = {&now->force[i], STAGE_SCALES};
     const double root = now->corrected[i].root;
     const double before = now->corrected[i].before;
     now->force[i].method = &anhyst_force_by_compensator_q31;
     now->force[i].compensator.kernel = &STAGE_KERNEL;
     now->force[i].compensator.words = words + blocks[i].first;
-    fixed[i] = one;
-    anhyst_tracking_drive_init_q31(&in_si[i], &fixed[i]);
+    (void)anhyst_force_controller_init_coded_f64(&in_si[i], &coded[i], &codes, &now->force[i]);
     (void)anhyst_force_controller_init_corrected_f64(&behind[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);
     now->corrected[i].root = root;

@@ -33,6 +33,7 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_magnet
 from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.file import RigFile
 from anhyst.rig.recording import (
     CURRENTS,
     OUT_OF_PROPORTION,
@@ -69,6 +70,8 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
+ODD = 2.0
+"""By how much farther off than the end stops let it a reading is not believed."""
 STRAY_LATE = 5e-3
 """How late a long stroke follows the acceleration, s."""
 _STRAY_HZ = 3.0  # of what it does by itself
@@ -90,7 +93,7 @@ class StageSetup:
 
     rig: StageRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
-    # number format of PID and allocation; other than f64 only with a compensator of the same
+    # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
     correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
@@ -322,9 +325,14 @@ def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
     for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
-        end = file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
+        end = _stop(file, axis)
         bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
     return find_loss(bounds, planned)
+
+
+def _stop(file: RigFile, axis: str) -> float:
+    """Return how far a coordinate goes either way before an end stop, m or rad."""
+    return file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
 
 
 WRENCH = ("N", "N_m")
@@ -441,6 +449,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
+        "reach": np.array([[ODD * _stop(file, axis)] for axis in file.body.free]),
     }
 
 

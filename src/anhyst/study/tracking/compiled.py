@@ -93,6 +93,7 @@ class CompiledStage(Result):
             "folder": str(self.out),
             "kind": told["kind"],
             "signals": told["io"],
+            "force to current": stage["force_to_current"],
             "rate": f"{told['rate_Hz']:g} Hz",
             "stage": f"{about}, {stage['heads']} heads",
         }
@@ -203,15 +204,21 @@ def compile_stage(
     _refuse(rig, io, rate)
     if progress is not None:
         progress(0, 3)
-    single = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
-    setup = replace(make_stage(single, identify_stage(rig), kind), law="f32")
+    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), kind), law="f32")
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
 
 
+def compiled_rig(rig: StageRig) -> StageRig:
+    """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
+    if rig.settings.tracking.format == "fixed":
+        return rig
+    return replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+
+
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
-    """Write the folder of a controller in single precision, with its flight."""
+    """Write the folder of a controller whose axes are in single precision, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
     files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
@@ -223,8 +230,8 @@ def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
     if io != "f32":
         raise InputError(
-            f"--io: {io} is not for a stage, whose controller is compiled in single precision; "
-            "give f32",
+            f"--io: {io} is not for a stage, whose signals are in single precision; give f32 "
+            "(control.format of the rig file says in what its magnets reckon)",
             code="option-not-for-this",
             key="--io",
         )
@@ -360,6 +367,7 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
             "free": list(stage.free),
             "heads": len(stage.rows["at"]),
             "magnets": len(stage.magnets),
+            "force_to_current": "q31" if stage.fixed else "f32",
             "ahead_s": stage.ahead,
             "mass": stage.rows["mass"].tolist(),
             "weight": stage.rows["weight"].tolist(),
