@@ -386,7 +386,7 @@ def test_a_stage_is_valid_in_both_versions_which_agree(scan: Scan, tmp_path: Pat
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('format = "fixed"', 'format = "f64"', "not-compiled-controller control.format"),
+        ('format = "fixed"', 'format = "f32"', "not-compiled-controller control.format"),
         (
             "force_max_N = 240.0",
             "force_max_N = 240.0\ncalibrate = true",
@@ -427,10 +427,12 @@ def planar_made(folder: Path) -> None:
             export_fmu(folder / "rig.toml", folder / f"{fmi[0]}.fmu", fmi=fmi, platforms=[HERE])
 
 
-def scanned_by_axes(fmu: Path, rig_path: Path, peak: float) -> Scan:
+def scanned_by_axes(
+    fmu: Path, rig_path: Path, peak: float, magnet: IdentifiedMagnet | None = None
+) -> Scan:
     """Lift the body, take it through a turnaround while the long stroke strays."""
     rig = read_stage(rig_path)
-    setup = make_stage(rig, bearings.knowledge(), "full")
+    setup = make_stage(rig, magnet or bearings.knowledge(), "full")
     motion = motion_of(rig.settings.scan, [peak])
     gains, count = Feedforward(0.999, 1e-6, 4e-9), ticks_of(rig, motion)
     time, along = instants(rig, count + 1), scan_direction(rig.settings)
@@ -454,11 +456,12 @@ def planar(tmp_path_factory: pytest.TempPathFactory) -> Scan:
     return scanned_by_axes(folder / "2.fmu", folder / "rig.toml", 22.0)
 
 
-def test_three_magnets_on_a_body_of_two_coordinates_are_a_file(
+def test_three_magnets_in_double_precision_on_a_body_of_two_coordinates_are_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
     rig = three_magnets(tmp_path)
+    rig.write_text(rig.read_text().replace('format = "fixed"', 'format = "f64"'))
     scan = scanned_by_axes(export_fmu(rig, tmp_path / "t.fmu", platforms=[HERE]), rig, 14.0)
     names = ("demand_y_N", "command_3_A", "current_3_A", "gap_3_m")
     with slave(scan.path, tmp_path / "t") as made:

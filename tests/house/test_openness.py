@@ -19,6 +19,7 @@ from anhyst.control.states import Command
 from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
+from anhyst.exchange.fmu_file import export_fmu
 from anhyst.identification import identify
 from anhyst.laws.registry import LAWS
 from anhyst.link import firmware
@@ -26,11 +27,15 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.parts.magnet import ACTUATORS
+from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import identify_stage
 from anhyst.study.kept import prepared_once
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell
+from tests.exchange.slave import HERE, slave
+from tests.exchange.test_bearing import scanned_by_axes
 from tests.once import made_once
 from tests.refusals import refused
 
@@ -211,11 +216,16 @@ def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table
     assert min(loop.output.min() for loop in loops.loops) < -50.0
 
 
-@pytest.mark.slow
-def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
+def measured_table(table: Path) -> Path:
+    """Return the rig of the page, its loops measured."""
     if not (table / "loops.csv").is_file():
         run("excite", table / "table.toml", "--out", table / "loops.csv")
-    with prepared_once(table / "table.toml", None) as prepared:
+    return table / "table.toml"
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
+    with prepared_once(measured_table(table), None) as prepared:
         bench, _, _ = opened(prepared)
     bench.command(Command.RUN)
     rows = bench.advance(4000)
@@ -224,6 +234,21 @@ def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
     currents = rows[:, [names.index(name) for name in ("current", "current_2", "current_3")]]
     assert currents.min() < -0.1 < 0.1 < currents.max()
     assert np.abs(rows[2000:, names.index("error")]).max() < 2e-6
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_flies_as_an_fmu_bit_for_bit(table: Path) -> None:
+    path = measured_table(table)
+    magnet = identify_stage(read_stage(path))
+    fmu = export_fmu(path, table / "table.fmu", platforms=[HERE])
+    scan = scanned_by_axes(fmu, path, 10.0, magnet)
+    names = ("demand_x_N", "command_A", "command_3_A")
+    with slave(fmu, table / "flown") as made:
+        rows = np.array(made.run(scan.inputs, names, 1e-4))
+    assert scan.recording.loss is None
+    for name, values in zip(names, rows.T, strict=True):
+        assert np.array_equal(values, scan.recording[name]), name
+    assert np.ptp(rows[:, 1]) > 0.3
 
 
 @pytest.mark.slow

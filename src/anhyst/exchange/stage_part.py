@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from anhyst.compensate.block import Block
+from anhyst.compensate.floating import RealBlock
 from anhyst.compilation.core import LAYERS, SOURCES, core_files
-from anhyst.compilation.floating_source import memories
+from anhyst.compilation.floating_source import c_parameters, double, memories
+from anhyst.compilation.stage import GAP, NEWTON_AMPERE
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     fields,
@@ -59,23 +62,28 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     refuse_plant(rig.bearing)
     setup = make_stage(rig, identify_stage(rig), "full")
-    layers = max(map(memories, blocks_of(setup)))
+    blocks = blocks_of(setup)
+    layers = max(map(memories, blocks))
     sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE, layers).items()}
+    compensators, own_sources = _compensators(setup, blocks)
+    sources |= own_sources
     sources |= plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
     sources["bearing_numbers.h"] = numbers_of_plant(rig.bearing).encode()
-    sources["stage_numbers.h"] = _controller_numbers(setup).encode()
+    sources["stage_numbers.h"] = _controller_numbers(setup, compensators).encode()
     title = rig.settings.name
-    text = f"{title}, led by PID and feedforward, full in fixed point"
+    precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
+    text = f"{title}, led by PID and feedforward, full in {precision}"
     return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
 
 
 def _refuse_stage(rig: StageRig) -> None:
     control = rig.settings.tracking
-    if control.format != "fixed":
+    if control.format == "f32":
         raise InputError(
-            f'{rig.path}: an FMU holds compensators in fixed point; write format = "fixed"',
+            f"{rig.path}: an FMU holds compensators in fixed point or in double precision; write "
+            'format = "fixed" or "f64"',
             code="not-compiled-controller",
             key="control.format",
         )
@@ -89,15 +97,48 @@ def _refuse_stage(rig: StageRig) -> None:
     check_calibration(rig)
 
 
-def _controller_numbers(setup: StageSetup) -> str:
-    """Return the controller of a stage as structures, and the words of its compensators."""
-    blocks, settings = blocks_of(setup), controller_settings(setup)
-    count, each = len(blocks), [tuple(one.words.tolist()) for one in blocks]
+def _compensators(
+    setup: StageSetup, blocks: Sequence[Block | RealBlock]
+) -> tuple[dict[str, object], dict[str, bytes]]:
+    """Return the compensators of all magnets as macros, and the sources of those in floating point."""
+    if setup.compensator.format == "fixed":
+        return _words([one for one in blocks if isinstance(one, Block)], setup), {}
+    real = [one for one in blocks if isinstance(one, RealBlock)]
+    names = {id(one): f"drive_{place}" for place, one in enumerate(real)}
+    head = '#include "anhyst/compensator/compensator_f64.h"\n\n'
+    sources = {
+        f"{names[id(one)]}.c": (
+            head + c_parameters(names[id(one)], one, NEWTON_AMPERE, GAP, double) + "\n"
+        ).encode()
+        for one in real
+    }
+    each = [f"&{names[id(one)]}_parameters" for one in real]
+    declared = "; ".join(
+        f"extern const anhyst_parameters_f64 {name}_parameters" for name in names.values()
+    )
+    return {"STAGE_PARAMETERS": fields(each), "STAGE_DECLARED": declared}, sources
+
+
+def _words(blocks: Sequence[Block], setup: StageSetup) -> dict[str, object]:
+    """Return the words of compensators in fixed point, those of like magnets once."""
+    numbers, each = controller_settings(setup), [tuple(one.words.tolist()) for one in blocks]
     words: list[int] = []
     first: dict[tuple[int, ...], int] = {}
     for one in dict.fromkeys(each):
         first[one] = len(words)
         words += one
+    scales = ("demand_full", "current_full", "flux_full", "gap_low", "gap_high")
+    return {
+        "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{blocks[0].kind}", "words"),
+        "STAGE_WORDS": fields(words),
+        "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
+        "STAGE_CODES": row([float(numbers[name]) for name in scales]),
+    }
+
+
+def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -> str:
+    """Return the controller of a stage as structures."""
+    settings, count = controller_settings(setup), len(setup.rig.settings.placed)
     corrections = [[1.0, 0.0, 1.0, 0.0]] * count
     if setup.correction is not None:
         corrections = setup.correction.tolist()
@@ -115,14 +156,11 @@ def _controller_numbers(setup: StageSetup) -> str:
         {
             "STAGE_DRIVES": count,
             "STAGE_HEADS": len(file.position_sensors) if file.several else 0,
-            "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{blocks[0].kind}", "words"),
-            "STAGE_WORDS": fields(words),
-            "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
+            **compensators,
             "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
             "STAGE_SEE": row(see.ravel()),
             "STAGE_GAP_TOTAL": numbers["gap_total"],
             "STAGE_SCALES": fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
-            "STAGE_CODES": fields([numbers[name] for name in (*scales[2:], "gap_low", "gap_high")]),
             "STAGE_SETTINGS": fields(law),
         },
     )

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* PID, allocation and force controllers as `anhyst simulate` runs them: the first two in double
-   precision, the others in fixed point. Apart from the plant: both have a memory of a law, each of
-   its own kind. */
+   precision, the others in fixed point or in double precision too. Apart from the plant: both have
+   a memory of a law, each of its own kind. */
 #include "stage_controller.h"
 
 #include <stddef.h>
@@ -11,18 +11,52 @@
 #include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
 
-/* The blocks of all magnets that differ, and where that of each drive stands. */
+/* What calibration found of each; nothing: {1, 0, 1, 0}. */
+static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
+
+#ifdef STAGE_WORDS
+
+/* Compensators in fixed point: the blocks of all magnets that differ, where that of each drive
+   stands, and what its codes are of. */
 static const int16_t words[] = STAGE_WORDS;
 static const struct {
   uint16_t first;
   uint16_t count;
 } blocks[STAGE_DRIVES] = STAGE_BLOCKS;
-
-/* What calibration found of each; nothing: {1, 0, 1, 0}. */
-static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
-
-/* What codes are of. */
 static const anhyst_code_scales_f64 codes = STAGE_CODES;
+
+typedef anhyst_force_controller_q31 force_of;
+
+static anhyst_status start_force(force_of *force, int i)
+{
+  return anhyst_force_controller_init_compensator_q31(force, &STAGE_KERNEL, words + blocks[i].first,
+                                                      blocks[i].count);
+}
+
+/* Finds again what a force controller points to, and puts it behind SI units. */
+static void relink_force(force_of *force, int i, anhyst_coded_f64 *coded,
+                         anhyst_force_controller_f64 *in_si)
+{
+  force->method = &anhyst_force_by_compensator_q31;
+  force->compensator.kernel = &STAGE_KERNEL;
+  force->compensator.words = words + blocks[i].first;
+  (void)anhyst_force_controller_init_coded_f64(in_si, coded, &codes, force);
+}
+
+#else
+
+/* Compensators in double precision. */
+STAGE_DECLARED;
+static const anhyst_parameters_f64 *const parameters[STAGE_DRIVES] = STAGE_PARAMETERS;
+
+typedef anhyst_force_controller_f64 force_of;
+
+static anhyst_status start_force(force_of *force, int i)
+{
+  return anhyst_force_controller_init_compensator_f64(force, parameters[i]);
+}
+
+#endif
 
 #if STAGE_HEADS > 0
 
@@ -77,7 +111,7 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
 #endif
 
 typedef struct {
-  anhyst_force_controller_q31 force[STAGE_DRIVES];
+  force_of force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
   law_of law;
 } controller_of;
@@ -91,8 +125,7 @@ int anhyst_stage_controller_start(anhyst_stage_controller controller)
   for (i = 0; i < STAGE_DRIVES; i++) {
     const anhyst_corrected_f64 rest = {corrections[i], NULL, 0.0, 0.0};
     now->corrected[i] = rest;
-    if (anhyst_force_controller_init_compensator_q31(
-            &now->force[i], &STAGE_KERNEL, words + blocks[i].first, blocks[i].count) != ANHYST_OK) {
+    if (start_force(&now->force[i], i) != ANHYST_OK) {
       return -1;
     }
   }
@@ -103,18 +136,24 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
                                   anhyst_loop_answer *answer)
 {
   controller_of *now = (controller_of *)self;
+#ifdef STAGE_WORDS
   anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
+#else
+  anhyst_force_controller_f64 *in_si = now->force;
+#endif
   anhyst_force_controller_f64 behind[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
     const double root = now->corrected[i].root;
     const double before = now->corrected[i].before;
-    now->force[i].method = &anhyst_force_by_compensator_q31;
-    now->force[i].compensator.kernel = &STAGE_KERNEL;
-    now->force[i].compensator.words = words + blocks[i].first;
-    (void)anhyst_force_controller_init_coded_f64(&in_si[i], &coded[i], &codes, &now->force[i]);
+#ifdef STAGE_WORDS
+    relink_force(&now->force[i], i, &coded[i], &in_si[i]);
+#else
+    now->force[i].method = &anhyst_force_by_compensator_f64;
+    now->force[i].compensator.parameters = parameters[i];
+#endif
     (void)anhyst_force_controller_init_corrected_f64(&behind[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);
     now->corrected[i].root = root;

@@ -20,6 +20,7 @@ from anhyst._core import (
     TrackingF32,
 )
 from anhyst.compensate.block import Block
+from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName, NumberFormat
@@ -495,12 +496,11 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     }
 
 
-def blocks_of(setup: StageSetup) -> list[Block]:
-    """Return for each magnet the parameter block of its compensator of a law in fixed point."""
+def blocks_of(setup: StageSetup) -> list[Block | RealBlock]:
+    """Return for each magnet the parameter block of its compensator of a law."""
     blocks = []
     for one in setup.own or (setup.compensator,) * len(setup.rig.settings.placed):
         assert isinstance(one.parameters, HysteresisInverse)
-        assert isinstance(one.parameters.block, Block)
         blocks.append(one.parameters.block)
     return blocks
 
