@@ -24,14 +24,11 @@ from anhyst.rig.stage.loop import (
     demand_columns,
     fed_wrench,
     feed,
-    instants,
     make_stage,
     pose_columns,
-    stray,
-    ticks_of,
     track,
 )
-from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.study.bearing.ready import make_ready, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave

@@ -31,7 +31,14 @@ from anhyst.compilation.core import (
     read_core,
     single_precision,
 )
-from anhyst.compilation.floating_source import WIDTH, c_parameters, listed, literal, memories
+from anhyst.compilation.floating_source import (
+    WIDTH,
+    c_parameters,
+    double,
+    listed,
+    literal,
+    memories,
+)
 from anhyst.compilation.memory import parameters_bytes
 from anhyst.compilation.parameters import parameters_source, table_source
 from anhyst.compilation.play import play_bytes
@@ -269,6 +276,15 @@ def _parameters(name: str, magnet: ForceController) -> str:
         f"    {_map('entries', table, fixed)},\n    {_map('half', table, fixed)},\n"
         f"    {exact} /* radius of the play: {parameters.radius:.6g} A */\n}};"
     )
+
+
+def parameters_in_double(name: str, magnet: ForceController) -> tuple[str, int]:
+    """Return the same of a law in double precision, and of how many memories its iron consists."""
+    assert isinstance(magnet.parameters, HysteresisInverse)
+    block = magnet.parameters.block
+    assert isinstance(block, RealBlock)
+    head = '#include "anhyst/compensator/compensator_f64.h"\n\n'
+    return f"{head}{c_parameters(name, block, NEWTON_AMPERE, GAP, double)}\n", memories(block)
 
 
 def _entries(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str:

@@ -6,11 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anhyst.compensate.block import Block
-from anhyst.compensate.floating import RealBlock
 from anhyst.compilation.core import LAYERS, SOURCES, core_files
-from anhyst.compilation.floating_source import c_parameters, double, memories
-from anhyst.compilation.stage import GAP, NEWTON_AMPERE
+from anhyst.compilation.floating_source import memories
+from anhyst.compilation.stage import parameters_in_double
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     fields,
@@ -62,11 +60,13 @@ def stage_part(rig_path: PathLike) -> Part:
     _refuse_stage(rig)
     refuse_plant(rig.bearing)
     setup = make_stage(rig, identify_stage(rig), "full")
-    blocks = blocks_of(setup)
-    layers = max(map(memories, blocks))
+    own: dict[str, bytes] = {}
+    if setup.compensator.format == "fixed":
+        layers, compensators = max(map(memories, blocks_of(setup))), _words(setup)
+    else:
+        layers, compensators, own = _in_double(setup)
     sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE, layers).items()}
-    compensators, own_sources = _compensators(setup, blocks)
-    sources |= own_sources
+    sources |= own
     sources |= plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
@@ -97,31 +97,24 @@ def _refuse_stage(rig: StageRig) -> None:
     check_calibration(rig)
 
 
-def _compensators(
-    setup: StageSetup, blocks: Sequence[Block | RealBlock]
-) -> tuple[dict[str, object], dict[str, bytes]]:
-    """Return the compensators of all magnets as macros, and the sources of those in floating point."""
-    if setup.compensator.format == "fixed":
-        return _words([one for one in blocks if isinstance(one, Block)], setup), {}
-    real = [one for one in blocks if isinstance(one, RealBlock)]
-    names = {id(one): f"drive_{place}" for place, one in enumerate(real)}
-    head = '#include "anhyst/compensator/compensator_f64.h"\n\n'
-    sources = {
-        f"{names[id(one)]}.c": (
-            head + c_parameters(names[id(one)], one, NEWTON_AMPERE, GAP, double) + "\n"
-        ).encode()
-        for one in real
+def _in_double(setup: StageSetup) -> tuple[int, dict[str, object], dict[str, bytes]]:
+    """Return the memories of the iron, compensators in double precision as macros, and their sources."""
+    names = {one: f"drive_{place}" for place, one in enumerate(dict.fromkeys(map(id, setup.each)))}
+    texts = {names[id(one)]: parameters_in_double(names[id(one)], one) for one in setup.each}
+    defined: dict[str, object] = {
+        "STAGE_DECLARED": "; ".join(
+            f"extern const anhyst_parameters_f64 {name}_parameters" for name in texts
+        ),
+        "STAGE_PARAMETERS": fields([f"&{names[id(one)]}_parameters" for one in setup.each]),
     }
-    each = [f"&{names[id(one)]}_parameters" for one in real]
-    declared = "; ".join(
-        f"extern const anhyst_parameters_f64 {name}_parameters" for name in names.values()
-    )
-    return {"STAGE_PARAMETERS": fields(each), "STAGE_DECLARED": declared}, sources
+    sources = {f"{name}.c": text.encode() for name, (text, _) in texts.items()}
+    return max(count for _, count in texts.values()), defined, sources
 
 
-def _words(blocks: Sequence[Block], setup: StageSetup) -> dict[str, object]:
+def _words(setup: StageSetup) -> dict[str, object]:
     """Return the words of compensators in fixed point, those of like magnets once."""
-    numbers, each = controller_settings(setup), [tuple(one.words.tolist()) for one in blocks]
+    blocks, numbers = blocks_of(setup), controller_settings(setup)
+    each = [tuple(one.words.tolist()) for one in blocks]
     words: list[int] = []
     first: dict[tuple[int, ...], int] = {}
     for one in dict.fromkeys(each):

@@ -28,7 +28,6 @@ from anhyst.rig.recording import Loss, Recording, column
 from anhyst.rig.stage.file import axes_of, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
     COMMANDS,
-    STRAY_LATE,
     WRENCH,
     Feedforward,
     StageSetup,
@@ -39,9 +38,16 @@ from anhyst.rig.stage.loop import (
     of_axes,
     pid,
     stage_loss,
+)
+from anhyst.rig.stage.setpoint import (
+    STRAY_LATE,
+    Course,
+    SetPoint,
+    braking,
+    course_of,
+    motion_of,
     strayed,
 )
-from anhyst.rig.stage.setpoint import Course, SetPoint, braking, course_of, motion_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 

@@ -20,7 +20,6 @@ from anhyst._core import (
     TrackingF32,
 )
 from anhyst.compensate.block import Block
-from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName, NumberFormat
@@ -63,7 +62,7 @@ from anhyst.rig.stage.file import (
     weight,
     wrench_layout,
 )
-from anhyst.rig.stage.setpoint import SetPoint
+from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import q31
@@ -73,9 +72,6 @@ AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
-STRAY_LATE = 5e-3
-"""How late a long stroke follows the acceleration, s."""
-_STRAY_HZ = 3.0  # of what it does by itself
 _COMMAND_NONE = 0
 
 
@@ -108,10 +104,14 @@ class StageSetup:
         """The stage as its controller believes it to be."""
         return believed(self.rig, self.body) if self.body else self.rig
 
+    @property
+    def each(self) -> tuple[ForceController, ...]:
+        """The compensator of every magnet, as fitted."""
+        return self.own or (self.compensator,) * len(self.rig.settings.placed)
+
     def fresh(self) -> list[ForceController]:
         """Return a force controller for every magnet, demagnetised."""
-        count = len(self.rig.settings.placed)
-        return [one.fresh() for one in self.own or (self.compensator,) * count]
+        return [one.fresh() for one in self.each]
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -149,20 +149,6 @@ def pid(rig: StageRig) -> dict[str, float]:
     }
 
 
-def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off along a motion, m."""
-    return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
-
-
-def strayed(rig: StageRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off, m: half with the acceleration, half by itself.
-
-    The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
-    """
-    stray = rig.settings.frame.stray_m
-    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
-
-
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
     rig, timing = setup.rig, setup.rig.settings.timing
@@ -171,16 +157,6 @@ def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     place, acceleration, jerk, snap = motion.at(time)
     moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)
-
-
-def instants(rig: StageRig, count: int) -> FloatArray:
-    """Return when the first ticks are, s."""
-    return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
-
-
-def ticks_of(rig: StageRig, motion: SetPoint) -> int:
-    """Return how many ticks a motion takes."""
-    return round(motion.duration / rig.dt)
 
 
 def track(
@@ -496,11 +472,12 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     }
 
 
-def blocks_of(setup: StageSetup) -> list[Block | RealBlock]:
-    """Return for each magnet the parameter block of its compensator of a law."""
+def blocks_of(setup: StageSetup) -> list[Block]:
+    """Return for each magnet the parameter block of its compensator of a law in fixed point."""
     blocks = []
-    for one in setup.own or (setup.compensator,) * len(setup.rig.settings.placed):
+    for one in setup.each:
         assert isinstance(one.parameters, HysteresisInverse)
+        assert isinstance(one.parameters.block, Block)
         blocks.append(one.parameters.block)
     return blocks
 

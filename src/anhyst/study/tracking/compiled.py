@@ -39,13 +39,10 @@ from anhyst.rig.stage.loop import (
     feed,
     fly,
     identify_stage,
-    instants,
     make_stage,
-    stray,
-    ticks_of,
     track,
 )
-from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.c_names import c_name, check_name
@@ -256,7 +253,6 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
     """Return every number of a controller."""
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
     settings, body = controller_settings(setup), setup.believed.settings
-    magnets = setup.own or (setup.compensator,) * len(file.placed)
     own = {"pull": pull_rows(file), "mass": mass_matrix(body), "weight": weight(body)}
     return StageController(
         name=name,
@@ -271,7 +267,7 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
         settings=settings,
         force_min=least_of(file),
         force_max=file.tracking.force_max_N,
-        magnets=magnets,
+        magnets=setup.each,
         correction=setup.correction,
     )
 
