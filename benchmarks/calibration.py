@@ -24,8 +24,9 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import CalibratedMethod, StageRig, read_stage
+from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.axes_motion import law_of

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.calibration import CENTRE, ParameterName
 from anhyst.rig.recording import column
 from anhyst.rig.stage.file import (
-    CENTRE,
-    ParameterName,
     StageRig,
     axes_of,
     believed,

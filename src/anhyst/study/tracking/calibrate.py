@@ -14,8 +14,9 @@ from anhyst.compensate.interface import MethodName
 from anhyst.data.table import read_columns
 from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.calibration import CalibrationFile
 from anhyst.rig.recording import CURRENTS, Recording, of_magnets
-from anhyst.rig.stage.file import CalibrationFile, StageRig, read_stage
+from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import (
     COMMANDS,
     READ,

@@ -15,14 +15,8 @@ import numpy as np
 
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.calibration import LIMITS, CalibratedMethod, LearntParameter, ParameterName, kind_of
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import (
-    LIMITS,
-    CalibratedMethod,
-    LearntParameter,
-    ParameterName,
-    kind_of,
-)
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.axes_motion import law_of

@@ -20,15 +20,8 @@ from anhyst.compensate.flux_feedback import FluxFeedback
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.stage.file import (
-    CENTRE,
-    OF_ONE,
-    CalibratedMethod,
-    ParameterName,
-    StageRig,
-    kind_of,
-    per_root,
-)
+from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
+from anhyst.rig.stage.file import StageRig, per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
