@@ -141,6 +141,10 @@ class CalibrationFile(Table):
         _once(one.name for one in self.method)
         return self
 
+    def of(self, method: MethodName) -> CalibratedMethod | None:
+        """Return what it says of a method; None where it says nothing."""
+        return next((one for one in self.method if one.name == method), None)
+
 
 def read_calibration(
     rig: Path, settings: RigFile, named: str, numbers: Sequence[ParameterName]

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.calibration import CalibratedMethod, ParameterName, read_calibration
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
@@ -70,6 +72,20 @@ class BearingRig:
         """All that pull the armature; the first one closes the gap."""
         total = self.settings.gap_total_m
         return (PlacedMagnet(),) if total is None else (PlacedMagnet(), PlacedMagnet(total))
+
+    @property
+    def numbers(self) -> tuple[ParameterName, ...]:
+        """All that its motion may teach."""
+        if len(self.magnets) == 1:
+            return ("scale_1", "gap_zero_m", "width", "bias_N")
+        return ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N")
+
+    def learnt(self, method: MethodName) -> CalibratedMethod | None:
+        """Return what the calibration that it names says of a method; None where it says nothing."""
+        named = self.settings.levitation.calibration
+        if named is None:
+            return None
+        return read_calibration(self.path, self.settings, named, self.numbers).of(method)
 
     @property
     def model(self) -> Path | None:

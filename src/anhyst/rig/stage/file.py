@@ -278,5 +278,4 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
 
 def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
     """Return what the file that a rig names says of a method; None where it says nothing."""
-    methods = [] if rig.calibration is None else rig.calibration.method
-    return next((one for one in methods if one.name == method), None)
+    return None if rig.calibration is None else rig.calibration.of(method)

@@ -20,7 +20,7 @@ from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.axes_motion import law_of
-from anhyst.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid, prior
+from anhyst.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid
 from anhyst.support.arrays import FloatArray
 
 MOST = 4.0
@@ -63,7 +63,7 @@ class Learner:
 
     def __init__(self, law: MotionLaw, forget_s: float = math.inf) -> None:
         self.law, self.forget_s = law, forget_s
-        self.priors = {name: prior(law.rig, law.method, name) for name in law.names}
+        self.priors = {name: law.prior(name) for name in law.names}
         self.values = dict.fromkeys(law.names, 0.0)  # the estimate
         self.applied = dict(self.values)  # follows it at a bounded rate
         self.noise_N = 0.0  # of the force of the motions, from the noise of the position
@@ -203,7 +203,7 @@ class Learner:
 
     @property
     def _trust(self) -> float:
-        return self.law.trust * self.law.rig.settings.tracking.force_max_N
+        return self.law.trust * self.law.force_max
 
     def _prior(self, names: Sequence[ParameterName]) -> FloatArray:
         """Return rows that hold numbers, in standard deviations of them."""
