@@ -61,7 +61,7 @@ WORKS = {
     "export": {"model", "bearing", "stage"},
     "verify": {"compiled"},
     "simulate": {"bearing", "stage", "piezo", "force"},
-    "calibrate": {"stage"},
+    "calibrate": {"bearing", "stage"},
     "tune": {"bearing", "stage"},
     "force-control": {"force"},
     "excite": {"bearing", "stage", "force"},

@@ -30,8 +30,9 @@ from anhyst.support.arrays import FloatArray
 ASKED_S, ASKED = 0.06, 0.02
 """What is compared lies so soon after the reference moved by that part of the travel: where nothing
 was asked for, any load would be taken for a number of the magnet."""
-UNSURE = 0.1
-"""Standard deviation of a load that was not recorded, in parts of the one that the rig file says."""
+KNOWN, UNSURE = 0.002, 0.1
+"""Standard deviation of a load that was recorded, in parts of the largest force, and of one that was
+not, in parts of what the rig file says."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,7 @@ class BearingLaw(MotionLaw):
         controller: ControllerTable,
         magnet: IdentifiedMagnet,
         method: MethodName,
-        *,
-        load_known: bool,
+        load_known: bool = True,
     ) -> None:
         self.rig, self.method = StageRig(bearing.path, bearing.settings), method
         self.names = bearing.numbers
@@ -124,8 +124,8 @@ class BearingLaw(MotionLaw):
         """Return the standard deviation that the rig file states for a number."""
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
-        if name == "bias_N" and not self._load_known:
-            return UNSURE * self.rig.bearing.load
+        if name == "bias_N":
+            return KNOWN * self._most if self._load_known else UNSURE * self.rig.bearing.load
         return super().prior(name)
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
