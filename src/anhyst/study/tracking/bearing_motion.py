@@ -58,6 +58,11 @@ class BearingMotion(Motion):
         drive = np.full(self.ticks.size, self.rig.settings.load.force_N)
         return self._inertia + self.filtered(self.read.get("load_N", drive))
 
+    @property
+    def force(self) -> float:
+        """Force of which a law leaves a part, root mean square, N; magnets of a pair pull besides."""
+        return math.hypot(super().force, math.sqrt(2.0) * (self.rig.settings.bias_N or 0.0))
+
     @cached_property
     def by_body(self) -> Mapping[ParameterName, FloatArray]:
         """What the numbers of the body push with, for each unit of them, filtered, N."""

@@ -21,6 +21,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
+from anhyst.rig.recording import rms
 from anhyst.rig.stage.file import StageRig, per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.arrays import FloatArray
@@ -94,6 +95,11 @@ class Motion:
         acceleration = np.zeros(place.size)
         acceleration[1:-1] = np.diff(place, 2) / self.rig.dt**2
         return self.filtered(self.rig.settings.body.mass_kg * acceleration)
+
+    @property
+    def force(self) -> float:
+        """Force of which a law leaves a part, root mean square, N."""
+        return rms(self.pushed[self.compared])
 
     @cached_property
     def by_body(self) -> Mapping[ParameterName, FloatArray]:
