@@ -121,7 +121,9 @@ def calibrated(
     moved = {"c_H": _times(given["c_H"], more), "in_0": _times(given["in_0"], 1.0 / more)}
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule
-        valid = replace(valid, input=(low / more, high / more), schedule=(near + zero, far + zero))
+        # as far as any magnet of a pair was seen in the gap of the first
+        ends = near - abs(zero), far + abs(zero)
+        valid = replace(valid, input=(low / more, high / more), schedule=ends)
     nodes = tuple(node + zero for node in model.nodes)
     model = replace(model, nodes=nodes, parameters={**given, **moved}, valid=valid)
     return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
@@ -166,15 +168,14 @@ def make_setups(
 
 
 def operating_point(rig: BearingRig, controller: ControllerTable, *loops: Loops) -> Operating:
-    """Return where a bearing works, within all loops: each magnet of a pair around its bias."""
+    """Return where a bearing works, over all loops: each magnet of a pair around its bias."""
     pair = pair_of(rig)
-    ends = [(min(gaps), max(gaps)) for gaps in (one.by_schedule() for one in loops)]
-    measured = max(low for low, _ in ends), min(high for _, high in ends)
+    measured = [gap for one in loops for gap in one.by_schedule() if gap is not None]
     return Operating(
         gap=rig.settings.gap_m,
         force=rig.load if pair is None else pair.bias_force_N,
         rate=controller.rate_Hz,
-        gap_range=controller.working_gaps(pair, measured),
+        gap_range=controller.working_gaps(pair, (min(measured), max(measured))),
         force_max=controller.force_max(pair),
         current_max=controller.limits.current_high_A,
     )
