@@ -16,6 +16,7 @@ from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
 from anhyst.exchange.part import WRAPPER, Part, Variable, header, kernel_of, row
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.make_setup import compiled_model
 from anhyst.rig.bearing.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import circuit_numbers
@@ -79,7 +80,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
-            ready.knowledge().model,
+            compiled_model(ready.rig, ready.knowledge(), wanted.variant),
             folder,
             kind="full" if wanted.variant == "full" else "simplified",
             io="q31",

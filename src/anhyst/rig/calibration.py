@@ -147,13 +147,12 @@ class CalibrationFile(Table):
 
 
 def read_calibration(
-    rig: Path, settings: RigFile, named: str, numbers: Sequence[ParameterName]
+    place: Path, rig: Path, settings: RigFile, numbers: Sequence[ParameterName]
 ) -> CalibrationFile:
-    """Read what motion taught of the magnets of a rig file, which has these numbers.
+    """Read a file that a rig file names, whose magnets have these numbers.
 
     Feedforward and force scale must believe in the same mass.
     """
-    place = rig.parent / named
     file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
     if file.rig != settings.name:
         raise InputError(

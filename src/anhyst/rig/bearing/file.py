@@ -82,10 +82,16 @@ class BearingRig:
 
     def learnt(self, method: MethodName) -> CalibratedMethod | None:
         """Return what the calibration that it names says of a method; None where it says nothing."""
-        named = self.settings.levitation.calibration
-        if named is None:
+        file = self.calibration
+        if file is None:
             return None
-        return read_calibration(self.path, self.settings, named, self.numbers).of(method)
+        return read_calibration(file, self.path, self.settings, self.numbers).of(method)
+
+    @property
+    def calibration(self) -> Path | None:
+        """File of what motion taught of its magnets."""
+        named = self.settings.calibration
+        return None if named is None else self.path.parent / named
 
     @property
     def model(self) -> Path | None:

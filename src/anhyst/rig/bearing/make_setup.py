@@ -93,22 +93,29 @@ def calibrated_magnets(
     read too large.
     """
     found = rig.learnt(variant)
-    if found is None:
+    if found is None or not found.taken:
         return [magnet]
     widths, zero = found.widths(len(rig.magnets)), found.value("gap_zero_m")
+    # one range of gaps for both of a pair
+    over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
     return [
-        calibrated(magnet, found.value(f"scale_{number + 1}"), (zero, -zero)[number], wider)
+        calibrated(magnet, found.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over)
         for number, wider in enumerate(widths)
     ]
 
 
 def calibrated(
-    magnet: IdentifiedMagnet, scale: float = 0.0, zero: float = 0.0, wider: float = 0.0
+    magnet: IdentifiedMagnet,
+    scale: float = 0.0,
+    zero: float = 0.0,
+    wider: float = 0.0,
+    over: float = 0.0,
 ) -> IdentifiedMagnet:
     """Return what is known of a magnet in the currents and gaps of its controller.
 
     The loops and the model are those that would have been measured there: every format, block and
-    firmware that is made of them is calibrated. Scale and width are parts, the gap zero is in m.
+    firmware that is made of them is calibrated. Scale and width are parts, the gap zero is in m, as
+    is how far over the gaps that were seen the model is believed.
     """
     more, known = 1.0 + scale, magnet.loops
     loops = [
@@ -121,8 +128,7 @@ def calibrated(
     moved = {"c_H": _times(given["c_H"], more), "in_0": _times(given["in_0"], 1.0 / more)}
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule
-        # as far as any magnet of a pair was seen in the gap of the first
-        ends = near - abs(zero), far + abs(zero)
+        ends = near + zero - over, far + zero + over
         valid = replace(valid, input=(low / more, high / more), schedule=ends)
     nodes = tuple(node + zero for node in model.nodes)
     model = replace(model, nodes=nodes, parameters={**given, **moved}, valid=valid)

@@ -90,7 +90,8 @@ class StageRig:
                 code="not-both",
                 key="control.calibration",
             )
-        return read_calibration(self.path, self.settings, named, numbers_of(self.settings))
+        place = self.path.parent / named
+        return read_calibration(place, self.path, self.settings, numbers_of(self.settings))
 
 
 def read_stage(path: PathLike) -> StageRig:
