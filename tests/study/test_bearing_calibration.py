@@ -12,12 +12,15 @@ import pytest
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
+from anhyst.control.states import Command
+from anhyst.dashboard.recorder import start_recording
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_bearing, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import parts_of_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import calibrated, compiled_model, fit_magnets, make_setup
 from anhyst.rig.bearing.scenario import Scenario
+from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
@@ -167,6 +170,30 @@ def test_hanging_still_under_a_load_that_swings_teaches_nothing() -> None:
         assert not found.learnt
         (method,) = found.file.method
         assert all(number.frozen and number.value == 0.0 for number in method.parameter)
+
+
+@pytest.mark.slow
+def test_what_the_live_page_recorded_of_the_firmware_teaches_the_same(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    bench = BearingBench(bearings.single(), bearings.firmware(tmp_path_factory))
+    place = tmp_path / "run.csv"
+    file = start_recording(place, bench.signals, bench.rate)
+    file.put(bench.advance(120))
+    for command in (Command.DEMAGNETISED, Command.LIFT):
+        bench.command(command)
+    file.put(bench.advance(9000))
+    for height in (-25e-6, 25e-6, -50e-6, 50e-6):
+        bench.demand(bearings.GAP + height)
+        file.put(bench.advance(1500))
+    file.close()
+    bench.close()
+    (found,) = taught(place).file.method
+    assert found.fits
+    assert found.taken
+    # this plant has not drifted
+    assert abs(found.value("width")) < 0.05
+    assert abs(found.value("gap_zero_m")) < 6e-6
 
 
 FAULTS: dict[str, Callable[[Recording], Recording]] = {

@@ -79,7 +79,10 @@ class BearingMotion(Motion):
     def compared(self) -> NDArray[np.intp]:
         """Ticks at which both sides are compared: the armature hangs and goes where it is told."""
         file, reference = self.rig.settings, self.read["reference_m"]
-        hangs = np.rint(self.read["state"]) == HOVER
+        state = np.rint(self.read["state"])
+        if "phase" in self.read:
+            state = 16.0 * state + np.rint(self.read["phase"])
+        hangs = state == HOVER
         # the reference before it hangs is that of the lift
         last = np.where(hangs, reference, file.gap_m if not hangs.any() else reference[hangs][0])
         window = round(ASKED_S / self.rig.dt)

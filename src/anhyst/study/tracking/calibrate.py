@@ -18,7 +18,7 @@ from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CalibrationFile
-from anhyst.rig.recording import CURRENTS, RUN, Recording, of_magnets
+from anhyst.rig.recording import CURRENTS, Recording, of_magnets
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import (
     COMMANDS,
@@ -67,9 +67,12 @@ def _needed(rig: StageRig) -> list[str]:
 
 
 def _beside(rig: StageRig) -> tuple[str, ...]:
-    """Return the columns that help: of flux probes, where there are some; of a bearing's load."""
+    """Return the columns that help: of flux probes, where there are some; of a bearing its load.
+
+    The live page writes the phase of a controller beside its state.
+    """
     if rig.settings.kind is FileKind.BEARING:
-        return ("load_N",)
+        return ("load_N", "phase")
     has = rig.settings.hall_probe is not None
     return of_magnets([("flux_read", "T")], 1, len(rig.settings.placed)) if has else ()
 
@@ -171,11 +174,11 @@ def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
 def _check_rest(rig: StageRig, where: str, columns: Mapping[str, FloatArray]) -> None:
     """Refuse a recording that begins in motion: what the iron remembers of before is not known."""
     if rig.settings.kind is FileKind.BEARING:
-        if columns["state"][0] >= RUN or columns["command_A"][0] > 0.0:
+        if columns["command_A"][0] > 0.0:
             raise InputError(
                 f"{where}: begins while a current flows; begin at rest with demagnetised iron",
                 code="begins-in-motion",
-                key="state",
+                key="command_A",
             )
         return
     free = rig.settings.body.free if rig.settings.several else []
@@ -342,12 +345,12 @@ def calibrate(
         check_writable(out, [whole.path, *whole.measured.files, *files])
     laws, known = _laws(whole, controller, magnet)
     motions = [_motion(laws("full"), one) for one in given]
-    beside, file = _beside(laws("full").rig), whole.settings
-    complete = all(name in one.read for one in motions for name in beside)
+    file, probes = whole.settings, _beside(laws("full").rig)
     left_out: set[MethodName] = set() if has_layers(known.model) else {"at-rest"}
     if isinstance(whole, BearingRig):
-        laws = partial(laws, load_known=complete)
-    if isinstance(whole, BearingRig) or not (beside and complete):
+        laws = partial(laws, load_known=all("load_N" in one.read for one in motions))
+        left_out.add("flux")
+    elif not probes or not all(name in one.read for one in motions for name in probes):
         left_out.add("flux")
     possible = [name for name in MOVED if name not in left_out]
     for name in methods:
