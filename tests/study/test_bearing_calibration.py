@@ -220,6 +220,14 @@ def test_a_recording_without_what_is_needed_is_refused() -> None:
         taught(run.part(len(run) - 200, len(run)))
 
 
+def naming(folder: Path) -> Path:
+    """The example's rig file, which names a calibration beside it."""
+    place, kind = bearings.copy_known(folder), 'kind = "levitation"'
+    text = place.read_text(encoding="utf-8")
+    place.write_text(text.replace(kind, f'calibration = "calibration.toml"\n{kind}'), "utf-8")
+    return place
+
+
 def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
     tmp_path: Path,
 ) -> None:
@@ -232,8 +240,11 @@ def test_a_calibration_that_says_nothing_of_the_controllers_method_is_refused(
         method=[method],
     )
     Calibration(file).save(tmp_path / "calibration.toml")
-    place, kind = bearings.copy_known(tmp_path), 'kind = "levitation"'
-    text = place.read_text(encoding="utf-8")
-    place.write_text(text.replace(kind, f'calibration = "calibration.toml"\n{kind}'), "utf-8")
     with pytest.raises(InputError, match="says nothing of 'full'"):
-        make_ready(*read_files(place, None))
+        make_ready(*read_files(naming(tmp_path), None))
+
+
+def test_what_is_to_be_found_may_be_named_before(tmp_path: Path) -> None:
+    run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
+    with pytest.raises(InputError, match="begins while"):
+        calibrate(naming(tmp_path), run.part(len(run) - 200, len(run)))

@@ -271,5 +271,9 @@ def with_iron(
                 key="iron.family",
             )
         keys["reversible_fraction"] = reversible_fraction
-    taught = {} if rig.calibration is None else {"control.calibration": None}
-    return changed(rig, {f"iron.{key}": value for key, value in keys.items()} | taught)
+    return changed(untaught(rig), {f"iron.{key}": value for key, value in keys.items()})
+
+
+def untaught(rig: BearingRig) -> BearingRig:
+    """Return a rig that names nothing that motion taught."""
+    return rig if rig.calibration is None else changed(rig, {"control.calibration": None})

@@ -15,6 +15,7 @@ from anhyst.compensate.interface import MethodName
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.table import read_columns
 from anhyst.model.compilable import has_layers
+from anhyst.rig.bearing.drift import untaught
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CalibrationFile
@@ -287,7 +288,7 @@ def _laws(
         return partial(law_of, rig, known), known
     if not isinstance(controller, ControllerFile):
         controller = read_controller(controller or rig.path.parent / "controller.toml")
-    ready = make_ready(rig, controller)
+    ready = make_ready(untaught(rig), controller)
     known = magnet or ready.knowledge()
     return partial(BearingLaw, ready.rig, controller.settings, known), known
 
