@@ -12,31 +12,37 @@ first plant also with a controller that is told what has drifted.
 from __future__ import annotations
 
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_bearing
 from anhyst.rig.bearing.levitation_run import parts_of_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, make_setup
+from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.plants import BearingWork
 from anhyst.study.bearing.ready import Ready, make_ready, read_files
 from anhyst.support.jobs import all_of
 from rows import ROOT, Row
+from tracking import IRONS
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"
 PLANTS, SEED, NOISES = 6, 30, (1, 2, 3)
 METHODS: tuple[MethodName, ...] = ("full", "play", "single-valued")
 TABLE = Drift(pinning=0.2, gap_offset=10e-6)
 REACH = 1.2
+OTHERS = ("preisach-usual", "preisach-hard", "duhem-usual")
 UNSURE = {"spread.gap_zero_m": 5e-6}
 
 Figures = tuple[float, float]
@@ -123,8 +129,26 @@ def of_drawn(method: MethodName, nominal: Figures, forces: Sequence[tuple[float,
     )
 
 
+def of_iron(ready: Ready, name: str, drift: Drift) -> Row:
+    """Return the line of another iron, of which loops were measured and a model identified."""
+    schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
+    families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
+    rig = changed(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
+    known = identify_magnet(measure_loops(rig))
+    other = replace(ready, rig=rig, loops=known.loops, model=known.model)
+    found, before, after = tried(other, ("full", drift))
+    (method,) = found.file.method
+    return Row(
+        f"bearing of {name}, {'drifted so' if drift == TABLE else 'as it should be'}: full, force "
+        "error",
+        "",
+        f"{before[1]:.3g} -> {after[1]:.3g} N; {method.judgement}",
+        None,
+    )
+
+
 def rows() -> list[Row]:
-    """Calibrate every method on the plant of the table and on drawn ones."""
+    """Calibrate every method on the plant of the table and on drawn ones, and on other irons."""
     rig, controller = read_files(RIG, None)
     ready = make_ready(changed(rig, UNSURE), controller)
     ready = replace(ready, model=ready.knowledge().model)
@@ -140,4 +164,4 @@ def rows() -> list[Row]:
         lines.append(of_table(found, nominal, before, after, best))
         both = [outcomes[method, drift][1:] for drift in drawn]
         lines.append(of_drawn(method, nominal, [(one[1], other[1]) for one, other in both]))
-    return lines
+    return lines + [of_iron(ready, name, drift) for name in OTHERS for drift in (NO_DRIFT, TABLE)]
