@@ -61,7 +61,7 @@ def _cells(rng: np.random.Generator) -> tuple[Steel, Numbers]:
         [first.weights[:1], (1.0 - further) * first.weights[1:], further * other.weights[1:]]
     )
     order = np.argsort(both)
-    return Steel(first.curve(), both[order], weights[order]), curve | one
+    return Steel(first.numbers(), both[order], weights[order]), curve | one
 
 
 def _preisach(rng: np.random.Generator) -> tuple[Steel, Numbers]:

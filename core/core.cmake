@@ -50,6 +50,7 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/compensator/force_by_play.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_by_play_real.c"
   "${ANHYST_CORE_DIR}/src/compensator/force_corrected_real.c"
+  "${ANHYST_CORE_DIR}/src/compensator/force_coded_real.c"
   "${ANHYST_CORE_DIR}/src/control/supervisor.c"
   "${ANHYST_CORE_DIR}/src/control/levitation.c"
   "${ANHYST_CORE_DIR}/src/control/position.c"

@@ -260,13 +260,13 @@ void app_body_status(const app_body *body, link_status *status)
   status->demand = body->demand;
   status->force = body->force.value;
   status->gap = body->gap.value;
-  status->current = body->current.value;
-  status->drive = body->drive;
+  status->current[0] = body->current.value;
+  status->drive[0] = body->drive;
+  status->current[1] = 0;
+  status->drive[1] = 0;
   status->phase = ANHYST_PHASE_REST;
   status->position = 0;
   status->reference = 0;
-  status->current_2 = 0;
-  status->drive_2 = 0;
 }
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)

@@ -356,8 +356,8 @@ typedef struct {
   int32_t demand; /* demand in force, q31 */
   int32_t force; /* measured, q30 */
   int32_t gap; /* measured, q30 */
-  int32_t current; /* measured, q30 */
-  int32_t drive; /* current driven, q31 */
+  int32_t current[2]; /* measured, q30; of the second magnet, likewise */
+  int32_t drive[2]; /* current driven, q31; in the second magnet, likewise */
   uint16_t generation; /* of the block in force */
   uint16_t bad_frames; /* frames thrown away, modulo 65536 */
   uint16_t lost_frames; /* sequence numbers left out, modulo 65536 */
@@ -365,8 +365,6 @@ typedef struct {
   uint16_t phase; /* one of phase */
   int32_t position; /* the last plausible one, q31 */
   int32_t reference; /* position controlled to, q31 */
-  int32_t current_2; /* measured, of the second magnet, q30 */
-  int32_t drive_2; /* current driven there, q31 */
   uint32_t cycles; /* of the processor, in the longest tick so far; 0: not counted */
 } link_status;
 static inline void link_put_status(uint8_t *p, const link_status *m)
@@ -377,8 +375,8 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
   link_put_u32(p + 4, (uint32_t)m->demand);
   link_put_u32(p + 8, (uint32_t)m->force);
   link_put_u32(p + 12, (uint32_t)m->gap);
-  link_put_u32(p + 16, (uint32_t)m->current);
-  link_put_u32(p + 20, (uint32_t)m->drive);
+  link_put_u32(p + 16, (uint32_t)m->current[0]);
+  link_put_u32(p + 20, (uint32_t)m->drive[0]);
   link_put_u16(p + 24, m->generation);
   link_put_u16(p + 26, m->bad_frames);
   link_put_u16(p + 28, m->lost_frames);
@@ -386,8 +384,8 @@ static inline void link_put_status(uint8_t *p, const link_status *m)
   link_put_u16(p + 32, m->phase);
   link_put_u32(p + 34, (uint32_t)m->position);
   link_put_u32(p + 38, (uint32_t)m->reference);
-  link_put_u32(p + 42, (uint32_t)m->current_2);
-  link_put_u32(p + 46, (uint32_t)m->drive_2);
+  link_put_u32(p + 42, (uint32_t)m->current[1]);
+  link_put_u32(p + 46, (uint32_t)m->drive[1]);
   link_put_u32(p + 50, m->cycles);
 }
 
@@ -478,8 +476,7 @@ typedef struct {
   int32_t gap; /* q30: 0 is the low end of the model's gaps, 1.0 the high one */
   int32_t force; /* q30 of the full-scale force */
   int32_t position; /* q31 of the controller's full scale */
-  int32_t current; /* q30 of the full-scale current, of the first magnet */
-  int32_t current_2; /* of the second */
+  int32_t current[2]; /* q30 of the full-scale current, of the first magnet; of the second */
   uint32_t status; /* bits of PORT_... in port/port.h */
 } link_plant_sample;
 /* Whether the record is valid; fills it either way. */
@@ -489,8 +486,8 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
   m->gap = link_get_i32(p + 4);
   m->force = link_get_i32(p + 8);
   m->position = link_get_i32(p + 12);
-  m->current = link_get_i32(p + 16);
-  m->current_2 = link_get_i32(p + 20);
+  m->current[0] = link_get_i32(p + 16);
+  m->current[1] = link_get_i32(p + 20);
   m->status = link_get_u32(p + 24);
   return (link_get_u32(p + 0) ^ link_get_u32(p + 4) ^ link_get_u32(p + 8) ^ link_get_u32(p + 12) ^ link_get_u32(p + 16) ^ link_get_u32(p + 20) ^ link_get_u32(p + 24) ^ link_get_u32(p + 28)) ==
          LINK_PLANT_MAGIC;
@@ -501,8 +498,7 @@ static inline int link_get_plant_sample(link_plant_sample *m, const uint8_t *p)
    plant does not know by itself. */
 typedef struct {
   uint32_t tick; /* of the sample from which this was computed */
-  int32_t drive; /* q31 of the full-scale current, of the first magnet */
-  int32_t drive_2; /* of the second */
+  int32_t drive[2]; /* q31 of the full-scale current, of the first magnet; of the second */
   uint32_t state; /* state + 256*fault */
   uint32_t mode; /* flags + 65536*phase */
   int32_t demand; /* demand in force, q31 of the full-scale force */
@@ -513,8 +509,8 @@ typedef struct {
 static inline void link_put_plant_drive(uint8_t *p, const link_plant_drive *m)
 {
   link_put_u32(p + 0, m->tick);
-  link_put_u32(p + 4, (uint32_t)m->drive);
-  link_put_u32(p + 8, (uint32_t)m->drive_2);
+  link_put_u32(p + 4, (uint32_t)m->drive[0]);
+  link_put_u32(p + 8, (uint32_t)m->drive[1]);
   link_put_u32(p + 12, m->state);
   link_put_u32(p + 16, m->mode);
   link_put_u32(p + 20, (uint32_t)m->demand);

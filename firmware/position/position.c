@@ -245,13 +245,13 @@ void app_body_status(const app_body *body, link_status *status)
   status->demand = body->answer.demand;
   status->force = 0;
   status->gap = 0;
-  status->current = body->current[0].value;
-  status->drive = body->answer.current[0];
   status->phase = body->position.levitation.phase;
   status->position = body->position.position;
   status->reference = body->answer.reference;
-  status->current_2 = body->current[1].value;
-  status->drive_2 = body->answer.current[1];
+  status->current[0] = body->current[0].value;
+  status->drive[0] = body->answer.current[0];
+  status->current[1] = body->current[1].value;
+  status->drive[1] = body->answer.current[1];
 }
 
 void app_body_signals(const app_body *body, const port_sample *sample, int32_t *signals)

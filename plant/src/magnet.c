@@ -15,6 +15,7 @@ typedef struct {
   double share;    /* of it that passes the gaps */
   double per_area; /* 1/(area of a gap, fringes included), 1/m^2 */
   double widens;   /* 1 - gap*(change of the area for each metre)/area */
+  double moved;    /* of a bias: by so much from the middle towards the force, m */
 } around;
 
 /* Where a step ends. */
@@ -36,14 +37,16 @@ typedef struct {
 
 static around around_iron(const anhyst_plant_circuit *c, double gap)
 {
-  around found;
-  const double area = (c->pole_width + gap) * (c->pole_depth + gap);
-  const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
-  found.outer = 1.0 / (permeance + c->leakage);
-  found.share = permeance * found.outer;
-  found.outer += c->joints;
-  found.per_area = 1.0 / area;
-  found.widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * found.per_area;
+  around found = {c->joints, 1.0, 1.0 / c->iron_area, 0.0, c->middle - gap};
+  if (c->bias == 0.0) {
+    const double area = (c->pole_width + gap) * (c->pole_depth + gap);
+    const double permeance = 0.5 * ANHYST_PLANT_MU0 * area / gap;
+    found.outer = 1.0 / (permeance + c->leakage);
+    found.share = permeance * found.outer;
+    found.outer += c->joints;
+    found.per_area = 1.0 / area;
+    found.widens = 1.0 - gap * (c->pole_width + c->pole_depth + 2.0 * gap) * found.per_area;
+  }
   return found;
 }
 
@@ -51,7 +54,8 @@ static void pull(const anhyst_plant_circuit *c, const around *at, anhyst_plant_c
 {
   const double flux = coil->iron.density * c->iron_area * at->share;
   coil->density = flux * at->per_area;
-  coil->force = flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens;
+  coil->force = c->bias == 0.0 ? flux * coil->density * (1.0 / ANHYST_PLANT_MU0) * at->widens
+                               : c->bias * flux - c->spring * at->moved;
 }
 
 /* Field and flux density of the iron, for which a*H + b*B = r. */
@@ -204,10 +208,11 @@ static void end_under(const anhyst_plant_magnet *magnet, const anhyst_plant_coil
     const double per_field = c->iron_length / magnet->turns;
     const double per_density = end->around.outer * c->iron_area / magnet->turns;
     const double weight = magnet->turns * c->iron_area;
+    const double moved = c->bias * end->around.moved / magnet->turns;
     const anhyst_plant_asked asked = {half * taken * per_field, weight + half * taken * per_density,
-                                      end->begun + half * given, 0.5 / end->half};
+                                      end->begun + half * (given + taken * moved), 0.5 / end->half};
     iron_answers(c, coil, &asked, weight * TOLERANCE, found);
-    found->steady = per_field * found->solid.field + per_density * found->solid.density;
+    found->steady = per_field * found->solid.field + per_density * found->solid.density - moved;
   } else {
     found->steady = current_for(&magnet->law->table, end->gap, end->half * taken,
                                 end->begun + end->half * given, coil->steady);
@@ -231,7 +236,7 @@ void anhyst_plant_coil_step(const anhyst_plant_magnet *magnet, anhyst_plant_coil
 {
   const double half = 0.5 * seconds;
   anhyst_plant_source s = *source;
-  ending end = {{0.0, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0, 0.0};
+  ending end = {{0.0, 0.0, 0.0, 0.0, 0.0}, 0.0, 0.0, 0.0, 0.0};
   reached found;
   double before;
   double voltage;
@@ -284,8 +289,9 @@ void anhyst_plant_coil_lead(const anhyst_plant_magnet *magnet, anhyst_plant_coil
     const double b = at.outer * c->iron_area;
     const double opposing = c->eddy * c->iron_length * per_second;
     const double before = coil->iron.density;
-    const anhyst_plant_asked asked = {c->iron_length, b + opposing,
-                                      magnet->turns * current + opposing * before, per_second};
+    const anhyst_plant_asked asked = {
+        c->iron_length, b + opposing,
+        magnet->turns * current + c->bias * at.moved + opposing * before, per_second};
     reached found;
     iron_answers(c, coil, &asked, b * TOLERANCE, &found);
     iron_moves(c, coil, &found);

@@ -33,11 +33,32 @@ static double value_q31(int32_t code, double full) { return (double)code / ONE *
 
 #include "anhyst/numeric/q31.h"
 #include "generic/tracking.h"
-#include "generic/tracking_drive.h"
 #include "anhyst/numeric/f64.h"
 #include "generic/tracking_cast.h"
 #include "generic/tracking.h"
 #include "anhyst/numeric/f32.h"
 #include "generic/tracking_cast.h"
 #include "generic/tracking.h"
-#include "generic/tracking_drive.h"
+
+static double solve_f32(anhyst_force_controller_f64 *c, double demand, double gap, double flux)
+{
+  anhyst_force_controller_f32 *force = c->own;
+  c->current =
+      (double)anhyst_force_controller_solve_f32(force, (float)demand, (float)gap, (float)flux);
+  c->flags = force->flags;
+  return c->current;
+}
+
+static double commit_f32(anhyst_force_controller_f64 *c, double applied, double gap)
+{
+  return (double)anhyst_force_controller_commit_f32(c->own, (float)applied, (float)gap);
+}
+
+void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
+                                    anhyst_force_controller_f32 *force)
+{
+  /* Nothing else is asked of a drive. */
+  static const anhyst_force_method_f64 by_drive = {.solve = solve_f32, .commit = commit_f32};
+  const anhyst_force_controller_f64 fresh = {.method = &by_drive, .own = force};
+  *c = fresh;
+}

@@ -71,9 +71,11 @@ def speaking(every: float, *arguments: object, cwd: Path, stderr: int = subproce
     )
 
 
-def shares_said(title: str, said: str) -> list[int]:
+def shares_said(title: str, message: str) -> list[int]:
     """Return the per cent of the lines that say how far a command is."""
-    return [int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", said, re.MULTILINE)]
+    return [
+        int(share) for share in re.findall(rf"^anhyst: {title}: (\d+) %, ", message, re.MULTILINE)
+    ]
 
 
 def quick(
@@ -100,8 +102,8 @@ def quick(
         **{"ordinary": ordinary, "file_size": file_size},
     }
     print(json.dumps(request), file=server.stdin, flush=True)
-    code, printed, said = json.loads(server.stdout.readline())
-    return Result(words, code, printed, said)
+    code, printed, message = json.loads(server.stdout.readline())
+    return Result(words, code, printed, message)
 
 
 @cache
@@ -153,9 +155,9 @@ def refused(*arguments: object, cwd: Path, ordinary: bool = False, **options: An
         result = anhyst(*arguments, cwd=cwd, **options)
     else:
         result = quick(*arguments, cwd=cwd, ordinary=ordinary)
-    said = said_in_one_line(result)
+    message = said_in_one_line(result)
     assert contents(cwd) == before
-    return said
+    return message
 
 
 def said_in_one_line(result: Result) -> str:

@@ -54,7 +54,7 @@ def test_every_verb_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["predict"], ""),
         (["predict", "model.toml", "drive.csv"], "Missing option '--out'"),
@@ -68,12 +68,12 @@ def test_every_verb_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_wrong_usage_is_bad_input(
-    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert cli.main(arguments) == 2
     error = capsys.readouterr().err
-    if said:
-        assert error.startswith(f"anhyst: error: {said}")
+    if message:
+        assert error.startswith(f"anhyst: error: {message}")
         assert error.count("\n") == 1
 
 
@@ -140,10 +140,10 @@ def test_progress_shows_on_a_terminal_only(
         prepare(monkeypatch)
     with progress_bar("reading") as update:
         update(1.0, 2.0)
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert ("reading" in said.err) == visible
-    assert ("50 %" in said.err) == visible
+    message = capsys.readouterr()
+    assert message.out == ""
+    assert ("reading" in message.err) == visible
+    assert ("50 %" in message.err) == visible
 
 
 def test_a_fault_of_the_program_is_one_line_and_has_an_exit_code_of_its_own(
@@ -155,9 +155,9 @@ def test_a_fault_of_the_program_is_one_line_and_has_an_exit_code_of_its_own(
     monkeypatch.delenv("ANHYST_TRACE", raising=False)
     monkeypatch.setattr(cli, "command_of", lambda verbs: fail)
     assert cli.main(["inspect"]) == 70
-    said = capsys.readouterr().err
-    assert said.startswith("anhyst: error: ZeroDivisionError: division by zero; ")
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith("anhyst: error: ZeroDivisionError: division by zero; ")
+    assert message.count("\n") == 1
     monkeypatch.setenv("ANHYST_TRACE", "1")
     with pytest.raises(ZeroDivisionError):
         cli.main(["inspect"])

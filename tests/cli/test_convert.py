@@ -36,10 +36,10 @@ def test_a_recording_goes_from_format_to_model_by_what_inspect_says(
 
     table = tmp_path / "run.csv"
     assert main(["convert", str(source), str(table)]) == 0
-    said = capsys.readouterr()
-    assert said.out.endswith("run.csv: 3 channels, 1991 samples\n")
-    assert "interpolated linearly" in said.err
-    assert "CSV holds no groups" in said.err
+    message = capsys.readouterr()
+    assert message.out.endswith("run.csv: 3 channels, 1991 samples\n")
+    assert "interpolated linearly" in message.err
+    assert "CSV holds no groups" in message.err
     mapping = "Coil/Current_A=I_A,Load cell [N]=F_N"
     assert main(["inspect", str(table), "--columns", mapping, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["loops"] == found["loops"]
@@ -62,14 +62,14 @@ def test_what_cannot_be_written_is_said_before_anything_is_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = recordings.with_time(tmp_path / "run.mat")
-    for arguments, said in (
+    for arguments, message in (
         ((path, tmp_path / "run.xlsx"), "wrong-ending: .csv, .mat, .mf4, .tdms, .h5"),
         ((path, path), "writes-over-input: run.mat"),
         ((path, tmp_path / "no" / "run.csv"), "cannot-be-written"),
         ((tmp_path / "none.mat", tmp_path / "run.csv"), "no-such-file: none.mat"),
     ):
         assert main(["convert", *map(str, arguments)]) == 2
-        assert says(capsys.readouterr().err, said)
+        assert says(capsys.readouterr().err, message)
     assert [one.name for one in tmp_path.iterdir()] == ["run.mat"]
 
 

@@ -28,7 +28,7 @@ def run(folder: Path, content: str, *options: object, verb: str = "predict") -> 
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         pytest.param("I_A,F_N\n0,1\n1,2\n", "schedule-missing gap_m: drive.csv", id="no gap"),
         pytest.param("I_A\n0\n1\n", "schedule-missing gap_m: drive.csv", id="one column"),
@@ -77,22 +77,22 @@ def run(folder: Path, content: str, *options: object, verb: str = "predict") -> 
         ),
     ],
 )
-def test_a_drive_that_does_not_fit_is_refused(folder: Path, content: str, said: str) -> None:
-    assert says(run(folder, content), said)
+def test_a_drive_that_does_not_fit_is_refused(folder: Path, content: str, message: str) -> None:
+    assert says(run(folder, content), message)
 
 
 def test_a_settled_cycle_beyond_the_tables_is_reported_with_its_line(folder: Path) -> None:
-    said = run(folder, "F_N,gap_mm\n0,0.3\n1e9,0.3\n", "--history", "settled", verb="invert")
-    assert says(said, "sample-refused: drive.csv; line 3; 1e+09")
+    message = run(folder, "F_N,gap_mm\n0,0.3\n1e9,0.3\n", "--history", "settled", verb="invert")
+    assert says(message, "sample-refused: drive.csv; line 3; 1e+09")
 
 
 def test_a_demand_needs_the_output_of_the_model(folder: Path) -> None:
-    said = run(folder, "I_A,gap_mm\n0,0.3\n", verb="invert")
-    assert says(said, "column-missing force: drive.csv; I_A; gap_mm; 'F_N'")
+    message = run(folder, "I_A,gap_mm\n0,0.3\n", verb="invert")
+    assert says(message, "column-missing force: drive.csv; I_A; gap_mm; 'F_N'")
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--history", "virgin"], "unknown-history history: 'virgin'"),
         (["--history", "conditioned:"], "history-turning-points history"),
@@ -103,20 +103,20 @@ def test_a_demand_needs_the_output_of_the_model(folder: Path) -> None:
     ],
 )
 def test_options_that_make_no_sense_are_refused(
-    folder: Path, options: list[str], said: str
+    folder: Path, options: list[str], message: str
 ) -> None:
-    assert says(run(folder, table(), *options), said)
+    assert says(run(folder, table(), *options), message)
 
 
 def test_a_missing_drive_is_named(folder: Path) -> None:
-    said = refused("predict", "model.toml", "drive.csv", "-o", "out.csv", cwd=folder)
-    assert says(said, "no-such-file: drive.csv")
+    message = refused("predict", "model.toml", "drive.csv", "-o", "out.csv", cwd=folder)
+    assert says(message, "no-such-file: drive.csv")
 
 
 def test_model_and_drive_in_the_wrong_order_are_refused(folder: Path) -> None:
     (folder / "drive.csv").write_text(table())
-    said = refused("predict", "drive.csv", "model.toml", "-o", "out.csv", cwd=folder)
-    assert says(said, "wrong-kind: drive.csv; this is a measurement; predict")
+    message = refused("predict", "drive.csv", "model.toml", "-o", "out.csv", cwd=folder)
+    assert says(message, "wrong-kind: drive.csv; this is a measurement; predict")
 
 
 def test_what_no_drive_can_give_is_flagged(folder: Path) -> None:

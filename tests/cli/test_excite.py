@@ -46,19 +46,19 @@ def test_measure_identify_compile_verify_without_a_further_flag(kind: str, tmp_p
 
 def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     measured_rig("bearing", tmp_path, more="\n[excite]\nforce_max_N = 60.0\n")
-    said = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
-    assert says(said, "operating-force-not-reached load.force_N: rig.toml; 150 N")
-    assert "excite.force_max_N leaves" in said
-    said = refused("excite", "rig.toml", "--out", "rig.csv", cwd=tmp_path)
-    assert says(said, "writes-over-input: rig.toml")
-    said = refused("excite", "rig.toml", "--out", "controller.csv", cwd=tmp_path)
-    assert says(said, "not-a-sidecar: controller.toml")
-    said = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
-    assert says(said, "wrong-ending")
+    message = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
+    assert says(message, "operating-force-not-reached load.force_N: rig.toml; 150 N")
+    assert "excite.force_max_N leaves" in message
+    message = refused("excite", "rig.toml", "--out", "rig.csv", cwd=tmp_path)
+    assert says(message, "writes-over-input: rig.toml")
+    message = refused("excite", "rig.toml", "--out", "controller.csv", cwd=tmp_path)
+    assert says(message, "not-a-sidecar: controller.toml")
+    message = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
+    assert says(message, "wrong-ending")
     text = (tmp_path / "rig.toml").read_text()
     (tmp_path / "rig.toml").write_text(text + "continuous_A = 1.0\n")
-    said = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
-    assert says(said, "belong-together")
+    message = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
+    assert says(message, "belong-together")
 
 
 def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> None:

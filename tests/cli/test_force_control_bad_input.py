@@ -27,7 +27,7 @@ def line_of(text: str, beginning: str) -> int:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         pytest.param(
             "slew_A_per_s",
@@ -47,7 +47,7 @@ def line_of(text: str, beginning: str) -> int:
     ],
 )
 def test_a_key_that_will_not_do_is_reported_with_its_line(
-    folder: Path, old: str, new: str, said: str
+    folder: Path, old: str, new: str, message: str
 ) -> None:
     text = (EXAMPLE / "rig.toml").read_text()
     assert old in text
@@ -56,7 +56,7 @@ def test_a_key_that_will_not_do_is_reported_with_its_line(
     line = line_of(text, new.split(" = ", maxsplit=1)[0])
     refusal = refused(*RUN, cwd=folder)
     assert refusal.startswith(f"rig.toml:{line}: ")
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 def test_a_key_that_is_missing(folder: Path) -> None:
@@ -67,8 +67,8 @@ def test_a_key_that_is_missing(folder: Path) -> None:
 
 
 def test_files_that_are_not_there(folder: Path) -> None:
-    said = refused(*RUN, "--demand", "none.csv", cwd=folder)
-    assert says(said, "no-such-file: none.csv")
+    message = refused(*RUN, "--demand", "none.csv", cwd=folder)
+    assert says(message, "no-such-file: none.csv")
     (folder / "solenoid.toml").unlink()
     assert says(refused(*RUN, cwd=folder), "no-such-file: solenoid.toml")
     (folder / "rig.toml").unlink()
@@ -76,7 +76,7 @@ def test_files_that_are_not_there(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "said"),
+    ("rows", "message"),
     [
         pytest.param(
             "0,10\n1,55\n2,10\n",
@@ -90,11 +90,11 @@ def test_files_that_are_not_there(folder: Path) -> None:
         pytest.param("0,10\n", "too-long: 120 s", id="one sample"),
     ],
 )
-def test_a_demand_that_will_not_do(folder: Path, rows: str, said: str) -> None:
+def test_a_demand_that_will_not_do(folder: Path, rows: str, message: str) -> None:
     (folder / "demand.csv").write_text("t_s,F_N\n" + rows)
     refusal = refused(*RUN, "--demand", "demand.csv", cwd=folder)
     assert refusal.startswith("demand.csv: ")
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
@@ -103,22 +103,22 @@ def test_a_board_or_a_place_that_is_none(folder: Path) -> None:
     )
     for name in ("loops.csv", "loops.toml"):
         shutil.copy(EXAMPLE / name, folder)
-    said = refused(*RUN[:-1], "solenoid.toml", cwd=folder)
-    assert says(said, "is-a-file: solenoid.toml")
+    message = refused(*RUN[:-1], "solenoid.toml", cwd=folder)
+    assert says(message, "is-a-file: solenoid.toml")
 
 
 def test_loops_that_will_not_do(folder: Path) -> None:
-    said = refused(*RUN, cwd=folder)
-    assert says(said, "no-such-file loops.files: loops.csv")
+    message = refused(*RUN, cwd=folder)
+    assert says(message, "no-such-file loops.files: loops.csv")
     for name in ("loops.csv", "loops.toml"):
         shutil.copy(EXAMPLE / name, folder)
     text = (EXAMPLE / "rig.toml").read_text()
     (folder / "rig.toml").write_text(text.replace("force_max_N = 40.0", "force_max_N = 60.0"))
-    said = refused(*RUN, cwd=folder)
-    assert says(said, "force-not-reached loops: 0.001 m")
+    message = refused(*RUN, cwd=folder)
+    assert says(message, "force-not-reached loops: 0.001 m")
     (folder / "rig.toml").write_text(text.replace("end_m = 1.0e-3", "end_m = 3.0e-3"))
-    said = refused(*RUN, cwd=folder)
-    assert says(said, "no-such-loop control.end_m: rig.toml; 0.003 m")
+    message = refused(*RUN, cwd=folder)
+    assert says(message, "no-such-loop control.end_m: rig.toml; 0.003 m")
 
 
 @pytest.mark.slow
@@ -130,6 +130,6 @@ def test_a_tool_that_is_not_installed_names_its_package(
 ) -> None:
     (folder / "empty").mkdir()
     monkeypatch.setitem(ENVIRONMENT, "PATH", str(folder / "empty"))
-    said = refused(*RUN, "--board", board, cwd=folder, preexec_fn=None)
-    assert said.startswith(f"board {board}: ")
-    assert said.endswith(f"is not installed: apt install {package}")
+    message = refused(*RUN, "--board", board, cwd=folder, preexec_fn=None)
+    assert message.startswith(f"board {board}: ")
+    assert message.endswith(f"is not installed: apt install {package}")

@@ -57,11 +57,11 @@ def test_what_cannot_be_compiled_is_said_at_once_with_the_switch_that_helps(
     arguments = ["--gap-map", "free", "--law", "effective-field", "--out", "model.toml"]
     result = quick("identify", "loops.csv", *arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    (said,) = (line for line in result.stderr.splitlines() if "cannot be compiled" in line)
-    assert said.startswith("anhyst: warning: gap map 'free'")
-    assert "--gap-map scaling or reluctance" in said
+    (message,) = (line for line in result.stderr.splitlines() if "cannot be compiled" in line)
+    assert message.startswith("anhyst: warning: gap map 'free'")
+    assert "--gap-map scaling or reluctance" in message
     assert (
-        said.split(": ", 2)[2]
+        message.split(": ", 2)[2]
         in quick("compile", "model.toml", "--rate", "2e4", "--out", "c", cwd=tmp_path).stderr
     )
 
@@ -78,7 +78,7 @@ def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["inspect", "none.csv"], "no-such-file: none.csv"),
         (["inspect", "x.csv", "--plot", "x.gif"], "wrong-ending"),
@@ -90,11 +90,11 @@ def test_what_was_read_and_the_verdict_are_shown(tmp_path: Path) -> None:
         (["identify", "x.csv", "--out", "none/m.toml"], "cannot-be-written: none/m.toml"),
     ],
 )
-def test_bad_input_is_one_line(tmp_path: Path, arguments: list[object], said: str) -> None:
+def test_bad_input_is_one_line(tmp_path: Path, arguments: list[object], message: str) -> None:
     result = quick(*arguments, cwd=tmp_path)
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr.startswith("anhyst: error: ")
-    assert says(result.stderr, said)
+    assert says(result.stderr, message)
     assert result.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -118,8 +118,8 @@ def test_two_files_of_one_name_are_refused(tmp_path: Path) -> None:
     for place, gap in (("a", 0.3e-3), ("b", 0.5e-3)):
         (tmp_path / place).mkdir()
         (tmp_path / place / "loops.csv").write_text(loops_text(gap))
-    said = refused("init", "a", "b", "--out", "my", cwd=tmp_path)
-    assert says(said, "name-twice: b/loops.csv; a/loops.csv")
+    message = refused("init", "a", "b", "--out", "my", cwd=tmp_path)
+    assert says(message, "name-twice: b/loops.csv; a/loops.csv")
 
 
 def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
@@ -141,8 +141,8 @@ def test_how_loops_are_read_goes_into_the_rig(tmp_path: Path) -> None:
 def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
     init(tmp_path, BEARING)
     for name in ("rig.toml", "controller.toml", "loops"):
-        said = refused("init", BEARING, "--out", "my", cwd=tmp_path)
-        assert says(said, f"exists-already: my/{name}")
+        message = refused("init", BEARING, "--out", "my", cwd=tmp_path)
+        assert says(message, f"exists-already: my/{name}")
         path = tmp_path / "my" / name
         path.unlink() if path.is_file() else shutil.rmtree(path)
     (tmp_path / "my" / "notes.txt").write_text("mine")
@@ -153,16 +153,16 @@ def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
 def test_a_load_that_cannot_be_lifted_is_refused_with_the_forces(tmp_path: Path) -> None:
     # 4 N mm^2/A^2 at 3 A and 0.1 + 0.5 mm: 100 N
     (tmp_path / "loops.csv").write_text(loops_text(0.3e-3, 0.5e-3))
-    said = refused("init", "loops.csv", "--load", 120, "--out", "my", cwd=tmp_path)
+    message = refused("init", "loops.csv", "--load", 120, "--out", "my", cwd=tmp_path)
     found = re.fullmatch(
         r"loops\.csv: load: 120 N cannot be lifted at a gap of 0\.0005 m: there the loops "
         r"reach (\S+) N at 3 A, and 1\.1 times the load, 132 N, are needed; lower it, .*",
-        said,
+        message,
     )
     assert found
     assert float(found[1]) == pytest.approx(100.0, rel=0.01)
-    said = refused("init", "loops.csv", "--mass", 20, "--out", "my", cwd=tmp_path)
-    assert says(said, "load-too-large load")
+    message = refused("init", "loops.csv", "--mass", 20, "--out", "my", cwd=tmp_path)
+    assert says(message, "load-too-large load")
 
 
 @pytest.mark.parametrize(
@@ -191,9 +191,9 @@ def test_loops_that_are_none_of_a_rig_are_refused(tmp_path: Path) -> None:
         "down.csv": (loops_text(0.3e-3, 0.5e-3, sign=-1.0), "current-negative"),
         "bh.csv": ("H_A_per_m,B_T\n0,0\n1,1\n2,2\n0,0\n", "columns-missing"),
     }
-    for name, (text, said) in cases.items():
+    for name, (text, message) in cases.items():
         (tmp_path / name).write_text(text)
-        assert says(refused("init", name, "--out", "my", cwd=tmp_path), said)
+        assert says(refused("init", name, "--out", "my", cwd=tmp_path), message)
     assert says(refused("init", "--out", "my", cwd=tmp_path), "no-loops")
     assert says(refused("init", BEARING, "--out", "one.csv", cwd=tmp_path), "is-a-file: one.csv")
 
@@ -204,8 +204,8 @@ def test_a_place_that_cannot_be_written_is_said_and_nothing_is_left(tmp_path: Pa
     if not permissions_count(locked):
         pytest.skip("permissions of folders do not count here")
     for out in ("locked", "locked/my"):
-        said = refused("init", BEARING, "--out", out, cwd=tmp_path, ordinary=True)
-        assert says(said, f"cannot-be-written: {out}")
+        message = refused("init", BEARING, "--out", out, cwd=tmp_path, ordinary=True)
+        assert says(message, f"cannot-be-written: {out}")
 
 
 @pytest.mark.parametrize(
@@ -224,6 +224,6 @@ def test_an_example_is_copied_as_it_is(tmp_path: Path, name: str) -> None:
 
 
 def test_an_unknown_example_is_refused_with_those_there_are(tmp_path: Path) -> None:
-    said = refused("init", "--example", "motor", "--out", "my", cwd=tmp_path)
+    message = refused("init", "--example", "motor", "--out", "my", cwd=tmp_path)
     known = "bearing, electromagnet, magnetostrictive, piezo, solenoid, stage"
-    assert says(said, f"unknown-example: {known}")
+    assert says(message, f"unknown-example: {known}")

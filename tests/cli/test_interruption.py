@@ -51,11 +51,11 @@ def wait_until(process: subprocess.Popen[str], happened: Callable[[], bool]) -> 
 def interrupt(process: subprocess.Popen[str]) -> tuple[str, str]:
     """Send ctrl-C; return what was printed and said."""
     process.send_signal(signal.SIGINT)
-    printed, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130, said
-    assert "Traceback" not in said
-    assert said.splitlines()[-1].startswith("anhyst: interrupted")
-    return printed, said
+    printed, message = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, message
+    assert "Traceback" not in message
+    assert message.splitlines()[-1].startswith("anhyst: interrupted")
+    return printed, message
 
 
 def has_joined_gaps(folder: Path) -> bool:
@@ -73,9 +73,9 @@ def test_a_search_interrupted_early_writes_nothing(tmp_path: Path, loops: str) -
     before = contents(tmp_path)
     process = start(*SLOW, cwd=tmp_path)
     wait_until(process, (tmp_path / "model.toml.checkpoint").exists)
-    printed, said = interrupt(process)
+    printed, message = interrupt(process)
     assert printed == ""
-    assert said == (
+    assert message == (
         "anhyst: interrupted: too early for a model, nothing written; the same command goes on "
         "from there\n"
     )
@@ -107,8 +107,8 @@ def test_a_search_interrupted_late_writes_the_best_so_far(tmp_path: Path, loops:
     (tmp_path / "loops.csv").write_text(loops)
     process = start(*SLOW, cwd=tmp_path)
     wait_until(process, lambda: has_joined_gaps(tmp_path))
-    _, said = interrupt(process)
-    assert said.splitlines()[-1] == (
+    _, message = interrupt(process)
+    assert message.splitlines()[-1] == (
         "anhyst: interrupted: model.toml holds the best model so far; the same command goes on "
         "from there"
     )

@@ -29,6 +29,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 FILES = {
     "bearing": EXAMPLES / "bearing" / "rig.toml",
     "stage": EXAMPLES / "stage" / "rig.toml",
+    "planar": EXAMPLES / "planar" / "rig.toml",
     "piezo": EXAMPLES / "piezo" / "rig.toml",
     "force": EXAMPLES / "solenoid" / "rig.toml",
     "controller": EXAMPLES / "bearing" / "controller.toml",
@@ -37,6 +38,7 @@ FILES = {
 CALLED = {
     "bearing": "a bearing",
     "stage": "a stage",
+    "planar": "a stage",
     "piezo": "a piezo stage",
     "force": "a rig of force control",
     "model": "a model",
@@ -44,8 +46,8 @@ CALLED = {
     "compiled": "a compiled folder",
     "measurement": "a measurement",
 }
-MEASURED, MODEL = {"measurement"}, {"model"}
-RIGS = {"bearing", "stage", "piezo", "force"}
+MEASURED, MODEL, STAGES = {"measurement"}, {"model"}, {"stage", "planar"}
+RIGS = {"bearing", *STAGES, "piezo", "force"}
 WORKS = {
     "inspect": MEASURED,
     "convert": MEASURED | RIGS,
@@ -56,16 +58,16 @@ WORKS = {
     "invert": MODEL,
     "report": MODEL,
     "diff": MODEL,
-    "compile": {"model", "stage"},
+    "compile": MODEL | STAGES,
     "watch": MODEL,
-    "export": {"model", "bearing", "stage"},
+    "export": {"model", "bearing", *STAGES},
     "verify": {"compiled"},
-    "simulate": {"bearing", "stage", "piezo", "force"},
-    "calibrate": {"bearing", "stage"},
-    "tune": {"bearing", "stage"},
+    "simulate": RIGS,
+    "calibrate": {"bearing", *STAGES},
+    "tune": {"bearing", *STAGES},
     "force-control": {"force"},
-    "excite": {"bearing", "stage", "force"},
-    "live": {"bearing", "stage", "force", "compiled"},
+    "excite": {"bearing", *STAGES, "force"},
+    "live": {"bearing", *STAGES, "force", "compiled"},
     "xcp": set[str](),
 }
 """What each verb is to take; everything else it refuses."""
@@ -100,7 +102,7 @@ def written(kind: str, folder: Path) -> Path:
     else:
         path = folder / FILES[kind].name
         shutil.copy(FILES[kind], path)
-        if kind in {"bearing", "stage", "force"}:
+        if kind in RIGS - {"piezo"}:
             for name in ("loops.csv", "loops.toml", "controller.toml", "solenoid.toml"):
                 if (FILES[kind].parent / name).exists():
                     shutil.copy(FILES[kind].parent / name, folder)
@@ -144,11 +146,11 @@ def test_a_good_file_of_another_kind_is_refused_by_its_name(
 ) -> None:
     path = written(kind, tmp_path)
     before = sorted(tmp_path.iterdir())
-    said = refusal(verb, path, monkeypatch, capsys)
-    assert said.startswith(f"{path.name}: this is {CALLED[kind]}; {verb} is for ")
+    complaint = refusal(verb, path, monkeypatch, capsys)
+    assert complaint.startswith(f"{path.name}: this is {CALLED[kind]}; {verb} is for ")
     for other, kinds in WORKS.items():
         if kind in kinds:
-            assert other in said.rpartition(";")[2]
+            assert other in complaint.rpartition(";")[2]
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -167,9 +169,13 @@ def test_a_kind_that_a_verb_takes_reaches_its_own_reader(
     if (verb, kind) == ("export", "model"):
         monkeypatch.setitem(OPTIONS, "export", [*OPTIONS["export"], "--rate", "1000"])
     expected = spoil(path)
-    said = refusal(verb, path, monkeypatch, capsys)
-    assert "this is " not in said
-    assert Path(expected).name in said if kind in {"compiled", "measurement"} else expected in said
+    complaint = refusal(verb, path, monkeypatch, capsys)
+    assert "this is " not in complaint
+    assert (
+        Path(expected).name in complaint
+        if kind in {"compiled", "measurement"}
+        else expected in complaint
+    )
     assert not list(tmp_path.glob("out*"))
 
 
@@ -207,9 +213,9 @@ def test_a_file_that_says_no_kind_is_asked_for_it_alone(
     ):
         path.write_text(whole.replace(old, new))
         for verb in ("simulate", "tune", "excite", "force-control"):
-            said = refusal(verb, path, monkeypatch, capsys)
-            assert f": {key}: must be " in said
-            assert "wrong as well" not in said
+            complaint = refusal(verb, path, monkeypatch, capsys)
+            assert f": {key}: must be " in complaint
+            assert "wrong as well" not in complaint
 
 
 def test_an_ending_of_measurements_is_one_that_is_read() -> None:

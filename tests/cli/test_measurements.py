@@ -55,8 +55,8 @@ def test_the_good_table_is_good(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     assert says(identify(tmp_path), "no-such-file: loops.csv")
     for verb in (["inspect", "loops.csv"], ["identify", "loops.csv", "--out", "model.toml"]):
-        said = said_in_one_line(quick(*verb, cwd=tmp_path))
-        assert says(said, "no-such-file: loops.csv")
+        message = said_in_one_line(quick(*verb, cwd=tmp_path))
+        assert says(message, "no-such-file: loops.csv")
 
 
 def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.first(19)
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         pytest.param("", "empty-file: loops.csv", id="empty"),
         pytest.param("\n \n\n", "empty-file: loops.csv", id="blank"),
@@ -140,12 +140,12 @@ def test_a_folder_without_tables_is_named(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, said: str) -> None:
-    assert says(identify(write(tmp_path, content)), said)
+def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, message: str) -> None:
+    assert says(identify(write(tmp_path, content)), message)
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         pytest.param(table().encode("utf-16"), "not-utf8", id="bom"),
         pytest.param(table().encode("utf-16-le"), "not-utf8", id="no bom"),
@@ -178,27 +178,27 @@ def test_a_table_that_cannot_be_used_is_refused(tmp_path: Path, content: str, sa
         ),
     ],
 )
-def test_what_is_no_text_table_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
-    assert says(identify(write(tmp_path, content)), said)
+def test_what_is_no_text_table_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    assert says(identify(write(tmp_path, content)), message)
 
 
 def test_escapes_in_a_file_do_not_reach_the_terminal(tmp_path: Path) -> None:
-    said = identify(write(tmp_path, changed(18, 2, "\x1b[31m\u2028x")))
-    assert says(said, "text-in-numbers F_N: loops.csv; line 18; '?[31m?x'")
+    message = identify(write(tmp_path, changed(18, 2, "\x1b[31m\u2028x")))
+    assert says(message, "text-in-numbers F_N: loops.csv; line 18; '?[31m?x'")
 
 
 @pytest.mark.parametrize("content", [table().replace("I_A,F_N", "F_N,I_A"), changed(9, 2, "x")])
 def test_inspect_refuses_the_same(tmp_path: Path, content: str) -> None:
-    said = identify(write(tmp_path, content))
+    message = identify(write(tmp_path, content))
     plotted = ["inspect", "loops.csv", "--plot", "loops.png", "--json"]
-    assert refused(*plotted, cwd=tmp_path) == said
+    assert refused(*plotted, cwd=tmp_path) == message
 
 
 def test_a_gap_map_needs_two_gaps(tmp_path: Path) -> None:
     write(tmp_path, table(rows(GAPS[:1])))
-    said = identify(tmp_path, "--gap-map", "reluctance")
-    assert says(said, "single-gap: 'reluctance'")
-    assert says(said, "single-gap")
+    message = identify(tmp_path, "--gap-map", "reluctance")
+    assert says(message, "single-gap: 'reluctance'")
+    assert says(message, "single-gap")
 
 
 def test_one_gap_alone_is_warned_of(tmp_path: Path) -> None:
@@ -230,19 +230,19 @@ def test_gaps_that_are_all_but_the_same_are_warned_of(tmp_path: Path) -> None:
 def test_a_gap_that_comes_again_must_be_reported_apart(tmp_path: Path) -> None:
     again = [[row[0], row[1], f"{1.1 * float(row[2])}", row[3]] for row in rows()]
     untimed = [row[1:] for row in rows() + again]
-    said = identify(write(tmp_path, table(untimed, "I_A,F_N,gap_m")))
-    assert says(said, "value-again loop: line 160; 0.0003")
-    assert says(said, "value-again loop")
+    message = identify(write(tmp_path, table(untimed, "I_A,F_N,gap_m")))
+    assert says(message, "value-again loop: line 160; 0.0003")
+    assert says(message, "value-again loop")
     once = [row for row in rows() + again if row[3] == "0.3e-3"]
-    said = identify(write(tmp_path, table(once)))
-    assert says(said, "time-backwards: loops.csv; line 81")
-    assert says(said, "time-backwards")
+    message = identify(write(tmp_path, table(once)))
+    assert says(message, "time-backwards: loops.csv; line 81")
+    assert says(message, "time-backwards")
 
 
 def test_a_counter_of_rows_is_no_label_of_loops(tmp_path: Path) -> None:
     lines = [[str(place), *row[1:3]] for place, row in enumerate(rows() * 60)]
-    said = identify(write(tmp_path, table(lines, "loop,I_A,F_N")))
-    assert says(said, "too-many-loops loop: loops.csv; 2000")
+    message = identify(write(tmp_path, table(lines, "loop,I_A,F_N")))
+    assert says(message, "too-many-loops loop: loops.csv; 2000")
     reported = ["--columns", "loop=", "--clean", "none", "--history", "settled"]
     assert fitted(quick("inspect", "loops.csv", *reported, cwd=tmp_path)) == []
 
@@ -257,8 +257,8 @@ def test_two_files_at_one_gap_are_two_loops(tmp_path: Path) -> None:
 def test_the_same_record_at_two_gaps_is_refused(tmp_path: Path) -> None:
     lines = rows(GAPS[:1])
     twice = lines + [[*row[:3], "0.5e-3"] for row in lines]
-    said = identify(write(tmp_path, table(twice)))
-    assert says(said, "same-data-twice: 0.0005; loops.csv; 0.0003")
+    message = identify(write(tmp_path, table(twice)))
+    assert says(message, "same-data-twice: 0.0005; loops.csv; 0.0003")
 
 
 def test_the_same_file_twice_counts_once(tmp_path: Path) -> None:
@@ -274,8 +274,8 @@ def test_the_same_file_twice_counts_once(tmp_path: Path) -> None:
 def test_files_of_different_quantities_do_not_mix(tmp_path: Path) -> None:
     write(tmp_path, table(), "one.csv")
     write(tmp_path, table().replace("F_N", "psi_Wb"), "two.csv")
-    said = refused("identify", "one.csv", "two.csv", "-o", "model.toml", cwd=tmp_path)
-    assert says(said, "quantities-differ: two.csv; psi_Wb; one.csv; F_N")
+    message = refused("identify", "one.csv", "two.csv", "-o", "model.toml", cwd=tmp_path)
+    assert says(message, "quantities-differ: two.csv; psi_Wb; one.csv; F_N")
 
 
 def test_a_gap_that_moves_is_not_fitted(tmp_path: Path) -> None:
@@ -294,7 +294,7 @@ def test_few_samples_are_warned_of(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ("columns = 3", "wrong-kind columns: loops.toml"),
         ("colums = {}", "extra-forbidden colums: loops.toml"),
@@ -304,16 +304,18 @@ def test_few_samples_are_warned_of(tmp_path: Path) -> None:
         ("columns = { I = 'I_A' }", "no-such-column I: loops.csv"),
     ],
 )
-def test_a_sidecar_that_makes_no_sense_is_refused(tmp_path: Path, content: str, said: str) -> None:
+def test_a_sidecar_that_makes_no_sense_is_refused(
+    tmp_path: Path, content: str, message: str
+) -> None:
     write(tmp_path, content, "loops.toml")
-    assert says(identify(write(tmp_path, table())), said)
+    assert says(identify(write(tmp_path, table())), message)
 
 
 def test_a_pipe_is_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "loops.csv")
-    said = identify(tmp_path)
-    assert says(said, "not-a-file: loops.csv")
-    assert says(said, "not-a-file")
+    message = identify(tmp_path)
+    assert says(message, "not-a-file: loops.csv")
+    assert says(message, "not-a-file")
 
 
 def test_a_file_that_may_not_be_read_is_refused(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_the_good_model_is_good(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "message"),
     [
         pytest.param("version", "2", "wrong-version version", id="another version"),
         pytest.param("format", '"recipe"', "wrong-format format", id="another format"),
@@ -96,17 +96,17 @@ def test_the_good_model_is_good(folder: Path) -> None:
     ],
 )
 def test_a_wrong_value_is_reported_with_its_line_and_key(
-    folder: Path, key: str, value: str, said: str
+    folder: Path, key: str, value: str, message: str
 ) -> None:
     text = edited(key, value)
     place = f"model.toml:{line_of(text, f'{key} = ')}: "
     refusal = refused(*VERBS["predict"], cwd=damage(folder, text))
     assert refusal.startswith(place)
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         pytest.param("\nk_A_per_m", "\nk", "unit-missing parameters.k", id="no unit"),
         pytest.param("\nk_A_per_m", "\nk_Oe", "unit-missing parameters.k_Oe", id="another unit"),
@@ -122,15 +122,15 @@ def test_a_wrong_value_is_reported_with_its_line_and_key(
         pytest.param("[parameters]", "[parameters", "damaged-toml: ']'", id="open bracket"),
     ],
 )
-def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, said: str) -> None:
+def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, message: str) -> None:
     assert old in GOOD
     reported = refused(*VERBS["predict"], cwd=damage(folder, GOOD.replace(old, new, 1)))
     assert reported.startswith("model.toml:")
-    assert says(reported, said)
+    assert says(reported, message)
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         pytest.param("", "wrong-format format: model.toml", id="empty"),
         pytest.param(GOOD.encode("utf-16"), "not-utf8: model.toml", id="UTF-16"),
@@ -144,30 +144,30 @@ def test_a_wrong_key_is_reported(folder: Path, old: str, new: str, said: str) ->
         pytest.param("a = " + "9" * 9000, "damaged-toml: model.toml", id="endless number"),
     ],
 )
-def test_what_is_no_model_is_refused(folder: Path, content: str | bytes, said: str) -> None:
-    assert says(refused(*VERBS["predict"], cwd=damage(folder, content)), said)
+def test_what_is_no_model_is_refused(folder: Path, content: str | bytes, message: str) -> None:
+    assert says(refused(*VERBS["predict"], cwd=damage(folder, content)), message)
 
 
 def test_a_truncated_model_is_refused_wherever_it_ends(folder: Path) -> None:
     for share in (0.2, 0.55, 0.8):
-        said = refused(*VERBS["predict"], cwd=damage(folder, GOOD[: int(share * len(GOOD))]))
-        assert said.startswith("model.toml")
+        message = refused(*VERBS["predict"], cwd=damage(folder, GOOD[: int(share * len(GOOD))]))
+        assert message.startswith("model.toml")
 
 
 @pytest.mark.parametrize("verb", ["invert", "report", "diff"])
 def test_every_verb_refuses_a_damaged_model(folder: Path, verb: str) -> None:
     text = edited("c", "1.5")
-    said = refused(*VERBS[verb], cwd=damage(folder, text))
-    assert says(said, f"out-of-range parameters.c: model.toml:{line_of(text, 'c = ')}:; 1.5")
+    message = refused(*VERBS[verb], cwd=damage(folder, text))
+    assert says(message, f"out-of-range parameters.c: model.toml:{line_of(text, 'c = ')}:; 1.5")
     (folder / "model.toml").unlink()
     assert says(refused(*VERBS[verb], cwd=folder), "no-such-file: model.toml")
 
 
 def test_several_faults_are_reported_at_once(folder: Path) -> None:
     text = edited("c", "1.5").replace("k_A_per_m", "k").replace("alpha", "alfa")
-    said = refused(*VERBS["predict"], cwd=damage(folder, text))
-    assert "; wrong as well: " in said
-    assert all(key in said for key in ("parameters.k", "parameters.alfa"))
+    message = refused(*VERBS["predict"], cwd=damage(folder, text))
+    assert "; wrong as well: " in message
+    assert all(key in message for key in ("parameters.k", "parameters.alfa"))
 
 
 def test_a_folder_is_no_model(folder: Path) -> None:

@@ -23,7 +23,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["predikt"], "No such command 'predikt'. Did you mean 'predict'? See 'anhyst --help'."),
         (["--frce"], "No such option: --frce"),
@@ -44,12 +44,12 @@ def folder(tmp_path: Path) -> Path:
         (["diff", "model.toml"], "Missing argument 'B'"),
     ],
 )
-def test_wrong_usage_is_refused(folder: Path, arguments: list[str], said: str) -> None:
-    assert refused(*arguments, cwd=folder).startswith(said)
+def test_wrong_usage_is_refused(folder: Path, arguments: list[str], message: str) -> None:
+    assert refused(*arguments, cwd=folder).startswith(message)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ([*IDENTIFY, "--clean", "wash"], "unknown-cleaning-step wash"),
         ([*IDENTIFY, "--history", "virgin"], "unknown-history history: 'virgin'"),
@@ -66,17 +66,17 @@ def test_wrong_usage_is_refused(folder: Path, arguments: list[str], said: str) -
     ],
 )
 def test_an_option_that_does_not_fit_is_refused(
-    folder: Path, arguments: list[str], said: str
+    folder: Path, arguments: list[str], message: str
 ) -> None:
-    assert says(refused(*arguments, cwd=folder), said)
+    assert says(refused(*arguments, cwd=folder), message)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", ["avx1024", "", "AVX2"])
 def test_an_instruction_set_that_is_not_there_is_refused(folder: Path, level: str) -> None:
-    said = refused(*IDENTIFY, cwd=folder, variables={"ANHYST_DISPATCH": level})
-    assert says(said, f"unknown-level: {level!r}")
-    assert "base" in said
+    message = refused(*IDENTIFY, cwd=folder, variables={"ANHYST_DISPATCH": level})
+    assert says(message, f"unknown-level: {level!r}")
+    assert "base" in message
 
 
 def test_what_is_read_is_not_written_over(folder: Path) -> None:

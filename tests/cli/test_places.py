@@ -46,16 +46,16 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("verb", WRITERS)
 def test_a_missing_folder_is_reported_at_once(folder: Path, verb: str) -> None:
     start, name = WRITERS[verb]
-    said = refused(*start, f"none/{name}", cwd=folder)
-    assert says(said, f"cannot-be-written: none/{name}")
+    message = refused(*start, f"none/{name}", cwd=folder)
+    assert says(message, f"cannot-be-written: none/{name}")
 
 
 @pytest.mark.parametrize("verb", WRITERS)
 def test_a_folder_is_not_written_over(folder: Path, verb: str) -> None:
     start, name = WRITERS[verb]
     (folder / name).mkdir()
-    said = refused(*start, name, cwd=folder)
-    assert says(said, f"cannot-be-written: {name}")
+    message = refused(*start, name, cwd=folder)
+    assert says(message, f"cannot-be-written: {name}")
 
 
 def permissions_count(folder: Path) -> bool:
@@ -74,8 +74,8 @@ def test_a_read_only_folder_is_reported_at_once(folder: Path, verb: str) -> None
     locked.mkdir(mode=0o555)
     if not permissions_count(locked):
         pytest.skip("permissions of folders do not count here")
-    said = refused(*start, f"locked/{name}", cwd=folder, ordinary=True)
-    assert says(said, f"cannot-be-written: locked/{name}")
+    message = refused(*start, f"locked/{name}", cwd=folder, ordinary=True)
+    assert says(message, f"cannot-be-written: locked/{name}")
 
 
 NO_BYTECODE = {"PYTHONDONTWRITEBYTECODE": "1"}
@@ -89,8 +89,8 @@ def test_a_disk_that_fills_up_leaves_the_old_file_as_it_was(folder: Path, verb: 
     (folder / name).write_text("old")
     before = contents(folder)
     result = quick(*start, name, cwd=folder, file_size=2000)
-    said = said_in_one_line(result)
-    assert says(said, f"cannot-be-written: {name}")
+    message = said_in_one_line(result)
+    assert says(message, f"cannot-be-written: {name}")
     assert contents(folder) == before
 
 
@@ -103,8 +103,8 @@ def test_a_disk_without_room_for_a_checkpoint_is_reported(folder: Path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 
     # What a command that starts warm says goes through a file.
-    said = refused(*paper, name, cwd=folder, preexec_fn=limit, variables=NO_BYTECODE)
-    assert said.startswith(f"{name}.checkpoint: cannot be written: File too large")
+    message = refused(*paper, name, cwd=folder, preexec_fn=limit, variables=NO_BYTECODE)
+    assert message.startswith(f"{name}.checkpoint: cannot be written: File too large")
 
 
 @pytest.mark.first(3)
@@ -151,16 +151,16 @@ def test_a_disk_that_is_really_full_is_reported(folder: Path) -> None:
     header, *lines = table().splitlines()
     (folder / "long.csv").write_text("\n".join([header, *lines * 40]) + "\n")
     options = ["--columns", "t_s="]
-    said = on_a_small_disk(
+    message = on_a_small_disk(
         folder,
         [*COMMAND, "predict", "good.toml", "long.csv", "--out", "disk/force.csv", *options],
         read_only=False,
     )
-    assert says(said, "cannot-be-written: disk/force.csv; No space left on device; make room")
+    assert says(message, "cannot-be-written: disk/force.csv; No space left on device; make room")
 
 
 def test_a_read_only_disk_is_reported(folder: Path) -> None:
-    said = on_a_small_disk(
+    message = on_a_small_disk(
         folder, [*COMMAND, "identify", "loops.csv", "--out", "disk/model.toml"], read_only=True
     )
-    assert says(said, "cannot-be-written: disk/model.toml; Read-only file system")
+    assert says(message, "cannot-be-written: disk/model.toml; Read-only file system")

@@ -31,12 +31,14 @@ def test_off_a_terminal_lines_come_on_standard_error_and_json_stays_clean(here: 
     result = speaking(0.1, "identify", "loops.csv", *SHORT, "--json", cwd=here)
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["law"]
-    said = [line for line in result.stderr.splitlines() if line.startswith("anhyst: searching: ")]
-    assert said
+    message = [
+        line for line in result.stderr.splitlines() if line.startswith("anhyst: searching: ")
+    ]
+    assert message
     shares = shares_said("searching", result.stderr)
-    assert len(shares) == len(said)
+    assert len(shares) == len(message)
     assert shares == sorted(shares)
-    assert any(re.search(r" s so far, about \d+ s left$", line) for line in said)
+    assert any(re.search(r" s so far, about \d+ s left$", line) for line in message)
 
 
 def test_a_command_that_is_over_within_the_minute_says_nothing(here: Path) -> None:

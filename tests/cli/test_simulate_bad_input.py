@@ -42,7 +42,7 @@ def change(path: Path, old: str, new: str) -> int:
 
 @pytest.mark.first(5)
 @pytest.mark.parametrize(
-    ("old", "new", "key", "said"),
+    ("old", "new", "key", "message"),
     [
         pytest.param(
             "gap_m = 0.45e-3",
@@ -186,19 +186,19 @@ def change(path: Path, old: str, new: str) -> int:
     ],
 )
 def test_a_key_of_the_rig_that_will_not_do(
-    folder: Path, old: str, new: str, key: str, said: str
+    folder: Path, old: str, new: str, key: str, message: str
 ) -> None:
     line = change(folder / "rig.toml", old, new)
     refusal = refused(*RUN, cwd=folder)
     line += new.count("\n")
     assert refusal.startswith(f"rig.toml:{line}") or key == "timing"
     assert f": {key}: " in refusal
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 @pytest.mark.first(3)
 @pytest.mark.parametrize(
-    ("old", "new", "key", "said"),
+    ("old", "new", "key", "message"),
     [
         pytest.param(
             "rate_Hz = 20000.0",
@@ -273,12 +273,12 @@ def test_a_key_of_the_rig_that_will_not_do(
     ],
 )
 def test_a_key_of_the_controller_that_will_not_do(
-    folder: Path, old: str, new: str, key: str, said: str
+    folder: Path, old: str, new: str, key: str, message: str
 ) -> None:
     line = change(folder / "controller.toml", old, new)
     refusal = refused(*RUN, cwd=folder)
     assert refusal.startswith(f"controller.toml:{line}: {key}: ")
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 def test_a_sample_rate_that_is_too_slow_for_the_plant(folder: Path) -> None:
@@ -321,7 +321,7 @@ def table(
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         pytest.param(table(skip=(2, 1)), "grid-has-holes: 0.45 mm", id="hole"),
         pytest.param(table(zero=(2, 1)), "not-monotone: line 9; 0.45 mm", id="not monotone"),
@@ -335,13 +335,13 @@ def table(
         pytest.param(None, "no-such-file", id="missing"),
     ],
 )
-def test_a_flux_table_that_will_not_do(folder: Path, text: str | None, said: str) -> None:
+def test_a_flux_table_that_will_not_do(folder: Path, text: str | None, message: str) -> None:
     change(folder / "rig.toml", 'kind = "electromagnet"', LAW)
     if text is not None:
         (folder / "flux.csv").write_text(text)
     refusal = refused(*RUN, cwd=folder)
     assert refusal.startswith("flux.csv: ")
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 def write_spoilt(folder: Path, spoil: Callable[[Model], Model]) -> None:
@@ -360,19 +360,19 @@ def of_1986(model: Model) -> Model:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "message"),
     [
         pytest.param(of_1986, "no-fixed-point-form: 'jiles-atherton-1986'", id="law of 1986"),
     ],
 )
 def test_a_model_that_cannot_be_compiled(
-    folder: Path, spoil: Callable[[Model], Model], said: str
+    folder: Path, spoil: Callable[[Model], Model], message: str
 ) -> None:
     write_spoilt(folder, spoil)
     change(folder / "controller.toml", '"full"', '"full"\nmodel = "model.toml"')
     refusal = refused(*RUN, cwd=folder)
     assert refusal.startswith("model.toml: ")
-    assert says(refusal, said)
+    assert says(refusal, message)
 
 
 @pytest.mark.parametrize("variant", ["full", "single-valued"])
@@ -401,14 +401,14 @@ def test_loops_without_gap_or_around_another_one(folder: Path) -> None:
     loops = folder / "loops.csv"
     text = loops.read_text()
     loops.write_text(without(text, "gap_m"))
-    said = refused(*RUN, cwd=folder)
-    assert says(said, "columns-missing: loops.csv")
+    message = refused(*RUN, cwd=folder)
+    assert says(message, "columns-missing: loops.csv")
     rows = text.splitlines(keepends=True)
     loops.write_text(
         "".join(row for row in rows if ",0.00035," not in row and ",0.00042," not in row)
     )
-    said = refused(*RUN, cwd=folder)
-    assert says(said, "gaps-not-covered: loops.csv; 0.00048; 0.00055 m; rig.toml; 0.00045 m")
+    message = refused(*RUN, cwd=folder)
+    assert says(message, "gaps-not-covered: loops.csv; 0.00048; 0.00055 m; rig.toml; 0.00045 m")
 
 
 @pytest.mark.parametrize("name", ["loops.csv", "controller.toml", "rig.toml"])
@@ -419,23 +419,23 @@ def test_a_file_that_is_not_there(folder: Path, name: str) -> None:
 
 
 def test_a_named_file_that_is_not_there(folder: Path) -> None:
-    said = refused(*RUN, "--controller", "other.toml", cwd=folder)
-    assert says(said, "no-such-file: other.toml")
+    message = refused(*RUN, "--controller", "other.toml", cwd=folder)
+    assert says(message, "no-such-file: other.toml")
     change(folder / "controller.toml", 'variant = "full"', 'variant = "full"\nmodel = "m.toml"')
     assert says(refused(*RUN, cwd=folder), "no-such-file: m.toml")
 
 
 def test_files_of_another_kind(folder: Path) -> None:
-    said = refused("simulate", "controller.toml", "--out", "out/run.csv", cwd=folder)
-    assert says(said, "wrong-kind: controller.toml: this is a controller file; simulate")
-    said = refused(*RUN, "--controller", "rig.toml", cwd=folder)
-    assert says(said, "wrong-kind: rig.toml: this is a bearing; controller file")
-    said = refused("simulate", "loops.csv", "--out", "out/run.csv", cwd=folder)
-    assert says(said, "wrong-kind: loops.csv: this is a measurement; simulate")
+    message = refused("simulate", "controller.toml", "--out", "out/run.csv", cwd=folder)
+    assert says(message, "wrong-kind: controller.toml: this is a controller file; simulate")
+    message = refused(*RUN, "--controller", "rig.toml", cwd=folder)
+    assert says(message, "wrong-kind: rig.toml: this is a bearing; controller file")
+    message = refused("simulate", "loops.csv", "--out", "out/run.csv", cwd=folder)
+    assert says(message, "wrong-kind: loops.csv: this is a measurement; simulate")
 
 
 @pytest.mark.parametrize(
-    ("out", "said"),
+    ("out", "message"),
     [
         pytest.param("out/run.txt", "wrong-ending: out/run.txt", id="another ending"),
         pytest.param("out/run", "wrong-ending", id="no ending"),
@@ -443,15 +443,15 @@ def test_files_of_another_kind(folder: Path) -> None:
         pytest.param("loops.csv", "writes-over-input: loops.csv", id="what is read"),
     ],
 )
-def test_a_place_that_will_not_do(folder: Path, out: str, said: str) -> None:
-    assert says(refused("simulate", "rig.toml", "--out", out, cwd=folder), said)
+def test_a_place_that_will_not_do(folder: Path, out: str, message: str) -> None:
+    assert says(refused("simulate", "rig.toml", "--out", out, cwd=folder), message)
 
 
 @pytest.mark.parametrize("name", ["run.csv", "figures.json", "report.html"])
 def test_a_folder_where_a_file_is_to_be(folder: Path, name: str) -> None:
     (folder / "out" / name).mkdir()
-    said = refused(*RUN, cwd=folder)
-    assert says(said, f"cannot-be-written: out/{name}")
+    message = refused(*RUN, cwd=folder)
+    assert says(message, f"cannot-be-written: out/{name}")
 
 
 def test_gains_that_do_not_hold_the_armature_are_a_negative_result(folder: Path) -> None:

@@ -42,7 +42,7 @@ def change(path: Path, old: str, new: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         pytest.param(
             SECOND,
@@ -75,10 +75,10 @@ def change(path: Path, old: str, new: str) -> None:
     ],
 )
 def test_a_stage_that_will_not_do_is_named_by_file_and_key(
-    folder: Path, old: str, new: str, said: str
+    folder: Path, old: str, new: str, message: str
 ) -> None:
     change(folder / "rig.toml", old, new)
-    assert says(refused("simulate", "rig.toml", "--out", "run.csv", cwd=folder), said)
+    assert says(refused("simulate", "rig.toml", "--out", "run.csv", cwd=folder), message)
     assert not (folder / "run.csv").exists()
 
 

@@ -123,8 +123,8 @@ def test_a_reader_that_goes_away_is_no_crash(folder: Path) -> None:
     assert process.stdout is not None
     assert process.stderr is not None
     process.stdout.close()
-    said = process.stderr.read()
+    message = process.stderr.read()
     process.stderr.close()
     process.wait()
-    assert "Traceback" not in said
-    assert "Exception" not in said
+    assert "Traceback" not in message
+    assert "Exception" not in message

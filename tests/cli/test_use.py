@@ -21,12 +21,12 @@ HALF = np.linspace(0.1, 2.0, 30)
 CYCLE = np.concatenate([HALF, HALF[-2::-1]])
 
 
-def fails_in_one_line(result: Result, code: int, said: str) -> None:
+def fails_in_one_line(result: Result, code: int, message: str) -> None:
     assert result.returncode == code, result.stderr
     assert result.stdout == ""
     assert result.stderr.count("\n") == 1
     assert result.stderr.startswith("anhyst: error: ")
-    assert says(result.stderr, said)
+    assert says(result.stderr, message)
 
 
 @pytest.fixture

@@ -31,14 +31,14 @@ def folder(compiled: Path, tmp_path: Path) -> Path:
 
 
 def test_an_unknown_target(folder: Path) -> None:
-    said = refused("verify", "c", "--on", "host,cortex-m5", cwd=folder)
-    assert says(said, "unknown-target")
+    message = refused("verify", "c", "--on", "host,cortex-m5", cwd=folder)
+    assert says(message, "unknown-target")
     assert says(refused("verify", "c", "--on", ",", cwd=folder), "no-target")
 
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize(
-    ("target", "said"),
+    ("target", "message"),
     [
         ("avr", "avr-gcc (apt install gcc-avr avr-libc)"),
         ("msp430", "mspdebug (apt install mspdebug)"),
@@ -46,13 +46,13 @@ def test_an_unknown_target(folder: Path) -> None:
     ],
 )
 def test_a_tool_that_is_not_installed_names_its_package(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, target: str, said: str
+    folder: Path, monkeypatch: pytest.MonkeyPatch, target: str, message: str
 ) -> None:
     (folder / "empty").mkdir()
     monkeypatch.setitem(ENVIRONMENT, "PATH", str(folder / "empty"))
     before = contents(folder)
     result = anhyst("verify", "c", "--on", target, cwd=folder)
-    assert says(said_in_one_line(result), f"no-target: {target}: {said}")
+    assert says(said_in_one_line(result), f"no-target: {target}: {message}")
     assert contents(folder) == before
 
 
@@ -69,7 +69,7 @@ def test_a_folder_that_compile_did_not_write(folder: Path) -> None:
 def test_a_manifest_that_was_edited(folder: Path) -> None:
     place = folder / "c" / "manifest.json"
     right = json.loads(place.read_text())
-    for wrong, said in (
+    for wrong, message in (
         ("{", "damaged-manifest: c/manifest.json"),
         (json.dumps({**right, "format": 1}), "damaged-manifest format: c/manifest.json"),
         (json.dumps({**right, "io": "q7"}), "not-verifiable io: c/manifest.json; q7"),
@@ -83,11 +83,11 @@ def test_a_manifest_that_was_edited(folder: Path) -> None:
         ),
     ):
         place.write_text(wrong)
-        assert says(refused("verify", "c", cwd=folder), said)
+        assert says(refused("verify", "c", cwd=folder), message)
 
 
 def test_c_that_was_edited_is_not_verified(folder: Path) -> None:
     parameters = folder / "c" / "magnet_parameters.c"
     parameters.write_text(parameters.read_text() + "\n")
-    said = refused("verify", "c", cwd=folder)
-    assert says(said, "changed-since: c/magnet_parameters.c")
+    message = refused("verify", "c", cwd=folder)
+    assert says(message, "changed-since: c/magnet_parameters.c")

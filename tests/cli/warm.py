@@ -68,11 +68,11 @@ def run(request: dict[str, Any]) -> tuple[int, str, str]:
             limit(request)
             become(request["arguments"], request["cwd"], out, err)
         _, status = os.waitpid(child, 0)
-        printed, said = (
+        printed, message = (
             os.pread(stream.fileno(), os.fstat(stream.fileno()).st_size, 0).decode()
             for stream in (out, err)
         )
-    return os.waitstatus_to_exitcode(status), printed, said
+    return os.waitstatus_to_exitcode(status), printed, message
 
 
 def limit(request: dict[str, Any]) -> None:

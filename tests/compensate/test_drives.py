@@ -58,12 +58,12 @@ def densities(rows: int = 5, columns: int = 9) -> FloatArray:
 
 
 def of_map(drive: type[ForceController] | type[ForceControllerF32]) -> Real:
-    return drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
+    return drive.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
 
 
 def of_flux(*loop: float, high: float = HIGH) -> ForceController:
     return ForceController.flux(
-        table(), densities(), np.array(loop), FORCE, GAP_LOW, GAP_HIGH, 0.0, high
+        table(), densities(), np.array(loop), 0.0, FORCE, GAP_LOW, GAP_HIGH, 0.0, high
     )  # fmt: skip
 
 
@@ -110,7 +110,7 @@ def test_a_map_is_straight_between_its_entries(
     between = RegularGridInterpolator(axes, table())
     rng = np.random.default_rng(1)
     points = np.column_stack([rng.uniform(GAP_LOW, GAP_HIGH, 500), rng.uniform(0.0, FORCE, 500)])
-    wide = drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
+    wide = drive.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
     found = [wide.solve(force, gap, NAN) for gap, force in points.tolist()]
     assert found == pytest.approx(between(points), abs=bound * 3.0)
 
@@ -119,7 +119,7 @@ def test_a_map_is_straight_between_its_entries(
 def test_a_map_ends_where_its_table_does(
     drive: type[ForceController] | type[ForceControllerF32],
 ) -> None:
-    wide = drive.map(table(), FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
+    wide = drive.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, -9.0, 9.0)
     corner = wide.solve(FORCE, GAP_HIGH, NAN)
     assert wide.solve(FORCE, 1.0, NAN) == corner == pytest.approx(3.0)
     assert wide.solve(9.0 * FORCE, GAP_HIGH, NAN) == corner
@@ -227,7 +227,7 @@ def test_a_current_other_than_the_solved_one_is_reported_as_force() -> None:
 
 def test_what_a_limit_took_away_is_reported_as_force() -> None:
     drive = of_map(ForceController)
-    narrow = ForceController.map(table(), FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
+    narrow = ForceController.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, LOW, 1.0)
     most = narrow.solve(190.0, WIDE, NAN)
     assert (most, narrow.flags) == (1.0, CURRENT_LIMITED)
     expected = narrow.commit(most, WIDE)
@@ -378,6 +378,7 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limi
         entries / 32768.0 * current_scale,
         wanted / 32768.0 * flux_scale,
         np.array(exact),
+        0.0,
         1.0,
         0.0,
         1.0,
@@ -404,15 +405,15 @@ def test_what_is_not_sound_is_refused() -> None:
     falling = table()
     falling[2, 3] = falling[2, 4] + 0.1
     with pytest.raises(ValueError, match="not valid"):
-        ForceController.map(falling, FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
+        ForceController.map(falling, 0.0, FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
     with pytest.raises(ValueError, match="not valid"):
-        ForceController.map(table(), FORCE, GAP_HIGH, GAP_LOW, LOW, HIGH)
+        ForceController.map(table(), 0.0, FORCE, GAP_HIGH, GAP_LOW, LOW, HIGH)
     with pytest.raises(ValueError, match="not valid"):
-        ForceControllerF32.map(table(), 0.0, GAP_LOW, GAP_HIGH, LOW, HIGH)
+        ForceControllerF32.map(table(), 0.0, 0.0, GAP_LOW, GAP_HIGH, LOW, HIGH)
     with pytest.raises(ValueError, match="not valid"):
-        ForceController.map(table(), FORCE, GAP_LOW, GAP_HIGH, HIGH, LOW)
+        ForceController.map(table(), 0.0, FORCE, GAP_LOW, GAP_HIGH, HIGH, LOW)
     with pytest.raises(ValueError, match="2 to 65 rows"):
-        ForceController.map(table(rows=1), FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
+        ForceController.map(table(rows=1), 0.0, FORCE, GAP_LOW, GAP_HIGH, LOW, HIGH)
     for loop in ((NAN, 0.1, 0.2, 0.5), (0.5, 0.1, 1.2, 0.5), (0.5, 0.1, 0.2, 0.0)):
         with pytest.raises(ValueError, match="not valid"):
             of_flux(*loop)

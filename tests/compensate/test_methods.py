@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from dataclasses import replace
 from functools import cache
@@ -125,15 +126,15 @@ def test_the_static_curve_is_the_best_of_its_kind() -> None:
 
 
 def test_noise_of_the_force_leaves_the_slope_of_the_static_curve_quiet() -> None:
-    quiet = fit_surface(around(roots), 100.0, RANGE)
-    noisy = fit_surface(around(roots, noise=0.2), 100.0, RANGE)
+    quiet = fit_surface(around(roots), (0.0, 100.0), RANGE)
+    noisy = fit_surface(around(roots, noise=0.2), (0.0, 100.0), RANGE)
     inside = slice(20, -10)
     slopes = np.diff(noisy.current[8])[inside] / np.diff(quiet.current[8])[inside]
     assert np.abs(slopes - 1.0).max() < 0.1
 
 
 def test_beyond_what_was_measured_the_static_curve_goes_on_straight() -> None:
-    surface = fit_surface(around(roots), 150.0, RANGE)  # the loops end at 120 N
+    surface = fit_surface(around(roots), (0.0, 150.0), RANGE)  # the loops end at 120 N
     beyond = surface.force > 121.0
     slopes = np.diff(surface.current[:, beyond], axis=1) / np.diff(surface.force[beyond])
     assert np.ptp(slopes, axis=1).max() < 1e-6 * slopes.max()
@@ -334,10 +335,10 @@ def test_what_does_not_fit_is_refused() -> None:
     with refused("no-hall-probe flux"):
         make_compensator("flux", Sources(POINT, loops, model), "f64")
     with refused("force-not-reached loops: 1000 N"):
-        fit_surface(loops, 1000.0, RANGE)
+        fit_surface(loops, (0.0, 1000.0), RANGE)
     bare = Loops((replace(loops.loops[0], schedule=None),), loops.input, loops.output)
     with refused("columns-missing loops"):
-        fit_surface(bare, 90.0, RANGE)
+        fit_surface(bare, (0.0, 90.0), RANGE)
     with refused("no-valid-range valid"):
         make_compensator("simplified", Sources(POINT, loops, replace(model, valid=None)), "f64")
 
@@ -381,3 +382,65 @@ def test_a_calibration_without_force_is_refused() -> None:
     series = FluxCalibration(np.full(3, 1e-3), zeros, zeros, 5e-5, 0.0)
     with refused("not-monotone"):
         series.density_over(zeros, zeros)
+
+
+# What pushes as well as it pulls
+
+
+BOTH = Operating(0.42e-3, 0.0, RATE, RANGE, 36.0, 2.0, both_ways=True)
+
+
+@cache
+def thrusts() -> tuple[Loops, Model]:
+    """Return loops of a thrust in proportion to the flux, both ways, and the model behind them."""
+    whole = magnet()
+    model = replace(
+        whole,
+        output=QUANTITIES["thrust"],
+        parameters={**whole.parameters, "c_out": 30.0, "out_0": (1.0, 0.0, -1.5)},
+        valid=ValidRange((-2.0, 2.0), (-50.0, 50.0), (GAPS[0], GAPS[-1])),
+    )
+    loops = []
+    for gap in GAPS:
+        for low, high in ((-2.0, 2.0), (-0.8, 1.5)):
+            drive = np.append(triangles(low, high, 400), low)
+            thrust = model.predict(drive, gap, history="demagnetised").output[-401:]
+            at, name = np.full(401, gap), f"{low:g} to {high:g}"
+            loops.append(Loop(name, drive[-401:], thrust, at, history=History("settled")))
+    names = QUANTITIES["current"], QUANTITIES["thrust"], QUANTITIES["gap"]
+    return Loops(tuple(loops), *names), model
+
+
+@cache
+def thrust_error(variant: MethodName, number_format: NumberFormat) -> float:
+    """Return the largest error of a thrust that swings both ways less and less, N."""
+    loops, model = thrusts()
+    drive = make_compensator(variant, Sources(BOTH, loops, model), number_format)
+    true, worst = model.stepper(BOTH.gap, "demagnetised"), 0.0
+    swing = 33.0 * np.exp(-np.arange(2000) / 1500.0) * np.sin(np.arange(2000) / 60.0)
+    for place, wanted in enumerate(swing.tolist()):
+        current = drive.solve(wanted, BOTH.gap)
+        thrust = true.commit(current)
+        drive.commit(current, BOTH.gap)
+        if place > 400:  # the first swings leave the demagnetised state
+            worst = max(worst, abs(thrust - wanted))
+    return worst
+
+
+@pytest.mark.parametrize("number_format", ["f64", "f32"])
+def test_what_pushes_and_pulls_is_followed_through_zero(number_format: NumberFormat) -> None:
+    errors = [thrust_error(name, number_format) for name in ("single-valued", "play", "full")]
+    assert errors[2] < 0.1
+    assert errors[2] < 0.3 * errors[1] < 0.6 * errors[0]
+    assert errors[0] < 6.0
+
+
+@pytest.mark.parametrize("variant", ["single-valued", "play"])
+def test_a_map_of_both_signs_ends_at_its_limits(variant: MethodName) -> None:
+    drive = make_compensator(variant, Sources(BOTH, *thrusts()), "f64")
+    for demand in (-math.inf, -1e3, 1e3, math.inf):
+        assert -2.0 <= drive.solve(demand, BOTH.gap) <= 2.0
+    assert drive.solve(math.nan, BOTH.gap) == drive.solve(0.0, BOTH.gap)
+    assert drive.solve(-1e3, BOTH.gap) < -0.5
+    assert drive.solve(1e3, BOTH.gap) > 0.5
+    assert drive.commit(drive.solve(-20.0, BOTH.gap), BOTH.gap) == -20.0

@@ -181,7 +181,7 @@ def test_the_half_width_of_the_loops_is_found_and_no_branch_falls() -> None:
 def test_the_radius_is_the_best_of_all_that_minor_cycles_show() -> None:
     """With another radius the forces of the records are expected worse."""
     loops = known()[0]
-    surface = fit_surface(loops, fitted().scales.demand, (GAPS[0], GAPS[-1]))
+    surface = fit_surface(loops, (0.0, fitted().scales.demand), (GAPS[0], GAPS[-1]))
     assert best_radius(surface, loops, POINT) == pytest.approx(fitted().radius)
     inside = [loop for loop in loops.loops if RANGE[0] <= (loop.schedule_value or 0.0) <= RANGE[1]]
 

@@ -17,7 +17,7 @@ from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, bui
 from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.compensate.words import Names
 from anhyst.compilation.core import SINGLE
-from anhyst.compilation.floating_source import c_parameters_f32, literal
+from anhyst.compilation.floating_source import c_parameters, literal
 from anhyst.model.compilable import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.arrays import FloatArray
@@ -363,7 +363,7 @@ def test_the_c_that_is_written_out_gives_the_same_bits(
         pytest.skip("gcc is not installed")
     block = real(kind, sizes=TableSizes())
     core = core_folder()
-    parameters = c_parameters_f32("magnet", block, Names("N", "A"), magnet().schedule)
+    parameters = c_parameters("magnet", block, Names("N", "A"), magnet().schedule)
     source, program = tmp_path / "all.c", tmp_path / "all"
     head = '#include "anhyst/compensator/compensator_f32.h"\n'
     source.write_text(head + parameters + PROGRAM, encoding="utf-8")

@@ -14,7 +14,7 @@ import pytest
 
 import anhyst
 from anhyst.cli.app import main
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.stage.loop import (
     Feedforward,
@@ -25,21 +25,22 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.compiled import ROWS, CompiledStage, write_stage
+from anhyst.study.tracking.compiled import ROWS, CompiledStage, compiled_rig, write_stage
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar
+from tests.study.test_solid_stage import late, solid
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 @cache
-def single(several: bool, method: MethodName) -> StageSetup:
+def single(several: bool, method: MethodName, number_format: NumberFormat = "f32") -> StageSetup:
     """Return an example in single precision, its magnets known without a search."""
     rig = planar() if several else stages.stage()
-    rig = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+    rig = replace(rig, settings=rig.settings.changed({"control.format": number_format}))
     return replace(make_stage(rig, bearings.knowledge(), method), law="f32")
 
 
@@ -68,8 +69,11 @@ def folder_of(setup: StageSetup, tmp_path: Path) -> CompiledStage:
     return write_stage(setup, setup.compensator.method, tmp_path / "out", "stage")
 
 
-def test_what_was_simulated_is_what_would_be_flashed(tmp_path: Path) -> None:
-    setup = single(True, "full")
+@pytest.mark.parametrize("number_format", ["f32", "fixed"])
+def test_what_was_simulated_is_what_would_be_flashed(
+    number_format: NumberFormat, tmp_path: Path
+) -> None:
+    setup = single(True, "full", number_format)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
     for number in (1, 2, 5, 10):
@@ -87,17 +91,25 @@ def test_one_axis_is_compiled_as_a_body_of_one_coordinate(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["play", "single-valued", "simplified"])
-def test_every_kind_replays_its_flight(method: MethodName, tmp_path: Path) -> None:
-    setup = single(True, method)
+@pytest.mark.parametrize(
+    ("method", "number_format"),
+    [("play", "f32"), ("single-valued", "f32"), ("simplified", "f32"), ("play", "fixed")],
+)
+def test_every_kind_replays_its_flight(
+    method: MethodName, number_format: NumberFormat, tmp_path: Path
+) -> None:
+    setup = single(True, method, number_format)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
     assert np.array_equal(compiled.vectors["current_1"], flown(setup, 1))
 
 
 @pytest.mark.slow
-def test_what_calibration_found_of_each_magnet_is_compiled(tmp_path: Path) -> None:
-    setup = single(True, "full")
+@pytest.mark.parametrize("number_format", ["f32", "fixed"])
+def test_what_calibration_found_of_each_magnet_is_compiled(
+    number_format: NumberFormat, tmp_path: Path
+) -> None:
+    setup = single(True, "full", number_format)
     other = fit_method(setup.rig, bearings.knowledge(), "full", 0.05)
     rows = np.tile([1.0, 0.0, 1.0, 0.0], (10, 1))
     rows[1], rows[8] = [1.01, 1e-6, 1.0, 0.0], [0.99, -2e-6, 1.0, 0.0]
@@ -110,6 +122,31 @@ def test_what_calibration_found_of_each_magnet_is_compiled(tmp_path: Path) -> No
     for number in (2, 4, 9):
         assert np.array_equal(compiled.vectors[f"current_{number}"], flown(corrected, number))
     assert not np.array_equal(compiled.vectors["current_2"], flown(setup, 2))
+
+
+@pytest.mark.slow
+def test_layers_of_solid_iron_are_compiled_in_fixed_point_too(tmp_path: Path) -> None:
+    made = make_stage(solid(**{"control.format": "fixed"}), late(), "full")
+    replays(folder_of(replace(made, law="f32"), tmp_path).out)
+
+
+def test_the_rig_file_says_in_which_format_a_magnet_reckons() -> None:
+    compiled = {}
+    for said in ("f64", "f32", "fixed"):
+        rig = planar()
+        rig = replace(rig, settings=rig.settings.changed({"control.format": said}))
+        compiled[said] = compiled_rig(rig).settings.tracking.format
+    assert compiled == {"f64": "f32", "f32": "f32", "fixed": "fixed"}
+
+
+@pytest.mark.slow
+def test_fixed_point_behind_single_precision_is_within_two_nanometres_of_double_precision() -> None:
+    scan = planar().settings.scan
+    motion = motion_of(scan, scan.test_m_per_s2)
+    wide = replace(single(True, "full", "f64"), law="f64")
+    runs = [track(one, motion, Feedforward()) for one in (wide, single(True, "full", "fixed"))]
+    for name, most in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
+        assert 0.0 < np.abs(runs[0][name] - runs[1][name]).max() < most
 
 
 def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None:
@@ -133,17 +170,21 @@ def test_a_flight_of_fewer_ticks_than_are_kept_is_compiled_whole(tmp_path: Path)
     assert f"`vectors.csv`, {rows} ticks" in (compiled.out / "DROP_IN.md").read_text()
 
 
+@pytest.mark.parametrize("number_format", ["f32", "fixed"])
 @pytest.mark.parametrize("law", ["f32", "f64"])
-def test_a_reading_that_is_no_number_is_flagged_and_forgotten(law: Literal["f32", "f64"]) -> None:
-    setup = replace(single(True, "single-valued"), law=law)
+def test_a_reading_that_cannot_be_is_flagged_and_the_last_one_counts(
+    law: Literal["f32", "f64"], number_format: NumberFormat
+) -> None:
+    setup = replace(single(True, "single-valued", number_format), law=law)
     controller, gaps = axes_controller(setup), [0.45e-3] * 10
     forward = [0.0, 0.0, 20.0 * 9.81, 0.0, 0.0, 0.0]
-    before = controller.tick([0.0] * 6, forward, gaps)
-    for reading in (math.nan, math.inf, -math.inf):
-        current, _, flags = controller.tick([reading] + [0.0] * 5, forward, gaps)
-        assert flags
-        assert all(0.0 <= one <= 4.5 for one in current)
-        assert controller.tick([0.0] * 6, forward, gaps) == before
+    other, last, true = axes_controller(setup), [0.0] * 6, [2e-7] * 6
+    for reading in (math.nan, math.inf, -math.inf, 0.5e-3, -0.3e-3, 1e30):
+        *wrong, flags = controller.tick([reading] + [1e-7] * 5, forward, gaps)
+        assert flags == 8
+        assert (*wrong, 0) == other.tick(last, forward, gaps)
+        assert controller.tick(true, forward, gaps) == other.tick(true, forward, gaps)
+        last = true
 
 
 @pytest.mark.parametrize(

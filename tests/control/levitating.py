@@ -99,7 +99,7 @@ def make_drive(
         words = np.round(table() / SCALES.current * 2.0**15).clip(max=2**15 - 1)
         return FixedForceController.map(words.astype(np.int16), 0, 2**31 - 1)
     kind = ForceController if number_format == "f64" else ForceControllerF32
-    return kind.map(table(), SCALES.demand, SCALES.gap_low, SCALES.gap_high, 0.0, 5.0)
+    return kind.map(table(), 0.0, SCALES.demand, SCALES.gap_low, SCALES.gap_high, 0.0, 5.0)
 
 
 def make(number_format: NumberFormat, control: PositionControl = CONTROL) -> AnyPosition:

@@ -257,7 +257,8 @@ static void any_signal_is_answered_within_the_limits(void)
 }
 
 /* The law of a piezo stage in both formats: a notch, an integral, feedforward, a single drive. What
-   differs is rounding, most of it of the factors, to 16 bits. */
+   differs is rounding, most of it of the factors, to 16 bits. A reading that is no number, which
+   only one of them can be given, is flagged and leaves no trace. */
 static void fixed_point_controls_as_double_precision_does(void)
 {
   static const int16_t line[4] = {0, 32767, 0, 32767};
@@ -279,7 +280,7 @@ static void fixed_point_controls_as_double_precision_does(void)
                                        &real_filter,
                                        1};
   const anhyst_map_q31 map = {line, 0, 0};
-  const anhyst_map_f64 real_map = {straight, 1, 1, 1.0, 0.0, 1.0};
+  const anhyst_map_f64 real_map = {straight, 1, 1, 0.0, 1.0, 0.0, 1.0};
   anhyst_force_controller_q31 drive;
   anhyst_force_controller_f64 real_drive;
   anhyst_force_controller_q31 *const drives[1] = {&drive};
@@ -319,8 +320,15 @@ static void fixed_point_controls_as_double_precision_does(void)
     double real_current;
     anhyst_tracking_answer_q31 answer = {&current, 0, 0};
     anhyst_tracking_answer_f64 real_answer = {&real_current, 0.0, 0};
+    if (tick % 1000 == 500) {
+      const double none = tick % 2000 == 500 ? (double)NAN : -(double)INFINITY;
+      const anhyst_tracking_sample_f64 lost = {none, forward, &real_gap, &real_flux};
+      anhyst_tracking_tick_f64(&real_controller, &lost, &real_answer);
+      CHECK(real_current == 0.0 && (real_answer.flags & ANHYST_DEMAND_LIMITED) != 0U);
+    }
     anhyst_tracking_tick_q31(&controller, &sample, &answer);
     anhyst_tracking_tick_f64(&real_controller, &real_sample, &real_answer);
+    CHECK(real_answer.flags == 0U);
     keep_worst(&worst, fabs(answer.demand / ONE - real_answer.demand));
     keep_worst(&worst, fabs(current / ONE - real_current) - 1.0 / 32768.0);
   }

@@ -139,6 +139,62 @@ static void no_number_makes_nothing(void)
   CHECK(tried > 100);
 }
 
+static void drives_that_go_both_ways_share_by_least_squares(void)
+{
+  double worst = 0.0;
+  double slope = 0.0;
+  int made = 0;
+  for (int i = 0; i < 20000; i++) {
+    anhyst_wrench_layout_f64 layout = any_layout();
+    double wrench[ANHYST_WRENCH_AXES];
+    double force[ANHYST_WRENCH_DRIVES];
+    double other[ANHYST_WRENCH_DRIVES];
+    layout.pair.kind = ANHYST_ALLOCATE_SINGLE;
+    layout.pair.idle = 0.0;
+    layout.least = -1e9;
+    for (int j = 0; j < (int)layout.drives; j++) {
+      against[j] = (uint16_t)j;
+    }
+    if (anhyst_wrench_init_f64(&drives, &layout) != ANHYST_OK) {
+      continue;
+    }
+    for (int k = 0; k < ANHYST_WRENCH_AXES; k++) {
+      wrench[k] = 100.0 * any_part();
+    }
+    CHECK(anhyst_wrench_share_f64(&drives, wrench, force));
+    keep_worst(&worst, residual(&layout, wrench, force));
+    for (int k = 0; k < ANHYST_WRENCH_AXES; k++) {
+      wrench[k] = -wrench[k];
+    }
+    CHECK(anhyst_wrench_share_f64(&drives, wrench, other));
+    for (int j = 0; j < (int)layout.drives; j++) {
+      keep_worst(&slope, fabs(force[j] + other[j]) / (1.0 + fabs(force[j])));
+    }
+    made++;
+  }
+  CHECK(made > 5000);
+  CHECK_BELOW("residual of both signs, of the largest force", worst, 1e-9);
+  CHECK_BELOW("difference from the opposite of the opposite wrench", slope, 1e-12);
+}
+
+static void what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number(void)
+{
+  const double one[2] = {1.0, 1.0};
+  const uint16_t alone[2] = {0, 1};
+  const anhyst_wrench_layout_f64 layout = {1, 2, one, alone, {0.0, ANHYST_ALLOCATE_SINGLE}, -40.0};
+  const double push = -60.0;
+  const double beyond = -100.0;
+  const double none = (double)NAN;
+  double force[2];
+  CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_OK);
+  CHECK(anhyst_wrench_share_f64(&drives, &push, force));
+  CHECK(fabs(force[0] + 30.0) < 1e-9 && fabs(force[1] + 30.0) < 1e-9);
+  CHECK(!anhyst_wrench_share_f64(&drives, &beyond, force));
+  CHECK(force[0] >= -60.0 && force[1] >= -60.0 && force[0] <= -40.0);
+  CHECK(!anhyst_wrench_share_f64(&drives, &none, force));
+  CHECK(fabs(force[0]) < 1e-300 && fabs(force[1]) < 1e-300);
+}
+
 static void bad_layouts_are_refused(void)
 {
   const double one[2] = {1.0, -1.0};
@@ -149,7 +205,7 @@ static void bad_layouts_are_refused(void)
   layout.against = astray;
   CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_BAD_PARAMETER);
   layout.against = alone;
-  layout.least = -1.0;
+  layout.least = (double)NAN;
   CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_BAD_PARAMETER);
   layout.least = 0.5;
   layout.drives = ANHYST_WRENCH_DRIVES + 1;
@@ -161,6 +217,8 @@ int main(void)
   what_is_said_to_be_made_is_made_and_drives_only_pull();
   single_precision_makes_the_same_wrenches();
   no_number_makes_nothing();
+  drives_that_go_both_ways_share_by_least_squares();
+  what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number();
   bad_layouts_are_refused();
   return verdict();
 }

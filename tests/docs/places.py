@@ -26,10 +26,10 @@ def shell(lines: str, place: Path) -> None:
         for line in re.sub(r"\\\n", " ", lines).splitlines():
             words = shlex.split(line, comments=True)
             if words[:1] == ["anhyst"]:
-                said = StringIO()
-                with redirect_stdout(said), redirect_stderr(said):
+                message = StringIO()
+                with redirect_stdout(message), redirect_stderr(message):
                     code = main(words[1:])
-                assert code == 0, f"{line}\n{said.getvalue()[-2000:]}"
+                assert code == 0, f"{line}\n{message.getvalue()[-2000:]}"
             elif words:
                 _bash(line)
 

@@ -29,8 +29,8 @@ def test_lines_are_whole_however_long_and_times_are_in_yardsticks_too(
         bench.Row("what is no time", "reported", "1.5 %", None),
     ]
     bench.show(rows, machine)
-    said = capsys.readouterr().out.splitlines()
-    *about, head, rule, first, second = said
+    message = capsys.readouterr().out.splitlines()
+    *about, head, rule, first, second = message
     assert "avx2 of base, avx2" in about[0]
     assert "20.0 ns" in about[1]
     assert head.count("|") == rule.count("|") == second.count("|") == 6

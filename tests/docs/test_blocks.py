@@ -89,14 +89,14 @@ def test_every_step_of_the_tutorial_says_how_long_it_takes() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_command_of_the_page_exists(name: str) -> None:
-    refused = [said for words in commands(text_of(name)) if (said := refusal(words))]
+    refused = [message for words in commands(text_of(name)) if (message := refusal(words))]
     assert refused == []
 
 
 def test_commands_and_options_that_do_not_exist_are_found() -> None:
     page = "Take `anhyst identify a.csv --no-such`, or\n\n```sh\nanhyst fly rig.toml\n```\n"
-    said = {refusal(words) for words in commands(page)}
-    assert said == {"anhyst identify has no --no-such", "no verb 'fly'"}
+    message = {refusal(words) for words in commands(page)}
+    assert message == {"anhyst identify has no --no-such", "no verb 'fly'"}
 
 
 def test_a_block_without_a_language_is_found() -> None:

@@ -21,9 +21,9 @@ def test_the_demo_models_unseen_gaps_compiles_and_ends_on_one_table_and_one_pict
     tmp_path: Path,
 ) -> None:
     command = [sys.executable, str(DEMO), "--out", str(tmp_path / "demo")]
-    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    message = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     table = (tmp_path / "demo" / "table.txt").read_text(encoding="utf-8")
-    assert table in said
+    assert table in message
     assert "…" not in table  # nothing is cut off at 80 columns
     lines = table.splitlines()
     assert len(lines) <= 10

@@ -13,6 +13,8 @@ from anhyst.exchange.fmu_file import Of, export_fmu
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import needs_binary
 from tests.exchange.test_actuator import magnet
+from tests.exchange.test_bearing import planar_made
+from tests.once import made_once
 from tests.study import bearings
 
 toolbox = pytest.importorskip("fmu_manipulation_toolbox.operations")
@@ -42,6 +44,16 @@ def test_models_break_no_rule(of: Of, fmi: FmiVersion, fmu: Fmu, identified: anh
 def test_bearings_break_no_rule(fmi: FmiVersion, tmp_path: Path) -> None:
     rig = bearings.copy_known(tmp_path)
     assert findings(export_fmu(rig, tmp_path / "b.fmu", fmi=fmi, platforms=[])) == (fmi, [])
+
+
+@needs_binary
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_stages_of_several_coordinates_break_no_rule(
+    fmi: FmiVersion, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = made_once(tmp_path_factory, "fmu-planar", planar_made)
+    assert findings(folder / f"{fmi[0]}.fmu") == (fmi, [])
 
 
 def test_a_broken_description_is_found(tmp_path: Path) -> None:

@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange import bearing_part
+from anhyst.exchange import stage_part
 from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
 from anhyst.exchange.sfunction import export_sfunction
 from anhyst.support.arrays import FloatArray
 from tests.cli.command import quick as run
 from tests.core.test_c_core import quietly, tool
-from tests.exchange.slave import HERE, RATE, needs_binary, slave
+from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave
 from tests.exchange.test_actuator import STEP, drives, gaps, magnet
+from tests.exchange.test_bearing import planar_made, stage_made
 from tests.exchange.test_fmu import GAP, demands, expected
+from tests.once import made_once
 from tests.refusals import refused
 from tests.study import bearings, stages
 
@@ -105,26 +107,43 @@ def test_an_actuator_gives_the_force_of_its_model(model: anhyst.Model, tmp_path:
 
 @pytest.mark.slow
 @needs_binary
-@pytest.mark.parametrize("kind", ["bearing", "stage"])
+@pytest.mark.parametrize("kind", ["bearing", "stage", "planar"])
 def test_a_rig_moves_as_its_fmu_does(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    kind: str,
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    away = np.linspace(0.0, 1e-6, 400)
+    inputs = {"load_N": 1e6 * away, "reference_m": away, "frame_m": away - 0.45e-3}
     if kind == "bearing":
         rig = bearings.copy_known(tmp_path)
-        inputs = {"target_gap": [0.45e-3] * 400, "load": [120.0] * 400, "command": [1.0] * 400}
-    else:
+        inputs = {
+            "target_m": 0.45e-3 + 0.0 * away,
+            "load_N": 120.0 + away,
+            "command": 1.0 + 0.0 * away,
+        }
+        path = export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE])
+    elif kind == "stage":
         rig = stages.EXAMPLE / "rig.toml"
-        monkeypatch.setattr(bearing_part, "identify_stage", lambda _: bearings.knowledge())
-        away = np.linspace(0.0, 1e-6, 400)
-        columns = (away, 20.0 * away / away[-1], away - 0.45e-3, 0.0 * away, 1e-3 * away)
-        names = ("reference", "feedforward", "frame", "load", "position_noise")
-        inputs = {name: one.tolist() for name, one in zip(names, columns, strict=True)}
+        inputs |= {"feedforward_N": 2e7 * away, "position_noise_m": 1e-3 * away}
+        path = made_once(tmp_path_factory, "fmu-stage", stage_made) / "2.fmu"
+    else:
+        path = made_once(tmp_path_factory, "fmu-planar", planar_made) / "2.fmu"
+        rig = path.with_name("rig.toml")
+        inputs |= {"feedforward_z_N": 196.0 + 0.0 * away, "reference_ry_rad": away}
+    monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
     program = built(export_sfunction(rig, tmp_path / "s"))
-    head, found = simulated(program, beside(*inputs.values()))
-    outputs, first = int(head.split()[1]), len(inputs) + 1
-    with slave(export_fmu(rig, tmp_path / "b.fmu", platforms=[HERE]), tmp_path / "u") as made:
-        shown = [name for name, at in made.references.items() if first <= at < first + outputs]
-        rows = np.array(made.run(inputs, shown, float(head.split()[2])))
+    about = fmpy.read_model_description(path).modelVariables
+    shown, ports = (
+        [one.name for one in about if one.causality == causality]
+        for causality in ("output", "input")
+    )
+    given = {name: np.asarray(inputs.get(name, 0.0 * away), dtype=float) for name in ports}
+    head, found = simulated(program, beside(*given.values()))
+    with slave(path, tmp_path / "u") as made:
+        rows = np.array(made.run(given, shown, float(head.split()[2])))
+    assert head.split()[:2] == [str(len(ports)), str(len(shown))]
     assert np.array_equal(found[1:], rows[:-1])
 
 

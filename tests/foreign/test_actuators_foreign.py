@@ -85,8 +85,8 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
 def test_a_foreign_stack_is_identified_and_an_unseen_path_predicted(
     place: Path, identified: tuple[Path, Any]
 ) -> None:
-    model, said = identified
-    assert said["law"] == "play-cells"
+    model, message = identified
+    assert message["law"] == "play-cells"
     unseen = written(place, "unseen")
     done = quick("predict", model, unseen, "--history", "conditioned:0", "--out", "p.csv",
                  "--json", cwd=place)  # fmt: skip
@@ -101,9 +101,9 @@ def test_the_voltage_it_asks_for_is_the_one_that_was_applied(
     done = quick("invert", model, written(place, "unseen"), "--history", "conditioned:0",
                  "--out", "u.csv", "--json", cwd=place)  # fmt: skip
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert (said["column"], said["unit"]) == ("u_V", "V")
-    assert said["deviation"]["rms"] < 0.02 * 1200.0
+    message = json.loads(done.stdout)
+    assert (message["column"], message["unit"]) == ("u_V", "V")
+    assert message["deviation"]["rms"] < 0.02 * 1200.0
 
 
 def test_whether_it_is_worth_it_is_said_in_micrometres(place: Path) -> None:

@@ -84,13 +84,13 @@ def test_values_a_little_outside_are_flagged_but_no_warning(known: Model) -> Non
 def test_a_drive_in_the_wrong_unit_warns_in_one_line(
     tmp_path: Path, content: str, likely: str
 ) -> None:
-    (said,) = warned(tmp_path, content)
-    assert said.endswith(likely)
+    (complaint,) = warned(tmp_path, content)
+    assert complaint.endswith(likely)
 
 
 def test_a_demand_in_the_wrong_unit_warns_in_one_line(tmp_path: Path) -> None:
-    (said,) = warned(tmp_path, "F_N,gap_mm\n0,0.4\n100000,0.4\n", "invert")
-    assert said.endswith("given in mN?")
+    (complaint,) = warned(tmp_path, "F_N,gap_mm\n0,0.4\n100000,0.4\n", "invert")
+    assert complaint.endswith("given in mN?")
 
 
 @pytest.mark.parametrize(
@@ -106,8 +106,8 @@ def test_a_demand_in_the_wrong_unit_warns_in_one_line(tmp_path: Path) -> None:
 def test_loops_in_the_wrong_unit_are_warned_of_once(
     tmp_path: Path, header: str, factors: tuple[float, float, float], words: str
 ) -> None:
-    (said,) = inspected(tmp_path, header, factors)
-    assert words in said
+    (complaint,) = inspected(tmp_path, header, factors)
+    assert words in complaint
 
 
 def test_plausible_loops_are_not_warned_of(tmp_path: Path) -> None:

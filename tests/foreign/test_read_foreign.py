@@ -250,9 +250,12 @@ def test_a_column_of_lengths_may_be_the_gap_and_is_asked_for(tmp_path: Path) -> 
             rows = zip(current.tolist(), force.tolist(), strict=True)
             lines += [f"{1e3 * gap:.6g},{i:.9g},{f:.9g}" for i, f in rows]
     (tmp_path / "loops.csv").write_text("\n".join(lines) + "\n")
-    said = refused("inspect", "loops.csv", cwd=tmp_path)
-    assert '--loop "spalt_mm"' in said
-    assert inspected(tmp_path / "loops.csv", *pasted(said))["schedule_values"] == [0.0002, 0.00065]
+    complaint = refused("inspect", "loops.csv", cwd=tmp_path)
+    assert '--loop "spalt_mm"' in complaint
+    assert inspected(tmp_path / "loops.csv", *pasted(complaint))["schedule_values"] == [
+        0.0002,
+        0.00065,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -270,9 +273,9 @@ def test_loops_of_real_files_are_reported_apart_by_themselves(
     assert [loop["label"] for loop in inspected(measurements / name)["loops"]] == labels
 
 
-def pasted(said: str) -> list[str]:
+def pasted(complaint: str) -> list[str]:
     """Options that a message advises, as a shell takes them."""
-    advice = said[said.index("--columns") :]
+    advice = complaint[complaint.index("--columns") :]
     return shlex.split(advice)[:2] if '"' in advice or "'" in advice else advice.split()[:2]
 
 
@@ -308,8 +311,8 @@ def test_the_advised_mapping_works_when_pasted(
             values.setdefault(name, f"{(i if drive else f) * scale.get(name, 1.0):.9g}")
         lines.append(sign.join(values[name] for name in columns))
     (tmp_path / "loops.csv").write_text("\n".join(lines) + "\n")
-    said = refused("inspect", "loops.csv", cwd=tmp_path)
-    advice = pasted(said)
+    complaint = refused("inspect", "loops.csv", cwd=tmp_path)
+    advice = pasted(complaint)
     pairs = [pair.rpartition("=") for pair in advice[1].split(",")]
     assert {target.partition("_")[0]: name for name, _, target in pairs} == mapped
     found = inspected(tmp_path / "loops.csv", *advice)
@@ -321,8 +324,8 @@ def test_the_advised_mapping_of_a_drive_works_when_pasted(tmp_path: Path) -> Non
     (tmp_path / "model.toml").write_text(model())
     (tmp_path / "drive.csv").write_text("Strom,Spalt\n0,0.4\n1,0.4\n2,0.4\n")
     run = ("predict", "model.toml", "drive.csv", "--out", "force.csv")
-    said = refused(*run, cwd=tmp_path)
-    advice = pasted(said)
+    complaint = refused(*run, cwd=tmp_path)
+    advice = pasted(complaint)
     assert advice == ["--columns", "Strom=I_A"]
     more = pasted(refused(*run, *advice, cwd=tmp_path))
     assert more == ["--columns", "Spalt=gap_mm"]
@@ -404,8 +407,8 @@ def test_a_fault_below_the_lines_of_a_logger_is_named_by_its_line(tmp_path: Path
     lines = logged("I_A;F_N;gap_mm").splitlines()
     lines[40] = "1;NaN;0.2"
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
-    said = refused("inspect", "log.csv", cwd=tmp_path)
-    assert says(said, "text-in-numbers: log.csv; F_N")
+    complaint = refused("inspect", "log.csv", cwd=tmp_path)
+    assert says(complaint, "text-in-numbers: log.csv; F_N")
 
 
 def test_a_header_far_below_is_found(tmp_path: Path) -> None:
@@ -415,8 +418,8 @@ def test_a_header_far_below_is_found(tmp_path: Path) -> None:
 
 def test_numbers_below_a_logger_s_lines_without_a_header_are_refused(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(logged("Rate;1000 Hz"))
-    said = refused("inspect", "log.csv", cwd=tmp_path)
-    assert says(said, "header-not-named: log.csv; line 13")
+    complaint = refused("inspect", "log.csv", cwd=tmp_path)
+    assert says(complaint, "header-not-named: log.csv; line 13")
 
 
 def test_a_short_drive_below_more_settings_of_a_logger_is_read(tmp_path: Path) -> None:
@@ -431,8 +434,8 @@ def test_a_short_drive_below_more_settings_of_a_logger_is_read(tmp_path: Path) -
 def test_negative_current_and_force_together_are_both_to_be_flipped(tmp_path: Path) -> None:
     text = logged("I_A;F_N;gap_mm", preamble="", factor=-1.0)
     (tmp_path / "both.csv").write_text(text.replace("\n", "\n-").removesuffix("-"))
-    said = refused("inspect", "both.csv", cwd=tmp_path)
-    assert says(said, "force-negative")
+    complaint = refused("inspect", "both.csv", cwd=tmp_path)
+    assert says(complaint, "force-negative")
 
 
 def test_a_negative_current_is_judged_as_a_positive_one(tmp_path: Path) -> None:

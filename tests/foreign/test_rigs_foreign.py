@@ -128,7 +128,7 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         pytest.param(
             "noise_seeds = 2",
@@ -178,14 +178,14 @@ def test_a_plant_that_does_not_fit_its_loops_is_flagged(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_with_a_rig_file_is_said_before_any_work(
-    old: str, new: str, said: str, tmp_path: Path
+    old: str, new: str, message: str, tmp_path: Path
 ) -> None:
     rig = write_bearing(MAGNETS["soft"], tmp_path)
     (tmp_path / "empty").mkdir()
     text = rig.read_text()
     assert text.count(old) == 1
     rig.write_text(text.replace(old, new))
-    assert says(refused(*RUN, cwd=tmp_path), said)
+    assert says(refused(*RUN, cwd=tmp_path), message)
 
 
 @pytest.mark.slow
@@ -222,8 +222,8 @@ def test_an_error_of_force_control_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     before = contents(tmp_path)
     rig.write_text(rig.read_text().replace("force_max_N = ", "force_max_N = 1000"))
-    said = refused("force-control", "rig.toml", "--out", "out", cwd=tmp_path)
-    assert says(said, "force-not-reached")
+    message = refused("force-control", "rig.toml", "--out", "out", cwd=tmp_path)
+    assert says(message, "force-not-reached")
     assert set(contents(tmp_path)) == set(before)
 
 
@@ -247,5 +247,5 @@ def test_the_own_model_as_plant_proves_nothing(tmp_path: Path) -> None:
     )
     (tmp_path / "rig.toml").write_text(rig)
     own = make_ready(*read_files(tmp_path / "rig.toml", None))
-    (said,) = check_plant(own.rig, knowledge).warnings
-    assert "proves nothing" in said
+    (message,) = check_plant(own.rig, knowledge).warnings
+    assert "proves nothing" in message

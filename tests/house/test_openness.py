@@ -1,4 +1,4 @@
-"""The house is open: the law, the format and the board of docs/contributing.md go the whole way."""
+"""The house is open: what docs/contributing.md adds, a law to a board, goes the whole way."""
 
 from __future__ import annotations
 
@@ -15,18 +15,27 @@ import pytest
 from typer.testing import CliRunner
 
 from anhyst.cli.app import app
+from anhyst.control.states import Command
+from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
+from anhyst.exchange.fmu_file import export_fmu
 from anhyst.identification import identify
 from anhyst.laws.registry import LAWS
 from anhyst.link import firmware
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
+from anhyst.rig.parts.magnet import ACTUATORS
+from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import identify_stage
+from anhyst.study.kept import prepared_once
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell
+from tests.exchange.slave import HERE, slave
+from tests.exchange.test_bearing import scanned_by_axes
 from tests.once import made_once
 from tests.refusals import refused
 
@@ -51,19 +60,34 @@ def written(name: str) -> str:
     return "\n\n".join(pieces)
 
 
+def loaded(place: Path, name: str) -> None:
+    """Write a module of the page into a folder; what it registers is known here from now on."""
+    (place / f"{name}.py").write_text(written(f"{name}.py"))
+    spec = spec_from_file_location(name, place / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look there
+    spec.loader.exec_module(module)
+
+
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Folder with the file of the page; what it registers is known here while the module runs."""
     place = tmp_path_factory.mktemp("lab")
-    (place / "my_lab.py").write_text(written("my_lab.py"))
-    spec = spec_from_file_location("my_lab", place / "my_lab.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules["my_lab"] = module  # dataclasses look there
-    spec.loader.exec_module(module)
+    loaded(place, "my_lab")
     yield place
     del LAWS["play"], FORMATS[".toy"], sys.modules["my_lab"]
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder with the actuator of the page, known here while the module runs, and its rig."""
+    place = tmp_path_factory.mktemp("table")
+    loaded(place, "voice_coil")
+    (place / "table.toml").write_text(written("table.toml"))
+    yield place
+    del ACTUATORS["voice-coil"], sys.modules["voice_coil"]
 
 
 def magnet() -> Model:
@@ -167,10 +191,64 @@ def test_prediction_report_and_comparison_know_it(
 @pytest.mark.slow
 def test_the_commands_of_the_page_run_with_its_file(measured: Path) -> None:
     commands = [block.code for block in blocks(PAGE) if block.language == "sh"]
-    assert len(commands) == 2
-    for code in commands:
+    assert len(commands) == 3
+    for code in commands[:2]:
         shell(code, measured.parent)
     assert (measured.parent / "report.html").is_file()
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_is_measured_simulated_tuned_and_compiled(table: Path) -> None:
+    """Three voice coils on a body of two coordinates; full leaves a third of what a curve leaves."""
+    shell([block.code for block in blocks(PAGE) if block.language == "sh"][2], table)
+    found = json.loads((table / "figures.json").read_text())
+    assert found["lost_in"] == []
+    average = {
+        name: variant["test"]["average_m"]["mean"] for name, variant in found["variants"].items()
+    }
+    assert average["full"] < average["single-valued"] / 3.0
+    tuned = json.loads((table / "tuned" / "tuning.json").read_text())["variants"]["full"]
+    assert tuned["met"]
+    said = run("verify", table / "controller", "--on", "host")
+    assert "identical" in said
+    loops = read_loops(table / "loops.csv")
+    assert loops.output.name == "thrust"
+    assert min(loop.output.min() for loop in loops.loops) < -50.0
+
+
+def measured_table(table: Path) -> Path:
+    """Return the rig of the page, its loops measured."""
+    if not (table / "loops.csv").is_file():
+        run("excite", table / "table.toml", "--out", table / "loops.csv")
+    return table / "table.toml"
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_is_operated_live(table: Path) -> None:
+    with prepared_once(measured_table(table), None) as prepared:
+        bench, _, _ = opened(prepared)
+    bench.command(Command.RUN)
+    rows = bench.advance(4000)
+    names = ["tick", *(signal.name for signal in bench.signals)]
+    bench.close()
+    currents = rows[:, [names.index(name) for name in ("current", "current_2", "current_3")]]
+    assert currents.min() < -0.1 < 0.1 < currents.max()
+    assert np.abs(rows[2000:, names.index("error")]).max() < 2e-6
+
+
+@pytest.mark.slow
+def test_the_actuator_of_the_page_flies_as_an_fmu_bit_for_bit(table: Path) -> None:
+    path = measured_table(table)
+    magnet = identify_stage(read_stage(path))
+    fmu = export_fmu(path, table / "table.fmu", platforms=[HERE])
+    scan = scanned_by_axes(fmu, path, 10.0, magnet)
+    names = ("demand_x_N", "command_A", "command_3_A")
+    with slave(fmu, table / "flown") as made:
+        rows = np.array(made.run(scan.inputs, names, 1e-4))
+    assert scan.recording.loss is None
+    for name, values in zip(names, rows.T, strict=True):
+        assert np.array_equal(values, scan.recording[name]), name
+    assert np.ptp(rows[:, 1]) > 0.3
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import Loop, Loops
-from anhyst.data.speeds import rate_told, speeds_of, with_spread_times
+from anhyst.data.speeds import rate_line, speeds_of, with_spread_times
 from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
 from anhyst.identification.result import IdentifyResult
@@ -116,10 +116,10 @@ def test_a_clock_of_few_digits_will_do(digits: int) -> None:
 
 
 def test_inspecting_tells_from_which_rate_on_solid_iron_answers_late() -> None:
-    assert rate_told(measured()).startswith("rate matters")
-    assert rate_told(measured(gamma=0.0)).startswith("rate does not matter")
+    assert rate_line(measured()).startswith("rate matters")
+    assert rate_line(measured(gamma=0.0)).startswith("rate does not matter")
     slow = measured().with_loops(one for one in measured().loops if one.label == "5 Hz")
-    assert rate_told(slow) == ""
+    assert rate_line(slow) == ""
 
 
 @pytest.mark.slow

@@ -166,8 +166,10 @@ def shown(browser: Browser, served: Served) -> Iterator[Page]:
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on(
         "console",
-        lambda said: (
-            wrong.append(said.text) if said.type == "error" and "REFUSED" not in said.text else None
+        lambda message: (
+            wrong.append(message.text)
+            if message.type == "error" and "REFUSED" not in message.text
+            else None
         ),
     )
     page.goto(served.address)

@@ -88,9 +88,9 @@ def _reframe(ours: int, far: socket.socket, way: Way) -> None:
     while not way.ended.is_set():
         ends = select.select([ours, far.fileno()], [], [], _POLL_S)[0]
         if ours in ends:
-            said = split(commands + os.read(ours, 1 << 16), serial=True)
-            commands = said.rest
-            for packet in said.packets if way.carries else ():
+            message = split(commands + os.read(ours, 1 << 16), serial=True)
+            commands = message.rest
+            for packet in message.packets if way.carries else ():
                 far.sendall(framed(packet))
         if far.fileno() in ends:
             data = far.recv(1 << 16)

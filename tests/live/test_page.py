@@ -228,8 +228,8 @@ def test_switching_the_compensation_off_shows_a_larger_overshoot(serve: Serve, s
     with_it, without = (float(row[3].split()[0]) for row in rows)
     assert with_it < 1.0
     assert without > 4.0
-    said = [entry.text for entry in served.session.log if "compensation" in entry.text]
-    assert said == ["compensation = 0", "compensation = 1"]
+    message = [entry.text for entry in served.session.log if "compensation" in entry.text]
+    assert message == ["compensation = 0", "compensation = 1"]
 
 
 @pytest.mark.slow

@@ -126,9 +126,9 @@ def test_cursors_say_what_lies_between_them(page: Page) -> None:
     assert found["rms"] == pytest.approx(np.sqrt(np.mean(gap**2)), rel=1e-6)
     assert found["ripple"] == pytest.approx(np.std(gap), rel=1e-3)
     rate = seen(page, "page.bench.rate")
-    said = page.locator("#cursor-time").inner_text()
-    assert f"dt {1e3 * (last - first) / rate:.4g} ms" in said
-    assert f"1/dt {rate / (last - first):.6g} Hz" in said
+    message = page.locator("#cursor-time").inner_text()
+    assert f"dt {1e3 * (last - first) / rate:.4g} ms" in message
+    assert f"1/dt {rate / (last - first):.6g} Hz" in message
 
 
 def test_the_wheel_zooms_at_the_pointer_and_a_double_click_goes_back(page: Page) -> None:

@@ -83,8 +83,8 @@ def test_the_next_step_that_is_named_leads_back_to_run(opening: Open) -> None:
     for _ in range(200):
         if now.state is State.RUN:
             break
-        said, _, steps = next_step(bench.commands(), now).partition("press ")
-        if not said:
+        message, _, steps = next_step(bench.commands(), now).partition("press ")
+        if not message:
             pressed.append(Command[steps.split(maxsplit=1)[0].strip(",").upper()])
             bench.command(pressed[-1])
         now = standing(values(bench, 0.05))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from anhyst._core import Coil
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.rig.parts.magnet import iron_magnet
+from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.rig.stage.file import read_stage
 from anhyst.support.arrays import FloatArray
 from tests.plant.oracle import Ledger, Shape, middles
@@ -83,6 +84,52 @@ def test_stepped_in_time_energy_is_heat_and_work(eddy_time: float) -> None:
     assert parts["eddies"] > 0.1 * parts["iron"] or eddy_time == 0.0
     balance = energy[-1] - energy[0] - sum(parts.values())
     assert abs(balance) < 1e-3 * parts["iron"]
+
+
+def voice_coil() -> Poles:
+    """Return a core of the example in which 20 N/A are made of 10 mH."""
+    outer = example_poles().turns ** 2 / 10e-3
+    bias = 20.0 * outer / example_poles().turns
+    return replace(example_poles(), outer=outer, bias=bias, spring=bias**2 / outer)
+
+
+def test_a_voice_coil_gives_its_motion_what_its_amplifier_gave_less_the_heat_of_its_core() -> None:
+    """Driven by a voltage while it moves; the iron's heat from its own field and flux density."""
+    poles, samples, h = voice_coil(), 4000, 5e-6
+    coil, at = Coil(iron_magnet(poles, STEEL, 0.0, GAP)), GAP + 0.2e-3
+    turn = 2.0 * math.pi * np.arange(3 * samples) / samples
+    gap = GAP + 0.2e-3 * np.cos(turn)
+    coil.hold(0.0, at)
+    rows = []
+    for voltage, place in zip((25.0 * np.sin(turn)).tolist(), gap.tolist(), strict=True):
+        coil.step(voltage, place, h)
+        rows.append((coil.current, coil.psi, coil.force, coil.energy, coil.heat))
+    current, psi, force, energy, heat = np.array(rows).T[:, samples:]
+    gap = gap[samples:]
+    density = psi / (poles.turns * poles.area)
+    moved = poles.turns * current + poles.bias * (GAP - gap)
+    field = (moved - poles.reluctance(GAP) * poles.area * density) / poles.iron_length
+    core = poles.iron_length * poles.area * float(middles(field) @ np.diff(density))
+    work = -float(middles(force) @ np.diff(gap))
+    stored = 0.5 * poles.reluctance(GAP) * (poles.area * density) ** 2 + 0.5 * poles.spring * (
+        (GAP - gap) ** 2
+    )
+    mutual = poles.bias * poles.area * density * (GAP - gap)
+    kept = (stored - mutual)[-1] - (stored - mutual)[0]
+    left = (energy - heat)[-1] - (energy - heat)[0] - core - work - kept
+    assert force.min() < -20.0
+    assert force.max() > 20.0
+    assert core > 0.0
+    assert abs(work) > core
+    assert abs(left) < 1e-3 * core
+
+
+@pytest.mark.parametrize("at", [GAP - 0.3e-3, GAP, GAP + 0.3e-3])
+def test_a_voice_coil_of_soft_iron_makes_its_force_constant_wherever_it_is(at: float) -> None:
+    soft = CellSteel(1, 1.0, 1e-3, 3.0, 1.3, 1e-3, 0.0, 1.0)
+    current = np.linspace(-2.0, 2.0, 41)
+    force, _, _ = Coil(iron_magnet(voice_coil(), soft, 0.0, GAP)).run(current, np.full(41, at)).T
+    assert force == pytest.approx(20.0 * current, abs=1e-3 * 40.0)
 
 
 @pytest.mark.slow

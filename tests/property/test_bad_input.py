@@ -111,10 +111,10 @@ def holds_or_is_refused(name: str, content: bytes, use: Callable[[Path], object]
         try:
             use(path)
         except InputError as refusal:
-            said = str(refusal)
+            message = str(refusal)
         else:
-            said = ""
-        assert "\n" not in said
+            message = ""
+        assert "\n" not in message
 
 
 def look(path: Path) -> None:

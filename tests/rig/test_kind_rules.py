@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,8 @@ import pytest
 
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
+from anhyst.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
+from anhyst.rig.stage.file import least_of, opposed, read_stage
 from anhyst.support.kinds import RIGS
 from anhyst.support.toml_text import toml_key, toml_value
 from tests.refusals import refused
@@ -283,3 +287,75 @@ def test_a_misspelt_list_is_named_with_its_first_line(
     line = 1 + text[: text.index(lists)].count("\n")
     with refused(f"extra-forbidden {wrong.strip('[]')}: rig.toml:{line}:; {lists.strip('[]')}"):
         read_rig_file(path, RIGS)
+
+
+# What pushes as well as it pulls
+
+
+@pytest.fixture
+def pushing(monkeypatch: pytest.MonkeyPatch) -> Content:
+    """Return the planar example on actuators that go both ways."""
+    monkeypatch.setitem(
+        ACTUATORS, "coil", ActuatorKind("thrust", {"inductance_H": "of the winding"}, coil)
+    )
+    path = EXAMPLES / "planar" / "rig.toml"
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    content["magnet"][0] |= {"kind": "coil", "numbers": {"inductance_H": 8e-3}}
+    content["control"] = {
+        key: value
+        for key, value in content["control"].items()
+        if key not in ("bias_N", "force_min_N")
+    } | {"format": "f64"}
+    content["amplifier"][0]["current_low_A"] = -4.0
+    content["sensor"][1]["low_A"] = -5.0
+    return content
+
+
+def coil(poles: Poles, numbers: Mapping[str, float]) -> Poles:
+    return replace(poles, outer=poles.turns**2 / numbers["inductance_H"], bias=1e5)
+
+
+def test_a_rig_of_what_goes_both_ways_has_no_pairs_and_no_least_force(
+    pushing: Content, tmp_path: Path
+) -> None:
+    file = read(tmp_path, pushing)
+    assert file.magnet.both_ways
+    assert opposed(file) == list(range(10))
+    assert least_of(file) == -file.tracking.force_max_N
+
+
+@pytest.mark.parametrize(
+    ("key", "number", "values", "what"),
+    [
+        ("control", None, {"bias_N": 5.0}, "pair-only control.bias_N"),
+        ("control", None, {"force_min_N": 0.5}, "not-for-this-kind control.force_min_N"),
+        ("control", None, {"format": "fixed"}, "not-for-this-kind control.format"),
+        ("magnet", 0, {"kind": "electromagnet", "numbers": {}}, "pair-only control.bias_N"),
+        ("magnet", 0, {"kind": "spring"}, "unknown-choice magnet[1].kind"),
+        ("magnet", 0, {"numbers": {}}, "missing magnet[1]: needs numbers.inductance_H"),
+        (
+            "magnet",
+            0,
+            {"numbers": {"inductance_H": -1.0}},
+            "greater-than magnet[1].numbers.inductance_H",
+        ),
+        ("magnet", 3, {"gap_m": 0.5e-3}, "option-differs magnet[4].gap_m"),
+        ("body", 0, {"free": ["x"]}, "not-for-this-kind"),
+    ],
+)
+def test_what_such_a_rig_cannot_have_is_refused(
+    pushing: Content, key: str, number: int | None, values: Content, what: str, tmp_path: Path
+) -> None:
+    table = pushing[key] if number is None else pushing[key][number]
+    table.update(values)
+    with refused(what):
+        read(tmp_path, pushing)
+
+
+def test_turning_points_are_those_of_the_amplifier(tmp_path: Path) -> None:
+    content = example("stage")
+    content["measurement"]["records"][0]["turns"] = [0.0, 1.0, -0.5]
+    (tmp_path / "loops.csv").touch()
+    read(tmp_path, content)
+    with refused("beyond-amplifier measurement.records"):
+        read_stage(tmp_path / "rig.toml")

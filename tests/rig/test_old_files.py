@@ -263,7 +263,7 @@ def test_whatever_an_old_bearing_could_be_it_still_is(
         ("bearing", 'loops = ["a.csv"', "loops = [3", "wrong-kind loops.files"),
         ("bearing", 'clean = "dedupe"', 'clean = "dirt"', "unknown-cleaning-step loops.clean"),
         ("bearing", "frequency_Hz = 33.0", "frequency_Hz = 0.0", "greater-than load.disturbance"),
-        ("bearing", 'force = "cells"', 'force = "sells"', "literal-error magnet[1].kind"),
+        ("bearing", 'force = "cells"', 'force = "sells"', "unknown-choice magnet[1].kind"),
         ("stage", "bias_force_N = 5.0", "bias_force_N = -5.0", "greater-than control.bias_N"),
         ("stage", "position_noise_m = 0.5e-9", "position_noise_m = -1.0", "greater-than-equal"),
         ("stage", "crossover_Hz = 130.0", "crossover_Hz = 0.0", "greater-than control"),

@@ -26,7 +26,7 @@ from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.plants import BearingWork
 from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.study.tracking.bearing_motion import BearingLaw
+from anhyst.study.tracking.bodies import BearingLaw
 from tests.study import bearings
 
 WRONG = Drift(pinning=0.2, gap_offset=10e-6)

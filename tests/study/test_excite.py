@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.data.reading import read_loops
-from anhyst.data.speeds import rate_told, speeds_of
+from anhyst.data.speeds import rate_line, speeds_of
 from anhyst.rig.measuring import HeldRig, Pull, Sensors
 from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
 from anhyst.study.excite.limits import Bound, Specimen, Winding
@@ -219,7 +219,7 @@ def test_fast_cycles_are_run_within_the_limits_and_show_what_they_induce(tmp_pat
     speeds = speeds_of(found.loops)
     assert speeds is not None
     assert {loop.label for group in speeds.fast for loop in group} == {one.label for one in quick}
-    assert "rate matters" in rate_told(found.loops)
+    assert "rate matters" in rate_line(found.loops)
 
 
 def test_the_speed_that_a_set_point_needs_is_that_of_its_force_over_the_slope() -> None:

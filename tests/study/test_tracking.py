@@ -17,7 +17,8 @@ from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.recording import moving
-from anhyst.rig.stage.loop import Feedforward, pid, ticks_of, track
+from anhyst.rig.stage.loop import Feedforward, pid, track
+from anhyst.rig.stage.setpoint import ticks_of
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst.study.tracking.plants import ERRORS
 from anhyst.study.tracking.simulate import find_gains

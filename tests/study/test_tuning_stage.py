@@ -16,8 +16,8 @@ import pytest
 import anhyst
 from anhyst.cli import app as cli
 from anhyst.rig.stage.file import read_stage
-from anhyst.rig.stage.loop import Feedforward, instants, make_stage, pid, ticks_of, track
-from anhyst.rig.stage.setpoint import SetPoint
+from anhyst.rig.stage.loop import Feedforward, make_stage, pid, track
+from anhyst.rig.stage.setpoint import SetPoint, instants, ticks_of
 from anhyst.study.tuning import search, stage, tuning
 from anhyst.study.tuning.aims import LOST, Aims
 from anhyst.study.tuning.search import FoundGains, GainSearch

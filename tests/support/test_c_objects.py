@@ -31,8 +31,8 @@ class Bench:
         self.compiled.clear()
         search = [*(f"-D{one}" for one in macros), f"-I{self.folder}"]
         sources, out = sorted(self.folder.glob("*.c")), str(self.folder / "program")
-        said = compile_and_link(["gcc"], options, search, sources, ["-o", out], self.run)
-        return subprocess.run([out], check=False).returncode, "".join(said)
+        message = compile_and_link(["gcc"], options, search, sources, ["-o", out], self.run)
+        return subprocess.run([out], check=False).returncode, "".join(message)
 
 
 @pytest.fixture
@@ -49,10 +49,10 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
 
 
 def test_what_was_compiled_is_linked_and_its_warnings_are_said_again(bench: Bench) -> None:
-    code, said = bench.answer()
+    code, message = bench.answer()
     assert (code, sorted(bench.compiled)) == (3, ["main.c", "part.c"])
-    assert "unused" in said
-    assert bench.answer("NOBODY_ASKS=1") == (code, said)
+    assert "unused" in message
+    assert bench.answer("NOBODY_ASKS=1") == (code, message)
     assert bench.compiled == []
 
 

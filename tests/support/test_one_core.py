@@ -86,8 +86,8 @@ def test_who_goes_first_starts_nothing_that_does() -> None:
             policies["thread"] = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
             policies["other"] = os.sched_getscheduler(other.pid) & ~os.SCHED_RESET_ON_FORK
             in_a_thread(child)
-            said = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=True)
-            policies["process"] = int(said.stdout)
+            message = subprocess.run([sys.executable, "-c", ask], capture_output=True, check=True)
+            policies["process"] = int(message.stdout)
 
         in_a_thread(work)
         other.kill()

@@ -61,11 +61,13 @@ def test_the_example_links_both_and_gives_their_golden_currents(
     assert (done.returncode, done.stderr) == (0, "")
     vectors = [str(folders / name / "vectors.csv") for name in ("electromagnet", "solenoid")]
     command = [str(tmp_path / "two_magnets"), *vectors]
-    said = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (said.returncode, said.stdout) == (0, "1000 rows, 0 differ\n")
+    message = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (message.returncode, message.stdout) == (0, "1000 rows, 0 differ\n")
     # And it would see a difference.
-    said = subprocess.run([*command[:2], vectors[0]], capture_output=True, text=True, check=False)
-    assert said.returncode == 1
+    message = subprocess.run(
+        [*command[:2], vectors[0]], capture_output=True, text=True, check=False
+    )
+    assert message.returncode == 1
 
 
 def test_cmake_links_both(folders: Path, tmp_path: Path) -> None:

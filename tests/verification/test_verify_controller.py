@@ -189,6 +189,6 @@ def test_a_flight_without_a_column_is_reported(
 ) -> None:
     place = spoiled(folder, "controller.csv", "dropped", "lost", tmp_path / "out")
     assert main(["verify", str(place), "--on", "cortex-m3"]) == 2
-    said = capsys.readouterr().err
-    assert says(said, "damaged-vectors")
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert says(message, "damaged-vectors")
+    assert message.count("\n") == 1

@@ -92,11 +92,11 @@ def test_a_fault_of_a_single_step_is_found_in_that_step(
     wrong = f"{SOLVE}#ifdef __thumb__\n  gap ^= demand == {demand} ? 1 << 29 : 0;\n#endif\n"
     folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
     assert main(["verify", str(folder), "--on", "cortex-m3", "--json"]) == 1
-    said = capsys.readouterr()
-    assert said.err.count("\n") == 1
-    assert says(said.err, f"target-failed: random step {STEP}:")
+    message = capsys.readouterr()
+    assert message.err.count("\n") == 1
+    assert says(message.err, f"target-failed: random step {STEP}:")
     kept = json.loads((folder / "verify.json").read_text(encoding="utf-8"))
-    assert kept == json.loads(said.out)
+    assert kept == json.loads(message.out)
     assert kept["passed"] is False
     difference = kept["results"][0]["difference"]
     assert (difference["part"], difference["step"]) == ("random", STEP)

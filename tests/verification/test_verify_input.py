@@ -17,11 +17,11 @@ from tests.verification.conftest import Compile, sign
 
 def complaint(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     assert main(["verify", *map(str, arguments)]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.startswith("anhyst: error: ")
-    assert said.err.count("\n") == 1
-    return said.err
+    message = capsys.readouterr()
+    assert message.out == ""
+    assert message.err.startswith("anhyst: error: ")
+    assert message.err.count("\n") == 1
+    return message.err
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def test_the_command_writes_both_files_and_prints_tables(
     copied: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["verify", str(copied), "--on", "cortex-m4"]) == 0
-    said = json.loads((copied / "verify.json").read_text(encoding="utf-8"))
-    assert said["passed"] is True
+    message = json.loads((copied / "verify.json").read_text(encoding="utf-8"))
+    assert message["passed"] is True
     text = (copied / "verify.md").read_text(encoding="utf-8")
     assert "full, q31, seed 1: identical everywhere." in text
     table = capsys.readouterr().out
@@ -56,9 +56,9 @@ def test_a_verified_folder_may_be_compiled_again(copied: Path) -> None:
 
 @pytest.mark.slow
 def test_an_unknown_target(compiled: Compile, capsys: pytest.CaptureFixture[str]) -> None:
-    said = complaint(capsys, compiled("full", "q31"), "--on", "host,cortex-m5")
-    assert "cortex-m5" in said
-    assert "cortex-m4" in said
+    message = complaint(capsys, compiled("full", "q31"), "--on", "host,cortex-m5")
+    assert "cortex-m5" in message
+    assert "cortex-m4" in message
     assert says(complaint(capsys, compiled("full", "q31"), "--on", " , "), "no-target")
     assert says(complaint(capsys, compiled("full", "f32"), "--on", "avr"), "target-not-for-this")
 
@@ -91,8 +91,8 @@ def test_a_file_that_was_changed_or_is_missing(
 ) -> None:
     with (copied / "src" / "compensator" / "full.c").open("a", encoding="utf-8") as stream:
         stream.write("/* mine */\n")
-    said = complaint(capsys, copied)
-    assert says(said, "changed-since: full.c")
+    message = complaint(capsys, copied)
+    assert says(message, "changed-since: full.c")
     (copied / "src" / "compensator" / "full.c").unlink()
     assert says(complaint(capsys, copied), "damaged-manifest: full.c")
 

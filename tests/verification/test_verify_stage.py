@@ -25,29 +25,59 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_stage(single(True, "full"), "full", place, "stage").out
 
 
+@pytest.fixture(scope="module")
+def fixed_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("stage") / "out"
+    return write_stage(single(True, "full", "fixed"), "full", place, "stage").out
+
+
 @pytest.mark.slow
-def test_ten_magnets_fly_with_the_same_bits_on_every_cortex_with_a_float_unit(folder: Path) -> None:
-    found = verify(folder, "cortex-m4,cortex-m7,cortex-m33", target_steps=2000)
+def test_in_fixed_point_ten_magnets_take_half_the_instructions_and_less(
+    folder: Path, fixed_folder: Path
+) -> None:
+    (real,) = verify(folder, "cortex-m4", target_steps=2000).results
+    found = verify(fixed_folder, "cortex-m4,cortex-m33", target_steps=2000)
     assert found.passed, found.first_failure()
-    assert [one.build for one in found.results] == ["hard float"] * 3
-    for one in found.results:
-        assert (one.steps, one.vectors, one.warnings) == (200, 2000, 0)
-        flight, tick = one.cost("tick, in flight"), one.cost("tick")
-        assert flight is not None
-        assert tick is not None
-        assert 10_000 < flight.mean < 60_000
-        assert flight.mean < flight.most < 4 * flight.mean
-        assert one.sizes is not None
-        assert 5_000 < one.sizes.code < 40_000
-        assert 1_000 < one.state_bytes < 4_000
-        assert one.stack_measured is not None
-        assert one.stack_static is not None
-        assert 200 < one.stack_measured <= one.stack_static < 2_000
+    assert [one.build for one in found.results] == ["hard float, port header", "hard float"]
+    before = real.cost("tick, in flight")
+    assert before is not None
+    for fixed in found.results:
+        after = fixed.cost("tick, in flight")
+        assert after is not None
+        assert after.mean < 0.5 * before.mean
+        assert after.most < 0.5 * before.most
+        assert fixed.stack_measured is not None
+        assert fixed.stack_static is not None
+        assert 200 < fixed.stack_measured <= fixed.stack_static < 1_200
 
 
 @pytest.mark.slow
-def test_no_double_is_linked_on_a_processor_that_has_none(folder: Path, tmp_path: Path) -> None:
-    workshop = Workshop.set_up(read_bundle(folder), tmp_path, "stage")
+def test_ten_magnets_fly_with_the_same_bits_and_what_they_cost_is_said(folder: Path) -> None:
+    found = verify(folder, "cortex-m7", target_steps=2000)
+    assert found.passed, found.first_failure()
+    assert [one.build for one in found.results] == ["hard float"]
+    one = found.results[0]
+    assert (one.steps, one.vectors, one.warnings) == (200, 2000, 0)
+    flight, tick = one.cost("tick, in flight"), one.cost("tick")
+    assert flight is not None
+    assert tick is not None
+    assert 10_000 < flight.mean < 60_000
+    assert flight.mean < flight.most < 4 * flight.mean
+    assert one.sizes is not None
+    assert 5_000 < one.sizes.code < 40_000
+    assert 1_000 < one.state_bytes < 4_000
+    assert one.stack_measured is not None
+    assert one.stack_static is not None
+    assert 200 < one.stack_measured <= one.stack_static < 2_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", ["folder", "fixed_folder"])
+def test_no_double_is_linked_on_a_processor_that_has_none(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    bundle = read_bundle(request.getfixturevalue(which))
+    workshop = Workshop.set_up(bundle, tmp_path, "stage")
     (order,) = cortex_m("cortex-m4", workshop).orders
     image = order().image
     assert image is not None

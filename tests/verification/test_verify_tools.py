@@ -97,17 +97,17 @@ def test_all_that_is_missing_is_listed_at_once_and_a_named_target_that_did_not_r
 ) -> None:
     only("cc", at=tmp_path, monkeypatch=monkeypatch)
     assert command(folder, "--on", "host,avr,msp430,cortex-m3-qemu") == 2
-    said = capsys.readouterr()
-    assert "host (cc -O2)" in said.out
+    message = capsys.readouterr()
+    assert "host (cc -O2)" in message.out
     for tool, package in (
         ("avr-gcc", "gcc-avr avr-libc"),
         ("mspdebug", "mspdebug"),
         ("qemu-system-arm", "qemu-system-arm"),
     ):
-        assert f"apt install {package}" in said.out
-        assert f"{tool} (apt install {package})" in said.err
-    assert said.err.count("\n") == 1
-    assert "clang" not in said.err  # host ran
+        assert f"apt install {package}" in message.out
+        assert f"{tool} (apt install {package})" in message.err
+    assert message.err.count("\n") == 1
+    assert "clang" not in message.err  # host ran
     found = kept(folder)
     assert found["passed"] is True
     assert found["not_run"] == ["avr", "msp430", "cortex-m3-qemu"]
@@ -164,11 +164,11 @@ def test_where_nothing_can_run_nothing_is_written_and_everything_missing_is_name
     only(at=tmp_path, monkeypatch=monkeypatch)
     monkeypatch.setattr("anhyst.compilation.toolchain.importlib.util.find_spec", lambda name: None)
     assert command(folder) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert says(said.err, "no-target")
+    message = capsys.readouterr()
+    assert message.out == ""
+    assert says(message.err, "no-target")
     for tool in ("clang (apt install clang)", "unicorn (pip install 'anhyst[verify]')"):
-        assert tool in said.err
+        assert tool in message.err
     assert not (folder / "verify.json").exists()
 
 

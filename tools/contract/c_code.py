@@ -47,14 +47,28 @@ def enum(prefix: str, entry: Entry, values: list[int]) -> str:
 def struct(name: str, entry: Entry) -> str:
     """Return the struct of a frame's or record's fixed fields."""
     lines = [comment(entry["doc"]), "typedef struct {"]
+    arrays = arrays_of(entry)
     for field in entry["fields"]:
-        lines += line_of(f"{C_TYPES[field['type']]} {field['name']};", field["doc"])
+        if "array" not in field:
+            further = arrays.get(field["name"], [])
+            size = f"[{1 + len(further)}]" if further else ""
+            doc = "; ".join([field["doc"], *(one["doc"] for one in further)])
+            lines += line_of(f"{C_TYPES[field['type']]} {field['name']}{size};", doc)
     return "\n".join([*lines, f"}} {name};"])
 
 
-def access(field: Entry, at: int, put: bool) -> str:
+def arrays_of(entry: Entry) -> dict[str, list[Entry]]:
+    """Return for each name what is of further magnets: elements of one array, wherever their bytes are."""
+    found: dict[str, list[Entry]] = {}
+    for field in entry["fields"]:
+        if "array" in field:
+            found.setdefault(field["array"], []).append(field)
+    return found
+
+
+def access(field: Entry, name: str, at: int, put: bool) -> str:
     """Return the statement that puts or gets one field."""
-    kind, name = field["type"], field["name"]
+    kind = field["type"]
     signed = kind.startswith("i")
     wide = f"u{8 * SIZES[kind]}"
     if put:
@@ -68,8 +82,11 @@ def accesses(entry: Entry, put: bool) -> list[str]:
     """Return the statements that put or get all fixed fields."""
     at = 0
     lines = []
+    arrays = arrays_of(entry)
     for field in entry["fields"]:
-        lines.append(access(field, at, put))
+        name = field.get("array", field["name"])
+        element = f"[{field.get('number', 1) - 1}]" if name in arrays else ""
+        lines.append(access(field, name + element, at, put))
         at += SIZES[field["type"]]
     return lines
 

@@ -16,7 +16,20 @@ Entry = dict[str, Any]
 
 def read(name: str) -> Entry:
     """Return one table of contract/."""
-    return tomllib.loads((CONTRACT / f"{name}.toml").read_text(encoding="utf-8"))
+    table = tomllib.loads((CONTRACT / f"{name}.toml").read_text(encoding="utf-8"))
+    _number(table)
+    return table
+
+
+def _number(table: Entry) -> None:
+    """Name what is of a further magnet by its number, as columns are; `array` keeps the bare name."""
+    for value in table.values():
+        for entry in value if isinstance(value, list) else [value]:
+            if isinstance(entry, dict):
+                if "number" in entry and "name" in entry and ("type" in entry or "format" in entry):
+                    entry["array"] = entry["name"]
+                    entry["name"] = f"{entry['name']}_{entry['number']}"
+                _number(entry)
 
 
 def size_of(fields: list[Entry]) -> int:

@@ -6,6 +6,12 @@
 /* The distance between two numbers in order, which may be beyond an int32_t. */
 static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
+static int is_number_q31(int32_t a)
+{
+  (void)a;
+  return 1; /* every code is one */
+}
+
 /* A whole number of steps, so that no rounded current is beyond a limit. */
 static int are_limits_q31(const anhyst_tracking_settings_q31 *settings)
 {

@@ -62,15 +62,15 @@ void port_sense(port_sample *to)
   to->gap = sample.gap;
   to->force = sample.force;
   to->position = sample.position;
-  to->current[0] = sample.current;
-  to->current[1] = sample.current_2;
+  to->current[0] = sample.current[0];
+  to->current[1] = sample.current[1];
   to->status = sample.status;
 }
 
 void port_drive(const int32_t *currents, uint32_t state)
 {
-  drive.drive = currents[0];
-  drive.drive_2 = currents[1];
+  drive.drive[0] = currents[0];
+  drive.drive[1] = currents[1];
   drive.state = state;
 }
 

@@ -9,6 +9,13 @@
      turns*current = length*H + eddy*length*dB/dt + outer(gap)*area*B,   psi = turns*area*B
      pull = (gap flux)^2/2 * d(gap reluctance)/d(gap)
 
+   A circuit with a bias, as a voice coil in an iron core, has no gap that changes its reluctance: a
+   magnet's own flux makes a force in proportion to the flux, in both directions, and drives the
+   circuit as the body moves by x towards the force. Energy is kept here too:
+
+     turns*current + bias*x = length*H + eddy*length*dB/dt + joints*area*B
+     force = bias*area*B - spring*x,   x = middle - gap
+
    law: an identified model. The pull comes from the law, c_H*(I - I_0) through rho(gap) to B and
    c_out*B^2 + F_0; the flux linkage from a table psi(I, gap), odd in I.
 
@@ -35,6 +42,9 @@ typedef struct {
   double leakage;     /* permeance parallel to the gaps, H */
   double joints;      /* reluctance of air in the core, in series with all of it, 1/H */
   double eddy;        /* field that opposes a change of flux density, A s/(m T) */
+  double bias;        /* magnetomotive force for each m moved, A/m; 0: the gaps pull */
+  double middle;      /* gap where that is none, m */
+  double spring;      /* force against the motion that no flux of the circuit makes, N/m */
   const anhyst_plant_solid *solid; /* null: all of it is sheets */
 } anhyst_plant_circuit;
 

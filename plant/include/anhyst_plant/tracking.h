@@ -27,22 +27,10 @@ typedef struct {
   double gap_high; /* m */
 } anhyst_tracking_scales;
 
-/* A force controller of another format behind a controller in double precision. */
-typedef struct {
-  anhyst_force_controller_q31 *force;
-  anhyst_tracking_scales scales;
-} anhyst_tracking_drive_q31;
-
-typedef struct {
-  anhyst_force_controller_f32 *force;
-  anhyst_tracking_scales scales;
-} anhyst_tracking_drive_f32;
-
-/* Makes a force controller in SI units that asks the one of the drive, which must live as long. */
-void anhyst_tracking_drive_init_q31(anhyst_force_controller_f64 *c,
-                                    anhyst_tracking_drive_q31 *drive);
+/* Makes a force controller in double precision that asks one in single precision, which must live
+   as long; for one in fixed point see force_coded_real.h. */
 void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
-                                    anhyst_tracking_drive_f32 *drive);
+                                    anhyst_force_controller_f32 *force);
 
 typedef struct {
   anhyst_tracking_q31 *tracking;

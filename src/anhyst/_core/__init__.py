@@ -1,6 +1,7 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    POSITION_MAGNETS,
     AnyIron,
     BusController,
     CellIron,
@@ -48,6 +49,7 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "POSITION_MAGNETS",
     "AnyIron",
     "BusController",
     "CellIron",

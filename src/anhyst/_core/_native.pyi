@@ -8,17 +8,15 @@ from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
 _Numbers = Mapping[str, float]
+_Path = tuple[_Array, _Array, _Array, int, int]
+POSITION_MAGNETS: int  # of a position controller, at most
 
 class AnyIron:
     """A material in physical units, of any law: A/m, and T for flux density."""
 
-    def forward(
-        self, drive: _Array, rho: _Array, eddy: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
+    def forward(self, drive: _Array, rho: _Array, eddy: _Array, state: _Array) -> _Path:
         """Return flux density (T), field (A/m), state after, status, index."""
-    def inverse(
-        self, b: _Array, rho: _Array, eddy: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
+    def inverse(self, b: _Array, rho: _Array, eddy: _Array, state: _Array) -> _Path:
         """Return drive (A/m), field (A/m), state after, status, index."""
     def settle(
         self,
@@ -84,9 +82,7 @@ class Operator:
         law: str = "effective-field",
         step: str = "exact",
     ) -> None: ...
-    def run(
-        self, omega: _Array, r: _Array, state: _Array
-    ) -> tuple[_Array, _Array, _Array, int, int]:
+    def run(self, omega: _Array, r: _Array, state: _Array) -> _Path:
         """Follow x + omega*m(x) = r; return x, m, state after, status, index."""
     def sensitivity(
         self,
@@ -301,25 +297,25 @@ class CompensatorF32(_RealCompensator):
 class _RealForceController:
     """A controller of force_controller_real.h, bit for bit; signals in the model's units.
 
-    Rows of a map stand for gaps from the lowest to the highest, its columns for forces from 0 to
-    `force_high`; `low` and `high` are the limits of the current. `loop` holds proportional,
-    integral, back and smoothing of ``anhyst_flux_loop``. ValueError if something is not valid.
+    Rows of a map stand for gaps, its columns for forces, from the lowest to the highest; `low` and
+    `high` are the limits of the current. `loop` holds proportional, integral, back and smoothing of
+    ``anhyst_flux_loop``. ValueError if something is not valid.
     """
 
     @classmethod
     def map(
-        cls, entries: _Array, force_high: float, gap_low: float, gap_high: float,
-        low: float, high: float,
+        cls, entries: _Array, force_low: float, force_high: float, gap_low: float,
+        gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     @classmethod
     def play(
-        cls, entries: _Array, half: _Array, radius: float, force_high: float, gap_low: float,
-        gap_high: float, low: float, high: float,
+        cls, entries: _Array, half: _Array, radius: float, force_low: float, force_high: float,
+        gap_low: float, gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     @classmethod
     def flux(
-        cls, entries: _Array, wanted: _Array, loop: _Array, force_high: float, gap_low: float,
-        gap_high: float, low: float, high: float,
+        cls, entries: _Array, wanted: _Array, loop: _Array, force_low: float, force_high: float,
+        gap_low: float, gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""

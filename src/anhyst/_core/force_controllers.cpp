@@ -23,14 +23,14 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
 {
   using Bound = RealForceController<F>;
   nb::class_<Bound>(m, name)
-      .def_static("map", &Bound::map, "entries"_a.noconvert(), "force_high"_a, "gap_low"_a,
-                  "gap_high"_a, "low"_a, "high"_a)
+      .def_static("map", &Bound::map, "entries"_a.noconvert(), "force_low"_a, "force_high"_a,
+                  "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
       .def_static("play", &Bound::play, "entries"_a.noconvert(), "half"_a.noconvert(), "radius"_a,
-                  "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
+                  "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
       .def_static("compensator", &Bound::compensator, "parameters"_a, nb::keep_alive<0, 1>())
       .def_static("flux", &Bound::flux, "entries"_a.noconvert(), "wanted"_a.noconvert(),
-                  "loop"_a.noconvert(), "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a,
-                  "high"_a)
+                  "loop"_a.noconvert(), "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a,
+                  "low"_a, "high"_a)
       .def("solve", &Bound::solve, "demand"_a, "gap"_a, "flux"_a)
       .def("commit", &Bound::commit, "applied"_a, "gap"_a)
       .def("follow", &Bound::follow, "applied"_a.noconvert(), "gap"_a.noconvert())

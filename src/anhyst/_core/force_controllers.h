@@ -51,23 +51,23 @@ public:
   RealForceController(const RealForceController &) = delete;
   RealForceController &operator=(const RealForceController &) = delete;
 
-  static Made map(const InTable &entries, double force_high, double gap_low, double gap_high,
-                  double low, double high)
+  static Made map(const InTable &entries, double force_low, double force_high, double gap_low,
+                  double gap_high, double low, double high)
   {
     Made made(new RealForceController);
-    made->current_ = made->table(entries, force_high, gap_low, gap_high);
+    made->current_ = made->table(entries, force_low, force_high, gap_low, gap_high);
     check_controller(F::init_map(&made->state_, &made->current_, real(low), real(high)));
     return made;
   }
 
-  static Made play(const InTable &entries, const InTable &half, double radius, double force_high,
-                   double gap_low, double gap_high, double low, double high)
+  static Made play(const InTable &entries, const InTable &half, double radius, double force_low,
+                   double force_high, double gap_low, double gap_high, double low, double high)
   {
     same_length(entries.shape(0), half.shape(0), "half");
     same_length(entries.shape(1), half.shape(1), "a row of half");
     Made made(new RealForceController);
-    made->law_ = {made->table(entries, force_high, gap_low, gap_high),
-                  made->table(half, force_high, gap_low, gap_high), real(radius)};
+    made->law_ = {made->table(entries, force_low, force_high, gap_low, gap_high),
+                  made->table(half, force_low, force_high, gap_low, gap_high), real(radius)};
     check_controller(F::make_play(&made->play_, &made->law_, real(low), real(high)));
     F::init_play(&made->state_, &made->play_);
     return made;
@@ -80,14 +80,14 @@ public:
     return made;
   }
 
-  static Made flux(const InTable &entries, const InTable &wanted, const In &loop, double force_high,
-                   double gap_low, double gap_high, double low, double high)
+  static Made flux(const InTable &entries, const InTable &wanted, const In &loop, double force_low,
+                   double force_high, double gap_low, double gap_high, double low, double high)
   {
     same_length(4, loop.shape(0), "loop");
     Made made(new RealForceController);
-    made->current_ = made->table(entries, force_high, gap_low, gap_high);
-    made->loop_ = {made->table(wanted, force_high, gap_low, gap_high), real(loop(0)), real(loop(1)),
-                   real(loop(2)), real(loop(3))};
+    made->current_ = made->table(entries, force_low, force_high, gap_low, gap_high);
+    made->loop_ = {made->table(wanted, force_low, force_high, gap_low, gap_high), real(loop(0)),
+                   real(loop(1)), real(loop(2)), real(loop(3))};
     check_controller(
         F::init_flux(&made->state_, &made->current_, &made->loop_, real(low), real(high)));
     return made;
@@ -119,7 +119,8 @@ private:
 
   static Real real(double value) { return static_cast<Real>(value); }
 
-  typename F::Map table(const InTable &entries, double force_high, double gap_low, double gap_high)
+  typename F::Map table(const InTable &entries, double force_low, double force_high, double gap_low,
+                        double gap_high)
   {
     if (entries.shape(0) < 2 || entries.shape(1) < 2 || entries.shape(0) > 65 ||
         entries.shape(1) > 4097) {
@@ -133,6 +134,7 @@ private:
     return {tables_.back().data(),
             static_cast<uint16_t>(entries.shape(1) - 1),
             static_cast<uint16_t>(entries.shape(0) - 1),
+            real(force_low),
             real(force_high),
             real(gap_low),
             real(gap_high)};

@@ -29,6 +29,9 @@ public:
     circuit_.leakage = given.take<double>("leakage");
     circuit_.joints = given.take<double>("joints");
     circuit_.eddy = given.take<double>("eddy");
+    circuit_.bias = given.take<double>("bias");
+    circuit_.middle = given.take<double>("middle");
+    circuit_.spring = given.take<double>("spring");
     magnet_.circuit = &circuit_;
     winding(given);
   }

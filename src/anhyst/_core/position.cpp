@@ -184,6 +184,7 @@ template <class F> void bind(nb::module_ &m, const char *name)
 
 void bind_position(nb::module_ &m)
 {
+  m.attr("POSITION_MAGNETS") = ANHYST_POSITION_MAGNETS;
   nb::class_<LoopController>(m, "LoopController");
   bind<FormatF64>(m, "Position");
   bind<FormatF32>(m, "PositionF32");

@@ -101,6 +101,7 @@ public:
     decouple_ = copy(matrices, "decouple", axes, axes);
     weigh_ = copy(matrices, "weigh", axes, axes);
     const Row pid = copy(matrices, "pid", axes, 5);
+    reach_ = copy(matrices, "reach", axes, 1);
     matrices.finish();
     for (auto p = pid.begin(); p != pid.end(); p += 5) {
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
@@ -122,6 +123,7 @@ public:
                  decouple_.data(),
                  weigh_.data(),
                  pid_.data(),
+                 reach_.data(),
                  given.take<Real>("current_low"),
                  given.take<Real>("current_high"),
                  given.take<Real>("current_step")};
@@ -193,6 +195,7 @@ private:
   Row see_;
   Row decouple_;
   Row weigh_;
+  Row reach_;
   Row pull_;
   Row current_;
   Row demand_;

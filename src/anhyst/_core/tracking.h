@@ -5,6 +5,7 @@
 #include <deque>
 #include <vector>
 
+#include "anhyst/compensator/force_coded_real.h"
 #include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
 #include "force_controllers.h"
@@ -72,19 +73,25 @@ private:
     if (nb::try_cast<typename F::Own *>(magnet, own) && own) {
       return own->get();
     }
-    if constexpr (F::any_drive) {
+    if constexpr (F::in_si) {
+      using Real = typename F::Real;
       FixedForceController *fixed = nullptr;
       if (nb::try_cast<FixedForceController *>(magnet, fixed) && fixed) {
-        fixed_.push_back({fixed->get(), scales});
+        const typename F::CodeScales codes = {
+            static_cast<Real>(scales.demand), static_cast<Real>(scales.current),
+            static_cast<Real>(scales.flux), static_cast<Real>(scales.gap_low),
+            static_cast<Real>(scales.gap_high)};
+        coded_.emplace_back();
         in_si_.emplace_back();
-        anhyst_tracking_drive_init_q31(&in_si_.back(), &fixed_.back());
+        check_controller(F::code(&in_si_.back(), &coded_.back(), &codes, fixed->get()));
         return &in_si_.back();
       }
+    }
+    if constexpr (std::is_same_v<typename F::Real, double>) {
       RealForceController<ForceControllerF32> *narrow = nullptr;
       if (nb::try_cast<RealForceController<ForceControllerF32> *>(magnet, narrow) && narrow) {
-        narrow_.push_back({narrow->get(), scales});
         in_si_.emplace_back();
-        anhyst_tracking_drive_init_f32(&in_si_.back(), &narrow_.back());
+        anhyst_tracking_drive_init_f32(&in_si_.back(), narrow->get());
         return &in_si_.back();
       }
     }
@@ -92,9 +99,8 @@ private:
   }
 
   std::vector<nb::object> magnets_;
-  std::deque<anhyst_tracking_drive_q31> fixed_; // whose addresses stay
-  std::deque<anhyst_tracking_drive_f32> narrow_;
-  std::deque<anhyst_force_controller_f64> in_si_;
+  std::deque<typename F::Coded> coded_; // whose addresses stay
+  std::deque<typename F::Drive> in_si_;
   std::vector<typename F::Drive *> drives_;
   std::vector<typename F::Corrected> corrected_; // as many as drives, or none
   std::vector<typename F::Drive> behind_;
@@ -160,13 +166,16 @@ template <class Coefficients> Coefficients to_biquad(const In &row)
     using Adapter = anhyst_tracking_adapter_##f;                                                   \
     using Correction = anhyst_correction_##f;                                                      \
     using Corrected = anhyst_corrected_##f;                                                        \
+    using Coded = anhyst_coded_##f;                                                                \
+    using CodeScales = anhyst_code_scales_##f;                                                     \
     using AxesSettings = anhyst_axes_settings_##f;                                                 \
     using Axes = anhyst_axes_##f;                                                                  \
     using AxesSample = anhyst_axes_sample_##f;                                                     \
     using AxesAnswer = anhyst_axes_answer_##f;                                                     \
-    static constexpr bool any_drive = std::is_same_v<Real, double>;                                \
+    static constexpr bool in_si = true;                                                            \
     static constexpr auto init = anhyst_tracking_init_##f;                                         \
     static constexpr auto correct = anhyst_force_controller_init_corrected_##f;                    \
+    static constexpr auto code = anhyst_force_controller_init_coded_##f;                           \
     static constexpr auto tick = anhyst_tracking_adapter_tick_##f;                                 \
     static constexpr auto axes_init = anhyst_axes_init_##f;                                        \
     static constexpr auto axes_tick = anhyst_axes_tick_##f;                                        \
@@ -189,7 +198,8 @@ struct TrackingQ31 {
   using State = anhyst_tracking_q31;
   using Adapter = anhyst_tracking_adapter_q31;
   struct Corrected {}; // there is none in fixed point
-  static constexpr bool any_drive = false;
+  struct Coded {};
+  static constexpr bool in_si = false;
   static constexpr auto init = anhyst_tracking_init_q31;
   static constexpr auto tick = anhyst_tracking_adapter_tick_q31;
   static Filter filter(const Row &words)

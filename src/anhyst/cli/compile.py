@@ -167,11 +167,12 @@ def _show_play(compiled: CompiledPlay) -> None:
 
 
 def _show_stage(compiled: CompiledStage) -> None:
-    told, stage = compiled.manifest, compiled.manifest["stage"]
+    manifest, stage = compiled.manifest, compiled.manifest["stage"]
     show(
-        f"{compiled.out}: controller of a stage, {told['kind']}, {told['io']}, {told['rate_Hz']:g} Hz",
+        f"{compiled.out}: controller of a stage, {manifest['kind']}, {manifest['io']}, {manifest['rate_Hz']:g} Hz",
+        f"force to current in {stage['force_to_current']}, as control.format of the rig file says",
         f"coordinates {', '.join(stage['free'])}; {stage['heads']} heads, {stage['magnets']} magnets; "
-        f"{told['memory']['parameters_bytes']} bytes of parameters",
+        f"{manifest['memory']['parameters_bytes']} bytes of parameters",
         f"{len(compiled.vectors['flags'])} ticks of a flight are its golden vectors",
         f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
     )

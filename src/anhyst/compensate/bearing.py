@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from anhyst.data.output_map import is_electromagnet
+from anhyst.data.output_map import is_actuator
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.support.errors import InputError
 
 
 def bearing_model(
-    model: Model, current_max: float, force_max: float, gaps: tuple[float, float]
+    model: Model,
+    currents: tuple[float, float],
+    forces: tuple[float, float],
+    gaps: tuple[float, float],
 ) -> Model:
     """Return a model that holds for one magnet of a bearing, and no further."""
-    if not is_electromagnet(model):
+    if not is_actuator(model):
         raise InputError(
             "model: a bearing needs one from current to force",
             code="not-current-to-force",
@@ -35,4 +38,4 @@ def bearing_model(
             code="gaps-not-covered",
             key="model",
         )
-    return replace(model, valid=ValidRange((0.0, current_max), (0.0, force_max), gaps))
+    return replace(model, valid=ValidRange(currents, forces, gaps))

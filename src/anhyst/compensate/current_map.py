@@ -23,13 +23,14 @@ from anhyst.support.fixed_point import q31
 class CurrentMap:
     """Current over force and gap without memory."""
 
-    # A, on equal steps over the range of gaps and from zero to the full-scale force; rises along
-    # the force. For fixed point both numbers are 2^n + 1; shape (g, f)
+    # A, on equal steps over the range of gaps and of forces up to full scale; rises along the
+    # force. For fixed point both numbers are 2^n + 1; shape (g, f)
     entries: FloatArray
     scales: Scales  # full scales; no entry is beyond that of the current
     limits: tuple[float, float]  # of the current, A
     # constants that the table is made of
     numbers: Mapping[str, float] = field(default_factory=dict)
+    force_low: float = 0.0  # N; below zero only in floating point
     flux_full_scale = 1.0
 
     def native(self, number_format: NumberFormat) -> Native:
@@ -38,10 +39,14 @@ class CurrentMap:
             return _core.FixedForceController.map(self.words(), *self.codes())
         return REAL[number_format].map(self.entries, *self.real())
 
+    @property
+    def ends(self) -> tuple[float, float, float, float]:
+        """Least and largest force and gap of the table, N and m."""
+        return self.force_low, self.scales.demand, self.scales.gap_low, self.scales.gap_high
+
     def real(self) -> tuple[float, ...]:
-        """Scales and limits as floating point takes them."""
-        scales = self.scales
-        return scales.demand, scales.gap_low, scales.gap_high, *self.limits
+        """Return ends and limits as floating point takes them."""
+        return *self.ends, *self.limits
 
     def words(self) -> NDArray[np.int16]:
         """Entries as fixed point takes them."""
@@ -74,8 +79,8 @@ def current_map(
     """Make a map with full scales that hold every entry and half a width around it."""
     current = max(operating.current_max, float((np.abs(entries) + half).max()))
     scales = Scales(full_scale(operating.force_max), full_scale(current), *operating.gap_range)
-    limits = 0.0, operating.current_max
-    return CurrentMap(np.ascontiguousarray(entries), scales, limits, numbers)
+    low = -operating.both_ways * scales.demand
+    return CurrentMap(np.ascontiguousarray(entries), scales, operating.currents, numbers, low)
 
 
 def ratio_map(sources: Sources, _: NumberFormat) -> CurrentMap:
@@ -94,8 +99,9 @@ def secant_map(sources: Sources, _: NumberFormat) -> CurrentMap:
 
 
 def _secant(surface: Surface, force: float, gap: float, _: float) -> Tangent:
-    current = float(surface.at(np.array([force]), gap)[0])
-    return Tangent(current, current / force, 0.0)
+    at = force or float(surface.force[-1])
+    per_force = float(surface.at(np.array([at]), gap)[0]) / at
+    return Tangent(force * per_force, per_force, 0.0)
 
 
 def _plane(

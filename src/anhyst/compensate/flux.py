@@ -47,10 +47,14 @@ class FluxCalibration:
     def density_over(self, force: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density that belongs to a force, T.
 
-        At each measured gap it is the root of the force times the best constant, least squares;
-        straight lines between the gaps.
+        At each measured gap it is the root of the force times the best constant, least squares, or
+        of what goes both ways the best straight line over it; straight lines between the gaps.
         """
         nodes = np.unique(self.gap)
+        if force[0] < 0.0:
+            fits = [np.polyfit(*self._at(node), 1) for node in nodes.tolist()]
+            slope, rest = (np.interp(gap, nodes, column)[:, None] for column in np.transpose(fits))
+            return np.asarray(rest + slope * force)
         constants = []
         for node in nodes.tolist():
             here = (self.gap == node) & (self.force > 0.0)
@@ -63,6 +67,10 @@ class FluxCalibration:
                 )
             constants.append(constant)
         return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
+
+    def _at(self, gap: float) -> tuple[FloatArray, FloatArray]:
+        here = self.gap == gap
+        return self.force[here], self.flux_density[here]
 
 
 @dataclass(frozen=True)

@@ -68,18 +68,19 @@ def simplified_inverse(sources: Sources, number_format: NumberFormat) -> Hystere
 def _compile(
     kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
 ) -> HysteresisInverse:
-    """Compile as for a controller; floats of thin iron take the tables of fixed point."""
+    """Compile as for a controller; floats of thin iron that pulls take the tables of fixed point."""
     model, where = sources.model, sources.operating
     if model is None:
         raise InputError("this method needs a model; identify one from the loops", code="no-model")
-    narrowed = bearing_model(model, where.current_max, where.force_max, where.gap_range)
+    narrowed = bearing_model(model, where.currents, where.forces, where.gap_range)
     solid = kind == "full" and has_layers(narrowed)
     narrowed = narrowed if solid else narrowed.at_rest
-    io: Io = "f32" if solid and number_format != "fixed" else "q31"
+    own = number_format != "fixed" and (solid or where.both_ways)  # tables for floats
+    io: Io = "f32" if own else "q31"
     request = CompileRequest(kind, io, where.rate)
     plan = kept("plans", lambda: make_plan(narrowed, request, 0), narrowed, request)
     block = plan.block
-    if number_format != "fixed" and not solid:
+    if number_format != "fixed" and not own:
         law = plan.builder.law if kind == "simplified" else None
         made = full_kind(plan.model) if kind == "full" else kind
         given = plan.model, made, block.scales, block.limits, plan.sizes

@@ -85,9 +85,9 @@ def paths(
     found = []
     for name, (title, part, place) in _shapes(model.needs_schedule, seed, 1500 * length).items():
         gap = scales.gap_low + (scales.gap_high - scales.gap_low) * place
-        said = title if model.needs_schedule else title.removesuffix(", gap at rest")
+        shown = title if model.needs_schedule else title.removesuffix(", gap at rest")
         demand = reach.demand(part, gap, lifted)
-        found.append(Path(name, said, demand, gap if model.needs_schedule else None))
+        found.append(Path(name, shown, demand, gap if model.needs_schedule else None))
     return found
 
 

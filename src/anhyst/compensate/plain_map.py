@@ -41,7 +41,7 @@ def plain_map(model: Model, scales: Scales) -> CurrentMap:
     middle = 0.5 * (ends[0] + ends[1])
     loops = [_loop(model, high, gap) for gap in (ends[0], middle, ends[1])]
     known = Loops(tuple(loops), model.input, model.output, model.schedule)
-    surface = fit_surface(known, scales.demand, ends)
+    surface = fit_surface(known, (0.0, scales.demand), ends)
     line = fit_line(surface, 0.5 * force_max, middle, force_max)
     force = np.linspace(0.0, scales.demand, _COLUMNS)
     row = line.current + line.per_force * (force - 0.5 * force_max)

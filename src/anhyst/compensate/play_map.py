@@ -95,7 +95,8 @@ def one_play(sources: Sources, _: NumberFormat) -> PlayMap:
     surface, operating, loops = sources.surface(), sources.operating, sources.loops
     assert loops is not None  # the surface is made of them
     gaps = list(loops.by_schedule())
-    whole = fit_surface(loops, float(surface.force[-1]), (min(gaps), max(gaps)))
+    forces = float(surface.force[0]), float(surface.force[-1])
+    whole = fit_surface(loops, forces, (min(gaps), max(gaps)))
     radius = best_radius(whole, loops, operating)
     return _play(surface, half_widths(surface, loops), operating, radius)
 

@@ -21,7 +21,18 @@ class Operating:
     rate: float  # ticks a second, Hz
     gap_range: tuple[float, float]  # least and largest gap of the controller, m
     force_max: float  # largest force that is asked for, N
-    current_max: float  # Largest current; the least is zero. A.
+    current_max: float  # largest current, A
+    both_ways: bool = False  # whether force and current go as far below zero
+
+    @property
+    def forces(self) -> tuple[float, float]:
+        """Least and largest force, N."""
+        return -self.both_ways * self.force_max, self.force_max
+
+    @property
+    def currents(self) -> tuple[float, float]:
+        """Least and largest current, A."""
+        return -self.both_ways * self.current_max, self.current_max
 
     def __post_init__(self) -> None:
         low, high = self.gap_range
@@ -31,9 +42,10 @@ class Operating:
                 code="out-of-range",
                 key="gap",
             )
-        if not 0.0 < self.force < self.force_max:
+        low, high = self.forces
+        if not low < self.force < high:
             raise InputError(
-                f"force: {self.force:g} N is not within 0 to {self.force_max:g} N",
+                f"force: {self.force:g} N is not within {low:g} to {high:g} N",
                 code="out-of-range",
                 key="force",
             )
@@ -56,4 +68,5 @@ class Sources:
         if self.loops is None:
             raise InputError("this method needs the measured loops; give them", code="no-loops")
         where = self.operating
-        return fit_surface(self.loops, full_scale(where.force_max), where.gap_range)
+        full = full_scale(where.force_max)
+        return fit_surface(self.loops, (-where.both_ways * full, full), where.gap_range)

@@ -9,13 +9,13 @@ from scipy.interpolate import PchipInterpolator
 
 from anhyst.compensate.baselines import midway
 from anhyst.data import Loops
-from anhyst.data.output_map import is_electromagnet
+from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import monotone_fit
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
 COLUMNS = 129
-"""Levels of the force, from zero to its full scale."""
+"""Levels of the force, over its range."""
 
 ROWS = 17
 """Gaps, over the range of the controller."""
@@ -38,7 +38,7 @@ FLATTEST = 0.01
 class Surface:
     """Current over force and gap, on equal steps."""
 
-    force: FloatArray  # from zero on, N; shape (f,)
+    force: FloatArray  # N; shape (f,)
     gap: FloatArray  # m; shape (g,)
     current: FloatArray  # A; rises along the force; shape (g, f)
 
@@ -48,7 +48,9 @@ class Surface:
         return np.asarray(np.interp(force, self.force, row))
 
 
-def fit_surface(loops: Loops, force_high: float, gap_range: tuple[float, float]) -> Surface:
+def fit_surface(
+    loops: Loops, forces: tuple[float, float], gap_range: tuple[float, float]
+) -> Surface:
     """Fit the best current without memory.
 
     At every level of force it lies midway between the least and the largest current that the loops
@@ -56,7 +58,7 @@ def fit_surface(loops: Loops, force_high: float, gap_range: tuple[float, float])
     which takes the noise away, costs a little of it. Beyond what the loops of a gap reach it goes
     on straight. Over the gap runs a monotone cubic.
     """
-    if not is_electromagnet(loops) or loops.schedule is None or loops.schedule.name != "gap":
+    if not is_actuator(loops) or loops.schedule is None or loops.schedule.name != "gap":
         raise InputError(
             "loops: a bearing needs columns I_A, F_N and gap_m", code="columns-missing", key="loops"
         )
@@ -70,7 +72,7 @@ def fit_surface(loops: Loops, force_high: float, gap_range: tuple[float, float])
             code="gaps-not-covered",
             key="loops",
         )
-    force = np.linspace(0.0, force_high, COLUMNS)
+    force = np.linspace(*forces, COLUMNS)
     table = np.array([_row(midway(members, force), force, gap) for gap, members in groups.items()])
     gaps = np.linspace(*gap_range, ROWS)
     current = PchipInterpolator(nodes, table, axis=0)(np.clip(gaps, nodes[0], nodes[-1]))
@@ -89,10 +91,14 @@ def _row(middle: FloatArray, force: FloatArray, gap: float) -> FloatArray:
         )
     filled = _smooth(force, np.interp(force, force[known], middle[known]))
     row = monotone_fit(filled, np.ones(force.size))
-    top = known[-max(3, int(TOP * known.size)) :]
-    slope = float(np.polyfit(force[top], row[top], 1)[0])
-    beyond = force > force[known[-1]]
-    row[beyond] = row[known[-1]] + slope * (force[beyond] - force[known[-1]])
+    near = max(3, int(TOP * known.size))
+    for ends, beyond in (
+        (known[-near:], force > force[known[-1]]),
+        (known[near - 1 :: -1], force < force[known[0]]),
+    ):
+        last = ends[-1]
+        slope = float(np.polyfit(force[ends], row[ends], 1)[0])
+        row[beyond] = row[last] + slope * (force[beyond] - force[last])
     return row
 
 
@@ -100,7 +106,7 @@ def _smooth(force: FloatArray, current: FloatArray) -> FloatArray:
     """Take noise, which makes slopes restless, off what a polynomial of the force's root leaves."""
     from scipy.signal import savgol_filter  # slow to load, and used for maps alone
 
-    root = np.sqrt(force / force[-1])
+    root = np.sqrt(force / force[-1]) if force[0] >= 0.0 else force / force[-1]
     smooth = np.polynomial.Polynomial.fit(root, current, DEGREE)(root)
     return np.asarray(smooth + savgol_filter(current - smooth, SPAN, 2))
 
@@ -133,7 +139,7 @@ class Tangent:
 
 def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
     """Fit a constant force-current ratio around a force at one gap, least squares."""
-    forces = _around(force, WINDOW * force_max, (0.0, force_max))
+    forces = _around(force, WINDOW * force_max, _reach(surface, force_max))
     slope, current = np.polyfit(forces - force, surface.at(forces, gap), 1)
     return Tangent(float(current), float(slope), 0.0)
 
@@ -141,7 +147,7 @@ def fit_line(surface: Surface, force: float, gap: float, force_max: float) -> Ta
 def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> Tangent:
     """Fit the two constants of a magnet around an operating point, least squares."""
     low, high = float(surface.gap[0]), float(surface.gap[-1])
-    forces = _around(force, WINDOW * force_max, (0.0, force_max))
+    forces = _around(force, WINDOW * force_max, _reach(surface, force_max))
     gaps = _around(gap, WINDOW * (high - low), (low, high))
     current = np.concatenate([surface.at(forces, at) for at in gaps.tolist()])
     over = np.column_stack(
@@ -153,6 +159,10 @@ def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> T
     )
     found = np.linalg.lstsq(over, current, rcond=None)[0]
     return Tangent(float(found[0]), float(found[1]), float(found[2]) / (high - low))
+
+
+def _reach(surface: Surface, force_max: float) -> tuple[float, float]:
+    return max(float(surface.force[0]), -force_max), force_max
 
 
 def _around(middle: float, half: float, ends: tuple[float, float]) -> FloatArray:

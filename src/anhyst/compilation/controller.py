@@ -59,7 +59,7 @@ class Controller:
         limits = table.limits.gap_low_m, table.limits.gap_high_m
         gaps = limits if seen is None else table.working_gaps(table.pair, seen)
         force_max = table.force_max(table.pair)
-        return bearing_model(model, table.limits.current_high_A, force_max, gaps)
+        return bearing_model(model, (0.0, table.limits.current_high_A), (0.0, force_max), gaps)
 
     def check_current(self, model: Model) -> None:
         """Refuse currents that the model was never seen at."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from anhyst.compilation.controller import ControllerPlan
-from anhyst.compilation.parameters import ENTRIES_A_LINE
+from anhyst.compilation.parameters import table_source
 
 _GAINS = (
     ("proportional", "K_p*Y/U/4"),
@@ -31,16 +31,6 @@ def limits_rows(plan: ControllerPlan) -> list[str]:
 def settings_rows(plan: ControllerPlan, name: str) -> list[str]:
     """Return the members of ``NAME_controller_settings``, lines of C."""
     return _lined_up(_settings(plan, name))
-
-
-def plain_rows(plan: ControllerPlan) -> list[str]:
-    """Return the entries of ``NAME_controller_plain``, lines of C: a row a gap."""
-    rows = []
-    for row in plan.plain.words().tolist():
-        for at in range(0, len(row), ENTRIES_A_LINE):
-            line = ", ".join(str(entry) for entry in row[at : at + ENTRIES_A_LINE])
-            rows.append(f"    {line},")
-    return rows
 
 
 def _limits(plan: ControllerPlan) -> Rows:
@@ -155,7 +145,7 @@ def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
         "measured": control.measured,
         "limits_rows": limits_rows(plan),
         "settings_rows": settings_rows(plan, name),
-        "plain_rows": plain_rows(plan),
+        "plain_rows": table_source(plan.plain.words()),
         "plain_ratio": f"{plan.plain.numbers['k_i_N_per_A']:.6g}",
         "plain_entries": plan.plain.entries.size,
         "plain_segments": [(count - 2).bit_length() for count in plan.plain.entries.shape[::-1]],

@@ -39,12 +39,23 @@ CONTROL = (
 """What a controller of the position needs beyond a compensator."""
 
 AXES = (
-    *("compensator/force_controller_real.c", "compensator/map_real.c"),
-    *("compensator/compensator_f32.c", "control/allocation_real.c", "control/biquad_real.c"),
+    *("control/allocation_real.c", "control/biquad_real.c"),
     *("control/wrench.c", "control/axes.c"),
 )
-"""What a controller of several coordinates needs in single precision beyond the kernel of a law."""
+"""What a controller of several coordinates needs in single precision beyond its force controllers."""
 
+FORCE_REAL = (
+    *("compensator/force_controller_real.c", "compensator/map_real.c"),
+    "compensator/compensator_f32.c",
+)
+FORCE_CODED = (
+    *_COMPENSATOR,
+    *("compensator/force_controller.c", "compensator/map.c"),
+    "compensator/force_coded_real.c",
+)
+"""These in single precision, and in fixed point, beyond the kernel of a law."""
+
+PLAY_MAP = ("compensator/play_map.c", "compensator/force_by_play.c")
 PLAY_MAP_REAL = ("compensator/play_map_real.c", "compensator/force_by_play_real.c")
 CORRECTED_REAL = ("compensator/force_corrected_real.c",)
 """And where a map with one play finds the current, or calibration corrects it."""

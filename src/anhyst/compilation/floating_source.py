@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from textwrap import wrap
 
 import numpy as np
@@ -81,14 +81,41 @@ TABLES = {
 }
 
 
-def c_parameters_f32(name: str, block: RealBlock, names: Names, schedule: Quantity | None) -> str:
-    """Return the definitions of a compensator's parameters in single precision."""
-    parts = [_table(block, table) for table in block.tables]
-    parts += [_gaps(block, names, schedule), _law(block)]
+Literal = Callable[[float], str]
+"""How a number is written."""
+
+
+def literal(value: float) -> str:
+    """Return the shortest literal that C reads as this number in single precision.
+
+    >>> literal(0.1), literal(2.0), literal(1e-7)
+    ('0.1f', '2.0f', '1e-07f')
+    """
+    return f"{np.float32(value)!s}f"
+
+
+def double(value: float) -> str:
+    """Return the shortest literal that C reads as this number in double precision."""
+    return repr(float(value))
+
+
+def c_parameters(
+    name: str,
+    block: RealBlock,
+    names: Names,
+    schedule: Quantity | None,
+    write: Literal = literal,
+) -> str:
+    """Return the definitions of a compensator's parameters, single or double as it is written."""
+    parts = [_table(block, table, write) for table in block.tables]
+    parts += [_gaps(block, names, schedule, write), _law(block, write)]
     if memories(block) > 1:
-        parts.append(_solid(block))
-    parts.append(_parameters(name, block, names, schedule))
-    return "\n\n".join("\n".join(part) for part in parts)
+        parts.append(_solid(block, write))
+    parts.append(_parameters(name, block, names, schedule, write))
+    text = "\n\n".join("\n".join(part) for part in parts)
+    if write is literal:
+        return text
+    return text.replace("_f32", "_f64").replace("static const float", "static const double")
 
 
 def memories(block: AnyBlock) -> int:
@@ -102,29 +129,24 @@ def memories(block: AnyBlock) -> int:
     return max(int(layers), 1) + (laminated > 0.0)
 
 
-def literal(value: float) -> str:
-    """Return the shortest literal that C reads as this number in single precision.
-
-    >>> literal(0.1), literal(2.0), literal(1e-7)
-    ('0.1f', '2.0f', '1e-07f')
-    """
-    return f"{np.float32(value)!s}f"
-
-
-def _table(block: RealBlock, name: str) -> Iterator[str]:
+def _table(block: RealBlock, name: str, write: Literal) -> Iterator[str]:
     values = block.tables[name]
     yield f"/* {TABLES[block.kind, name].format(**block.numbers)}. */"
     yield f"static const float {name}[{values.size}] = {{"
-    yield from wrap(f"{listed(values)},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+    yield from wrap(
+        f"{listed(values, write)},", WIDTH, initial_indent="    ", subsequent_indent="    "
+    )
     yield "};"
 
 
-def listed(values: Iterable[float]) -> str:
-    """Return numbers as C reads them in single precision, with commas between them."""
-    return ", ".join(literal(value) for value in values)
+def listed(values: Iterable[float], write: Literal = literal) -> str:
+    """Return numbers as C reads them, with commas between them."""
+    return ", ".join(map(write, values))
 
 
-def _gaps(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator[str]:
+def _gaps(
+    block: RealBlock, names: Names, schedule: Quantity | None, write: Literal
+) -> Iterator[str]:
     arm = "the bounded state" if block.kind == "simplified" else "field"
     text = (
         f"/* Over the gap: flux for a full-scale output; output at zero flux, {names.output}; "
@@ -133,7 +155,7 @@ def _gaps(block: RealBlock, names: Names, schedule: Quantity | None) -> Iterator
     )
     yield from wrap(text, WIDTH, subsequent_indent="   ")
     yield f"static const anhyst_at_gap_f32 gaps[{len(block.gaps)}] = {{"
-    rows = [f"    {{{listed(row)}}}," for row in block.gaps.tolist()]
+    rows = [f"    {{{listed(row, write)}}}," for row in block.gaps.tolist()]
     end = max(len(row) for row in rows)
     at = np.linspace(block.scales.gap_low, block.scales.gap_high, len(rows)).tolist()
     for row, place in zip(rows, at, strict=True):
@@ -146,28 +168,30 @@ def _place(value: float, schedule: Quantity) -> str:
     return f"{value * scale:.6g} {unit}"
 
 
-def _law(block: RealBlock) -> Iterator[str]:
+def _law(block: RealBlock, write: Literal) -> Iterator[str]:
     unit = "A/m" if block.kind == "cells" else "units of the law's own scale"
     yield f"/* Fields in {unit}, flux in units of that of saturated iron. */"
     yield f"static const anhyst_{block.kind}_law_f32 law = {{"
-    fields = [(name, _number(block, name), doc) for name, doc in LAWS[block.kind].items()]
+    fields = [(name, _number(block, name, write), doc) for name, doc in LAWS[block.kind].items()]
     yield from _fields(fields + [(name, name, "") for name in block.tables])
     yield "};"
 
 
-def _solid(block: RealBlock) -> Iterator[str]:
+def _solid(block: RealBlock, write: Literal) -> Iterator[str]:
     yield f"#if ANHYST_MEMORIES < {memories(block)}"
     yield '#error "ANHYST_MEMORIES: too few for the layers of this iron; see plays.h"'
     yield "#endif"
     yield "/* Layers of solid iron. */"
     yield "static const anhyst_solid_f32 solid = {"
     fields = [("stand", f"anhyst_{block.kind}_stand_f32", "")]
-    yield from _fields(fields + [(name, _number(block, name), doc) for name, doc in SOLID.items()])
+    yield from _fields(
+        fields + [(name, _number(block, name, write), doc) for name, doc in SOLID.items()]
+    )
     yield "};"
 
 
 def _parameters(
-    actuator: str, block: RealBlock, names: Names, schedule: Quantity | None
+    actuator: str, block: RealBlock, names: Names, schedule: Quantity | None, write: Literal
 ) -> Iterator[str]:
     units = {
         "output": names.output,
@@ -180,7 +204,9 @@ def _parameters(
         ("gaps", "gaps", ""),
         ("gap_segments", str(len(block.gaps) - 1), ""),
     ]
-    fields += [(name, _number(block, name), doc.format(**units)) for name, doc in COMMON.items()]
+    fields += [
+        (name, _number(block, name, write), doc.format(**units)) for name, doc in COMMON.items()
+    ]
     if memories(block) > 1:
         fields.append(("solid", "&solid", ""))
     yield f"const anhyst_parameters_f32 {actuator}_parameters = {{"
@@ -188,9 +214,9 @@ def _parameters(
     yield "};"
 
 
-def _number(block: RealBlock, name: str) -> str:
+def _number(block: RealBlock, name: str, write: Literal) -> str:
     value = block.numbers[name]
-    return str(value) if isinstance(value, int) else literal(value)
+    return str(value) if isinstance(value, int) else write(value)
 
 
 def _fields(fields: list[tuple[str, str, str]]) -> Iterator[str]:

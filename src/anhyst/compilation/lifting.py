@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from anhyst._core import POSITION_MAGNETS
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan
 from anhyst.control.states import Command, Phase, State
@@ -18,18 +19,16 @@ COLUMNS = (
     "position",
     "target",
     "load",
-    "current_1",
-    "current_2",
+    *(f"current_{number}" for number in range(1, POSITION_MAGNETS + 1)),
     "dropped",
     "command",
-    "drive_1",
-    "drive_2",
+    *(f"drive_{number}" for number in range(1, POSITION_MAGNETS + 1)),
     "reference",
     "demand",
     "state",
     "flags",
 )
-INPUTS = 7
+INPUTS = 5 + POSITION_MAGNETS
 """Of these columns; the others are answers."""
 
 _SUBSTEPS = 4

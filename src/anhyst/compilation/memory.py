@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 
+from anhyst._core import POSITION_MAGNETS
 from anhyst.compensate.block import Block
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.twin import AnyBlock
@@ -61,7 +62,7 @@ def controller_bytes(magnets: int, block: Block) -> int:
     sizes = _structures(
         *(read_core(f"include/anhyst/{name}") for name in headers),
         *(_in_q31(read_core(f"include/anhyst/{name}")) for name in generic),
-        MAGNETS=2,
+        MAGNETS=POSITION_MAGNETS,
         CELLS=CELLS,
     )
     deeper = sizes["anhyst_deeper"] * (memories(block) - 1)

@@ -144,9 +144,9 @@ class Compiled(Result):
             f"{percent(budget, part.worst or 0.0):.2g} % of {budget.largest:.4g} {budget.unit}"
             for part in (budget.compiled, budget.drift)
         )
-        told = {"folder": str(self.out), "kind": request.kind, "signals": request.io}
-        told |= {"rate": f"{request.rate:g} Hz", "accuracy": worst, "drift": drift}
-        return told | {f"warning {n}": text for n, text in enumerate(self.warnings, 1)}
+        facts = {"folder": str(self.out), "kind": request.kind, "signals": request.io}
+        facts |= {"rate": f"{request.rate:g} Hz", "accuracy": worst, "drift": drift}
+        return facts | {f"warning {n}": text for n, text in enumerate(self.warnings, 1)}
 
     def to_columns(self) -> dict[str, Any]:
         """Return the accuracy budget, in units of the output and in per cent of the largest."""
@@ -220,21 +220,23 @@ def compilable(model: Model, request: CompileRequest) -> tuple[Model, tuple[str,
 
 def not_compiled(model: Model, *, layers: bool = False) -> tuple[str, ...]:
     """Say what comes late and is left to what stands around the compensator."""
-    late, said = model.dynamics, []
+    late, notes = model.dynamics, []
     if model.has_eddy_currents and not layers:
         better = "; --kind full has it" if has_layers(model) else ""
-        said.append(
+        notes.append(
             "how late solid iron answers (gamma) is not compiled: fast demands are met as slow ones "
             f"are, and anhyst predict with column t_s says what that leaves{better}"
         )
     if late is not None and late.lag > 0.0:
-        said.append(f"the lag of {late.lag:.3g} s is not compiled: give the demand so much earlier")
+        notes.append(
+            f"the lag of {late.lag:.3g} s is not compiled: give the demand so much earlier"
+        )
     if late is not None and late.times:
-        said.append(
+        notes.append(
             f"creep is not compiled: {100.0 * sum(late.shares):.2g} % of a step, within "
             f"{max(late.times):.3g} s, is left to the feedback"
         )
-    return tuple(said)
+    return tuple(notes)
 
 
 def _accuracy(budget: Budget) -> dict[str, str]:

@@ -41,6 +41,11 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
     return "\n".join(lines)
 
 
+def table_source(words: NDArray[np.int16]) -> str:
+    """Return the entries of a table over two signals as lines of C, from a new one on for each row."""
+    return "\n".join(line for row in words for line in _rows(row))
+
+
 def scales_source(block: Block) -> str:
     """Return the words that say what the signals are counted in, as an initialiser."""
     words = block.words[PLACES["SCALE_DEMAND"] :][:SCALE_WORDS]

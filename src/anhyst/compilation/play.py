@@ -20,7 +20,7 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.core import SRC, core_files, read_core
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import check_folder, write_folder
-from anhyst.compilation.parameters import ENTRIES_A_LINE
+from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
 from anhyst.data import History, Loop, Loops
@@ -262,7 +262,7 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
             if quantity is not None
         },
         "limits": {"demand": [0.0, where.force_max], "current": list(play.map.limits)},
-        "memory": {"parameters_bytes": _bytes(play), "state_bytes": STATE_BYTES},
+        "memory": {"parameters_bytes": play_bytes(play), "state_bytes": STATE_BYTES},
         "play": dict(play.numbers),
         "controller": None,
         "accuracy": {
@@ -273,7 +273,7 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
     }
 
 
-def _bytes(play: PlayMap) -> int:
+def play_bytes(play: PlayMap) -> int:
     """Return the size of the tables and of the structure that names them."""
     return 2 * 2 * play.half.size + 2 * 8 + 4 + 4
 
@@ -292,6 +292,7 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "sha256": head.sha256,
         "io": "q31",
         "real": False,
+        "port": True,
         "control": False,
         "play": True,
         "type": "int32_t",
@@ -306,13 +307,13 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "current_high": play.map.limits[1],
         "force_max": head.operating.force_max,
         "segments": [(count - 2).bit_length() for count in play.half.shape[::-1]],
-        "entries": _rows(play.map.words().tolist()),
-        "half": _rows(play.half_words().tolist()),
+        "entries": table_source(play.map.words()),
+        "half": table_source(play.half_words()),
         "count": play.half.size,
         "radius": radius,
         "radius_A": play.radius,
         "steepness": steepness.tolist(),
-        "bytes": _bytes(play),
+        "bytes": play_bytes(play),
         "state_bytes": STATE_BYTES,
         "rate": f"{head.operating.rate:.10g}",
         "errors": {key: _percent(one, head.operating.force_max) for key, one in errors.items()},
@@ -326,12 +327,3 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "DROP_IN.md": render("play_drop_in.md.j2", values),
         PORT: read_core(PORT),
     }
-
-
-def _rows(rows: list[list[int]]) -> str:
-    """Return the entries of a table as lines of C, a row a gap."""
-    return "\n".join(
-        f"    {', '.join(str(entry) for entry in row[at : at + ENTRIES_A_LINE])},"
-        for row in rows
-        for at in range(0, len(row), ENTRIES_A_LINE)
-    )

@@ -15,7 +15,7 @@ from anhyst.compensate.words import Names
 from anhyst.compilation.controller import ControllerPlan
 from anhyst.compilation.controller_source import controller_values
 from anhyst.compilation.core import CONTROL, LAYERS, SINGLE, SOURCES, SRC, core_files, read_core
-from anhyst.compilation.floating_source import c_parameters_f32, memories
+from anhyst.compilation.floating_source import c_parameters, memories
 from anhyst.compilation.memory import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compilation.parameters import parameters_source, scales_source
 from anhyst.support.units import Quantity
@@ -73,6 +73,7 @@ def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
         "sha256": sha256,
         "io": io,
         "real": isinstance(block, RealBlock),
+        "port": not isinstance(block, RealBlock),
         "input": model.input.name.replace("_", " "),
         "output": model.output.name.replace("_", " "),
         "type": TYPES[io],
@@ -120,7 +121,7 @@ def _parameters(plan: Plan) -> dict[str, object]:
         "rate": f"{plan.request.rate:.10g}",
     }
     if isinstance(block, RealBlock):
-        return values | {"structures": c_parameters_f32(plan.name, block, names, model.schedule)}
+        return values | {"structures": c_parameters(plan.name, block, names, model.schedule)}
     return values | {
         "kernel": f"anhyst_kernel_{block.kind}",
         "defines": _defines(plan),

@@ -6,6 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
@@ -15,15 +19,30 @@ from anhyst.compensate.words import Names
 from anhyst.compilation.core import (
     AXES,
     CORRECTED_REAL,
+    FORCE_CODED,
+    FORCE_REAL,
+    LAYERS,
+    PLAY_MAP,
     PLAY_MAP_REAL,
     SINGLE,
+    SOURCES,
     SRC,
     core_files,
+    read_core,
     single_precision,
 )
-from anhyst.compilation.floating_source import WIDTH, c_parameters_f32, listed, literal, memories
+from anhyst.compilation.floating_source import (
+    WIDTH,
+    c_parameters,
+    double,
+    listed,
+    literal,
+    memories,
+)
 from anhyst.compilation.memory import parameters_bytes
-from anhyst.compilation.source import in_comment, render
+from anhyst.compilation.parameters import parameters_source, table_source
+from anhyst.compilation.play import play_bytes
+from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import Quantity
 
@@ -32,6 +51,7 @@ TABLES = {
     "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
     "see": "Pose of what the heads read, a row a coordinate.",
     "decouple": "Errors taken to the centre of mass, a row a coordinate.",
+    "reach": "Largest plausible error of each coordinate, m and rad.",
     "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
     "mass": "Masses and moments of inertia about the point that the pose is of.",
     "weight": "Wrench of the weight, N and N m.",
@@ -56,7 +76,7 @@ class StageController:
     settings: Mapping[str, float]  # allocation, idle force and limits of the currents
     force_min: float  # N, of a magnet that is alone
     force_max: float  # N, of each magnet
-    magnets: Sequence[ForceController]  # one each, in single precision
+    magnets: Sequence[ForceController]  # one each, in single precision or in fixed point
     correction: FloatArray | None  # rows of what calibration found of each
 
     @property
@@ -70,8 +90,13 @@ class StageController:
 
     def called(self, magnet: ForceController) -> str:
         """Return what the parameters of a magnet are called."""
-        place = [one.parameters for one in self.distinct].index(magnet.parameters)
+        place = [one.parameters is magnet.parameters for one in self.distinct].index(True)
         return self.name if place == 0 else f"{self.name}_{place + 1}"
+
+    @property
+    def fixed(self) -> bool:
+        """Whether its magnets reckon in fixed point."""
+        return self.magnets[0].format == "fixed"
 
     @property
     def core(self) -> tuple[str, ...]:
@@ -79,11 +104,14 @@ class StageController:
         parameters = self.magnets[0].parameters
         own: tuple[str, ...] = ()
         if isinstance(parameters, HysteresisInverse):
-            own = SINGLE[parameters.block.kind]
+            block = parameters.block
+            own = (SOURCES if self.fixed else SINGLE)[block.kind]
+            own += LAYERS if self.fixed and memories(block) > 1 else ()
         elif isinstance(parameters, PlayMap):
-            own = PLAY_MAP_REAL
+            own = PLAY_MAP if self.fixed else PLAY_MAP_REAL
+        force = FORCE_CODED if self.fixed else FORCE_REAL
         corrected = () if self.correction is None else CORRECTED_REAL
-        return tuple(dict.fromkeys((*AXES, *own, *corrected)))
+        return tuple(dict.fromkeys((*AXES, *force, *own, *corrected)))
 
     @property
     def parameters_bytes(self) -> int:
@@ -104,6 +132,8 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
             f'/* SPDX-License-Identifier: Apache-2.0 */\n#include "{name}_controller.h"\n\n'
             f"/* clang-format off */\n{_parameters(called, one)}\n"
         )
+    if stage.fixed:
+        files[PORT] = read_core(PORT)
     return files | {
         f"{name}_controller.h": render("stage_controller.h.j2", values),
         f"{name}_controller.c": render("stage_controller.c.j2", values),
@@ -116,10 +146,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
 
 def _values(stage: StageController, version: str) -> dict[str, object]:
     """Return what the templates show."""
-    parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
-    settings, table = stage.settings, _map_of(parameters)
-    low, high = (0.0, 0.0) if table is None else table.limits
-    parts = [stage.called(one) for one in stage.distinct]
+    settings, scales = stage.settings, stage.magnets[0].scales
     return {
         "name": stage.name,
         "macro": stage.name.upper(),
@@ -146,35 +173,63 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "idle": literal(settings["idle"]),
         "allocation": f"{int(settings['allocation'])}U",
         "least": literal(stage.force_min),
-        "type": _type(parameters),
-        "play": isinstance(parameters, PlayMap),
-        "map": table is not None,
-        "map_low": literal(low),
-        "map_high": literal(high),
-        "headers": _headers(stage),
-        "parts": parts,
-        "own": [f"&{stage.called(one)}_parameters" for one in stage.magnets],
         "corrected": []
         if stage.correction is None
         else [_row(r) for r in stage.correction.tolist()],
-        "sources": [f"{part}_parameters.c" for part in parts] + [f"{stage.name}_controller.c"],
         "core": sorted(f"{SRC}/{one}" for one in stage.core),
         "real": True,
+        "port": stage.fixed,
         "parameters_bytes": stage.parameters_bytes,
+        **_magnet_values(stage),
+    }
+
+
+def _magnet_values(stage: StageController) -> dict[str, object]:
+    """Return what they show of the way from force to current."""
+    parameters, scales = stage.magnets[0].parameters, stage.magnets[0].scales
+    table, law = _map_of(parameters), "q31" if stage.fixed else "f32"
+    low, high = ("", "") if table is None else map(literal, table.limits)
+    if table is not None and stage.fixed:
+        low, high = map(str, table.codes())
+    parts = [(stage.called(one), _words(one)) for one in stage.distinct]
+    own = [(stage.called(one), _words(one)) for one in stage.magnets]
+    block = parameters.block if isinstance(parameters, HysteresisInverse) else None
+    return {
+        "type": _type(parameters, law),
+        "play": isinstance(parameters, PlayMap),
+        "map": table is not None,
+        "map_low": low,
+        "map_high": high,
+        "fixed": stage.fixed,
+        "law": law,
+        "inner": "inner" if stage.fixed else "magnet",
+        "kernel": "" if block is None else f"anhyst_kernel_{block.kind}",
+        "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
+        "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
+        "headers": _headers(stage),
+        "parts": parts,
+        "own": [f"{'' if words else '&'}{part}_parameters" for part, words in own],
+        "sources": [f"{part}_parameters.c" for part, _ in parts] + [f"{stage.name}_controller.c"],
     }
 
 
 def _headers(stage: StageController) -> list[str]:
     play = isinstance(stage.magnets[0].parameters, PlayMap)
-    return ["force_by_play_real.h"] * play + ["force_corrected_real.h"] * (
-        stage.correction is not None
-    )
+    found = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
+    found += ["force_coded_real.h"] * stage.fixed
+    return found + ["force_corrected_real.h"] * (stage.correction is not None)
 
 
-def _type(parameters: object) -> str:
+def _words(magnet: ForceController) -> int:
+    """Return how many words a block has; 0 where a magnet has none."""
+    block = getattr(magnet.parameters, "block", None)
+    return block.words.size if isinstance(block, Block) else 0
+
+
+def _type(parameters: object, law: str) -> str:
     if isinstance(parameters, HysteresisInverse):
-        return "anhyst_parameters_f32"
-    return "anhyst_play_law_f32" if isinstance(parameters, PlayMap) else "anhyst_map_f32"
+        return "int16_t" if law == "q31" else f"anhyst_parameters_{law}"
+    return f"anhyst_{'play_law' if isinstance(parameters, PlayMap) else 'map'}_{law}"
 
 
 def _map_of(parameters: object) -> CurrentMap | None:
@@ -199,44 +254,70 @@ def _table(name: str, values: FloatArray) -> dict[str, object]:
 
 def _parameters(name: str, magnet: ForceController) -> str:
     """Return the definitions of what a magnet's method knows."""
-    parameters = magnet.parameters
+    parameters, fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
-        assert isinstance(parameters.block, RealBlock)
-        return c_parameters_f32(name, parameters.block, NEWTON_AMPERE, GAP)
-    table = _map_of(parameters)
+        if isinstance(parameters.block, RealBlock):
+            return c_parameters(name, parameters.block, NEWTON_AMPERE, GAP)
+        rows = parameters_source(parameters.block, NEWTON_AMPERE, GAP)
+        return f"const int16_t {name}_parameters[{name.upper()}_PARAMETERS_WORDS] = {{\n{rows}\n}};"
+    table, law = _map_of(parameters), "q31" if fixed else "f32"
     assert table is not None
-    entries = _entries("entries", "Current over force and gap, A: a row a gap", table.entries)
+    words = table.words() if fixed else table.entries
+    entries = _entries("entries", "Current over force and gap", words)
     if not isinstance(parameters, PlayMap):
-        return f"{entries}\n\nconst anhyst_map_f32 {name}_parameters = {_map('entries', table)};"
+        made = _map("entries", table, fixed)
+        return f"{entries}\n\nconst anhyst_map_{law} {name}_parameters = {made};"
+    words = parameters.half_words() if fixed else parameters.half
+    radius, steepness = parameters.radius_words()
+    exact = f"{radius}, {_row(steepness.tolist(), str)}" if fixed else literal(parameters.radius)
     return (
-        f"{entries}\n\n{_entries('half', 'Half the width of the loop, A', parameters.half)}\n\n"
-        f"const anhyst_play_law_f32 {name}_parameters = {{\n    {_map('entries', table)},\n"
-        f"    {_map('half', table)},\n    {literal(parameters.radius)} /* A, radius of the play */\n}};"
+        f"{entries}\n\n{_entries('half', 'Half the width of the loop', words)}\n\n"
+        f"const anhyst_play_law_{law} {name}_parameters = {{\n"
+        f"    {_map('entries', table, fixed)},\n    {_map('half', table, fixed)},\n"
+        f"    {exact} /* radius of the play: {parameters.radius:.6g} A */\n}};"
     )
 
 
-def _entries(name: str, doc: str, values: FloatArray) -> str:
-    lines = [
-        line
-        for row in values.tolist()
-        for line in wrap(f"{listed(row)},", WIDTH, initial_indent="    ", subsequent_indent="    ")
-    ]
-    return "\n".join(
-        [f"/* {doc}. */", f"static const float {name}[{values.size}] = {{", *lines, "};"]
-    )
+def parameters_in_double(name: str, magnet: ForceController) -> tuple[str, int]:
+    """Return the same of a law in double precision, and of how many memories its iron consists."""
+    assert isinstance(magnet.parameters, HysteresisInverse)
+    block = magnet.parameters.block
+    assert isinstance(block, RealBlock)
+    head = '#include "anhyst/compensator/compensator_f64.h"\n\n'
+    return f"{head}{c_parameters(name, block, NEWTON_AMPERE, GAP, double)}\n", memories(block)
 
 
-def _map(entries: str, table: CurrentMap) -> str:
+def _entries(name: str, doc: str, values: NDArray[np.int16] | FloatArray) -> str:
+    """Return a table, a row a gap: words of q15, or A."""
+    if values.dtype == np.int16:
+        kind, unit, lines = "int16_t", "q15", [table_source(values.astype(np.int16))]
+    else:
+        kind, unit = "float", "A"
+        lines = [
+            line
+            for row in values.tolist()
+            for line in wrap(
+                f"{listed(row)},", WIDTH, initial_indent="    ", subsequent_indent="    "
+            )
+        ]
+    head = f"/* {doc}, {unit}: a row a gap. */"
+    return "\n".join([head, f"static const {kind} {name}[{values.size}] = {{", *lines, "};"])
+
+
+def _map(entries: str, table: CurrentMap, fixed: bool) -> str:
     rows, columns = table.entries.shape
-    ends = (table.scales.demand, table.scales.gap_low, table.scales.gap_high)
-    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(literal, ends))}}}"
+    if fixed:
+        return f"{{{entries}, {(columns - 2).bit_length()}, {(rows - 2).bit_length()}}}"
+    return f"{{{entries}, {columns - 1}, {rows - 1}, {', '.join(map(literal, table.ends))}}}"
 
 
 def _bytes(magnet: ForceController) -> int:
-    parameters = magnet.parameters
+    parameters, fixed = magnet.parameters, magnet.format == "fixed"
     if isinstance(parameters, HysteresisInverse):
         return parameters_bytes(parameters.block)
+    if fixed and isinstance(parameters, PlayMap):
+        return play_bytes(parameters)
     table = _map_of(parameters)
     assert table is not None
-    one = 4 * table.entries.size + 4 + 2 * 2 + 3 * 4
+    one = 2 * table.entries.size + 8 if fixed else 4 * table.entries.size + 4 + 2 * 2 + 4 * 4
     return 2 * one + 4 if isinstance(parameters, PlayMap) else one

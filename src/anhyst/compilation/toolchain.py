@@ -89,7 +89,7 @@ class Build:
 
 def compile_c(compiler: Sequence[str], build: Build, output: Path, wanted_by: str) -> int:
     """Compile and link; return the number of warnings."""
-    said = compile_and_link(
+    messages = compile_and_link(
         compiler,
         build.options(),
         build.search(),
@@ -97,7 +97,7 @@ def compile_c(compiler: Sequence[str], build: Build, output: Path, wanted_by: st
         [*build.libraries, "-o", str(output)],
         partial(run_tool, wanted_by=wanted_by),
     )
-    return sum(": warning:" in line for text in said for line in text.splitlines())
+    return sum(": warning:" in line for text in messages for line in text.splitlines())
 
 
 def compile_cortex_m(cpu: str, build: Build, linker_script: Path, output: Path) -> int:

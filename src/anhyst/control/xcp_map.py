@@ -39,8 +39,8 @@ AREAS = {
 
 SIGNALS = (
     XcpValue("demand", "q31", "demand in force, q31 of the full-scale force", of="demand"),
-    XcpValue("force", "q30", "measured force, q30", of="demand"),
-    XcpValue("gap", "q30", "measured gap, q30", of="gap"),
+    XcpValue("force", "q30", "measured force, q30", of="demand", body="force"),
+    XcpValue("gap", "q30", "measured gap, q30", of="gap", body="force"),
     XcpValue("current", "q30", "measured current, q30", of="current"),
     XcpValue("drive", "q31", "current driven, q31 of the full-scale current", of="current"),
     XcpValue("flux", "q30", "flux of the model after the commit, q30"),
@@ -48,12 +48,24 @@ SIGNALS = (
     XcpValue("state", "integer", "state, as a number"),
     XcpValue("flags", "integer", "flags, as in status"),
     XcpValue(
-        "position", "q31", "measured position, q31 of the controller's full scale", of="position"
+        "position",
+        "q31",
+        "measured position, q31 of the controller's full scale",
+        of="position",
+        body="position",
     ),
-    XcpValue("reference", "q31", "position controlled to, likewise", of="position"),
-    XcpValue("phase", "integer", "phase, as a number"),
-    XcpValue("current_2", "q30", "measured current of the second magnet, q30", of="current"),
-    XcpValue("drive_2", "q31", "current driven there, q31", of="current"),
+    XcpValue(
+        "reference", "q31", "position controlled to, likewise", of="position", body="position"
+    ),
+    XcpValue("phase", "integer", "phase, as a number", body="position"),
+    XcpValue(
+        "current_2",
+        "q30",
+        "measured current of the second magnet, q30",
+        of="current",
+        body="position",
+    ),
+    XcpValue("drive_2", "q31", "current driven there, q31", of="current", body="position"),
     XcpValue("fault", "integer", "latched reason of a fault, as a number"),
 )
 

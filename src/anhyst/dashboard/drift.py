@@ -52,19 +52,19 @@ class BenchWatch:
             return {"state": "ended", "text": self._trouble}
         if self._watch is None:
             return {"state": "learning", "text": "no rows yet"}
-        found = self._watch.finding
-        drifted = found.drifted is not None
-        state = "drifted" if drifted else "learning" if found.learning else "fits"
+        finding = self._watch.finding
+        drifted = finding.drifted is not None
+        state = "drifted" if drifted else "learning" if finding.learning else "fits"
         return {
             "state": state,
-            "text": found.text(self._rate),
-            "cycles": found.cycles,
+            "text": finding.text(self._rate),
+            "cycles": finding.cycles,
             "learn": LEARN + 1,
             "run_length": RUN_LENGTH,
             "least_N": self._watch.least,
-            "usual_N": found.usual,
-            "left_N": found.left,
-            "gain_N": found.gain if drifted else 0.0,
+            "usual_N": finding.usual,
+            "left_N": finding.left,
+            "gain_N": finding.gain if drifted else 0.0,
         }
 
 
@@ -96,13 +96,13 @@ def make_curves(loops: Loops, model: Model | None = None) -> tuple[DrawnLoop, ..
     """Return loops of force over current, thinned; and those of a model along the same currents."""
     if (loops.input.name, loops.output.name) != ("current", "force"):
         return ()
-    found = []
+    curves = []
     for loop in loops.loops[:_LOOPS]:
-        found.append(_curve("measured", loop, loop.output))
+        curves.append(_curve("measured", loop, loop.output))
         if model is not None:
             predicted = model.predict(loop.input, loop.schedule, loop.time, loop.history)
-            found.append(_curve("model", loop, predicted.output))
-    return tuple(found)
+            curves.append(_curve("model", loop, predicted.output))
+    return tuple(curves)
 
 
 def _curve(kind: str, loop: Loop, force: FloatArray) -> DrawnLoop:

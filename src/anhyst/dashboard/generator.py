@@ -216,9 +216,9 @@ def read_table(text: str, unit: str, begin: int) -> WaveTable:
 
 def _units(number: int, header: list[str], unit: str) -> tuple[Unit, Unit]:
     """Return the units of both columns."""
-    found = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
-    if len(header) == len(found) == 2:
-        time, value = found
+    units = [one for one in (parse_header(cell).unit for cell in header) if one is not None]
+    if len(header) == len(units) == 2:
+        time, value = units
         if time.dimension == "time" and value.dimension == unit_of(unit).dimension:
             return time, value
     kind = unit_of(unit).dimension
@@ -235,7 +235,7 @@ def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float
         raise InputError(
             f"own CSV: line {number}: {len(cells)} columns, not two", code="fields-missing"
         )
-    found = []
+    row = []
     for cell, unit in zip(cells, units, strict=True):
         try:
             value = unit.value_to_si(float(cell))
@@ -247,5 +247,5 @@ def _row(number: int, cells: list[str], units: tuple[Unit, Unit]) -> tuple[float
             raise InputError(
                 f"own CSV: line {number}: '{cell[:40]}' is not finite", code="not-finite"
             )
-        found.append(value)
-    return found[0], found[1]
+        row.append(value)
+    return row[0], row[1]

@@ -137,7 +137,7 @@ class Improver:
         """Return the text of all files that the steps left, by name."""
         names = (LOOPS, str(Path(LOOPS).with_suffix(".toml")), MODEL)
         places = [self.place / name for name in names]
-        return {place.name: place.read_text("utf-8") for place in places if place.exists()}
+        return {path.name: path.read_text("utf-8") for path in places if path.exists()}
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows while a step is under way."""

@@ -84,8 +84,8 @@ class MdfRecorder:
         history = self._block(b"FH", (0, tool), struct.pack("<QhhB3x", now, 0, 0, _OFFSETS_KNOWN))
         channels = 0
         columns = [Signal("t", "s", "time"), Signal("tick", "", "number of the tick"), *signals]
-        for place in reversed(range(len(columns))):
-            channels = self._channel(columns[place], place, channels)
+        for index in reversed(range(len(columns))):
+            channels = self._channel(columns[index], index, channels)
         row = struct.pack("<QQHH4xII", 0, 0, 0, 0, 8 * len(columns), 0)
         group = self._block(b"CG", (0, channels, self._text("bench"), 0, 0, 0), row)
         self._count = group + _HEAD.size + 6 * 8 + 8

@@ -88,13 +88,13 @@ class TickRecorder:
         signals: Sequence[Signal],
         rate: float,
         folder: Path,
-        said: Callable[[str], None],
+        notify: Callable[[str], None],
     ) -> None:
         self.folder = folder
         self.trouble = ""
         self._signals = signals
         self._rate = rate
-        self._said = said
+        self._notify = notify
         self._ring = Ring(math.ceil((KEPT_S + _SLACK_S) * rate), 1 + len(signals))
         self._lock = threading.RLock()
         self._file: RecordingFile | None = None
@@ -199,10 +199,10 @@ class TickRecorder:
         if self._file is None or self._next is not None or crossing is None:
             return
         seen = self._ring.take(max(last, 0), self._ring.total)
-        place = crossing.find(seen[:, crossing.column])
-        if place is not None:
-            self._frame(int(seen[place, 0]))
-            self._said(f"{self._file.path.name}: tick {int(seen[place, 0])} crossed the level")
+        row = crossing.find(seen[:, crossing.column])
+        if row is not None:
+            self._frame(int(seen[row, 0]))
+            self._notify(f"{self._file.path.name}: tick {int(seen[row, 0])} crossed the level")
 
     def _frame(self, tick: int) -> None:
         """Set the first and the last tick around one; rows before the first may still come."""
@@ -240,5 +240,5 @@ class TickRecorder:
     def _end(self, how: str) -> None:
         if self._file is not None:
             self._file.close()
-            self._said(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
+            self._notify(f"{self._file.path.name}: {how}, {self._file.rows} ticks")
         self._file, self._next, self._last, self._span = None, None, math.inf, Span()

@@ -33,12 +33,12 @@ def refusals(bench: Bench, now: Standing | None, ended: str, measured: str) -> M
         return all_refused(bench, ended)
     if bench.lost or now is None:
         return dict.fromkeys((*_commands(bench), *_DRIVES), bench.lost or "no sample has come yet")
-    found = {name: refusal(command, now) for name, command in _commands(bench).items()}
+    reasons = {name: refusal(command, now) for name, command in _commands(bench).items()}
     if bench.aim.unit == "N":
-        found |= dict.fromkeys(("target", "generator"), demand_refusal(now.state))
+        reasons |= dict.fromkeys(("target", "generator"), demand_refusal(now.state))
     if measured:
-        found |= {name: measured for name in (*found, *_DRIVES) if disturbs(name)}
-    return {name: why for name, why in found.items() if why}
+        reasons |= {name: measured for name in (*reasons, *_DRIVES) if disturbs(name)}
+    return {name: why for name, why in reasons.items() if why}
 
 
 def _commands(bench: Bench) -> dict[str, Command]:

@@ -242,8 +242,8 @@ class LiveServer:
         await client.say(self._status(client))
         if client.parameters is not self.session.parameters:
             client.parameters = self.session.parameters
-            said = {"parameters": parameters_of(self.session), "applied": self.session.applied}
-            await client.say({"kind": "parameters", **said})
+            values = {"parameters": parameters_of(self.session), "applied": self.session.applied}
+            await client.say({"kind": "parameters", **values})
         if client.curves is not self.session.curves:
             client.curves = self.session.curves
             await client.say({"kind": "loops", "loops": loops_of(self.session)})

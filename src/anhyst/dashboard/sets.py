@@ -81,8 +81,8 @@ class ParameterSets:
         return self._folder / f"{name}{ENDING}"
 
     def _look(self) -> None:
-        found = (path.name.removesuffix(ENDING) for path in self._folder.glob(f"*{ENDING}"))
-        self.names = tuple(sorted(name for name in found if _NAME.fullmatch(name))[:_MOST])
+        names = (path.name.removesuffix(ENDING) for path in self._folder.glob(f"*{ENDING}"))
+        self.names = tuple(sorted(name for name in names if _NAME.fullmatch(name))[:_MOST])
 
 
 def _entry(file: str, key: object, one: object) -> dict[str, Any]:

@@ -62,11 +62,11 @@ def smooth(drive: FloatArray, answer: FloatArray, bins: int = 100) -> tuple[Floa
     """Average one branch in equal bins of the input."""
     low, span = float(drive.min()), float(np.ptp(drive)) or 1.0
     count = min(bins, drive.size)
-    place = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
-    number = np.bincount(place, minlength=count)
+    bin_of = np.minimum(((drive - low) / span * count).astype(np.intp), count - 1)
+    number = np.bincount(bin_of, minlength=count)
     filled = number > 0
-    x = np.bincount(place, weights=drive, minlength=count)[filled] / number[filled]
-    y = np.bincount(place, weights=answer, minlength=count)[filled] / number[filled]
+    x = np.bincount(bin_of, weights=drive, minlength=count)[filled] / number[filled]
+    y = np.bincount(bin_of, weights=answer, minlength=count)[filled] / number[filled]
     return x, y
 
 

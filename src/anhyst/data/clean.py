@@ -94,11 +94,11 @@ def steady(loopset: Loops) -> Loops:
     """Settle a scheduling value that wobbles by less than 2 % within a loop to its median."""
     loops = list(loopset.loops)
     settled = 0
-    for place, loop in enumerate(loops):
+    for index, loop in enumerate(loops):
         values = loop.schedule
         if values is not None and 0.0 < np.ptp(values) <= _STEADY * float(np.max(np.abs(values))):
             middle = np.full(loop.n, float(np.median(values)))
-            loops[place] = replace(loop, schedule=middle)
+            loops[index] = replace(loop, schedule=middle)
             settled += 1
     if not settled:
         return loopset
@@ -112,14 +112,14 @@ def drift(loopset: Loops) -> Loops:
     Where none comes again the drift cannot be judged: a note says so, and the loop stays as it is.
     """
     loops, texts, unknown = list(loopset.loops), [], []
-    for place, loop in enumerate(loops):
+    for index, loop in enumerate(loops):
         total = estimates.drift(loop)
         if total is None:
             unknown.append(f"'{loop.label}'")
         elif total:
             clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
             share = (clock - clock[0]) / (clock[-1] - clock[0]) - 0.5
-            loops[place] = replace(loop, output=loop.output - total * share)
+            loops[index] = replace(loop, output=loop.output - total * share)
             texts.append(f"{total:.3g} {loopset.output.unit} in loop '{loop.label}'")
     if unknown:
         note = f"drift of loops {_some(unknown)} cannot be judged: no state comes again in them"
@@ -133,13 +133,13 @@ def offset(loopset: Loops) -> Loops:
     """Centre symmetric loops of an odd output: one input offset for all, one output offset each."""
     if is_even(loopset):
         return loopset
-    found = [estimates.offsets(loop) for loop in loopset.loops]
-    centres = [centre for centre in found if centre is not None]
+    offsets = [estimates.offsets(loop) for loop in loopset.loops]
+    centres = [centre for centre in offsets if centre is not None]
     if not centres:
         return loopset
     shift = float(np.median([centre[0] for centre in centres]))
     loops, texts = [], []
-    for loop, centre in zip(loopset.loops, found, strict=True):
+    for loop, centre in zip(loopset.loops, offsets, strict=True):
         zero = centre[1] if centre is not None else 0.0
         loops.append(replace(loop, input=loop.input - shift, output=loop.output - zero))
         texts.append(f"{zero:.3g} {loopset.output.unit} in loop '{loop.label}'")
@@ -150,8 +150,8 @@ def offset(loopset: Loops) -> Loops:
 
 def skew(loopset: Loops) -> Loops:
     """Shift the output by its delay behind the input (one delay for all loops, their median)."""
-    found = [estimates.skew(loop) for loop in loopset.loops]
-    delays = [delay for delay in found if delay is not None]
+    skews = [estimates.skew(loop) for loop in loopset.loops]
+    delays = [delay for delay in skews if delay is not None]
     delay = float(np.median(delays)) if delays else 0.0
     if delay == 0.0:
         return loopset

@@ -51,8 +51,8 @@ def convert_measurement(
     file = opened.file if isinstance(opened, ChannelTable) else _file_of(source, progress)
     notes = [*file.notes]
     if out.suffix.lower() in ONE_TABLE:
-        parts, said = _one_table(ChannelTable(file))
-        notes += said
+        parts, remarks = _one_table(ChannelTable(file))
+        notes += remarks
     else:
         parts = sections(file)
     parts, left = _without_complex(parts)
@@ -97,7 +97,7 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
         raw = table.read(numbers, texts)
         columns: dict[int, Any] = {n: np.array(one.rows()) for n, one in raw.texts.items()}
         columns |= raw.numbers
-        read = [columns[place] for place in range(len(table.header))]
+        read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]
     named = [
         Series(name, unit, values)

@@ -70,8 +70,8 @@ def closure(loop: Loop) -> float | None:
     """
     parts = _settled_branches(loop)
     starts = parts[:1] if loop.history.kind == "settled" else parts[1::-1]
-    found = (_missed(loop, parts, first) for first in starts)
-    return next((value for value in found if value is not None), None)
+    misses = (_missed(loop, parts, first) for first in starts)
+    return next((value for value in misses if value is not None), None)
 
 
 def _settled_branches(loop: Loop) -> list[Branch]:
@@ -207,9 +207,9 @@ def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:
     """Mean output where the input passes a level near its tip, up and down."""
     up = crossings(drive, answer, level, rising=True)
     down = crossings(drive, answer, level, rising=False)
-    found = [float(np.median(values)) for values in (up, down) if values.size]
-    if found:
-        return float(np.mean(found))
+    medians = [float(np.median(values)) for values in (up, down) if values.size]
+    if medians:
+        return float(np.mean(medians))
     return float(answer[int(np.argmax(drive * np.sign(level)))])
 
 
@@ -232,8 +232,8 @@ def _tip_misfits(loop: Loop, tip: int, width: int, powers: int) -> FloatArray:
     for side in (after, ~after):
         parts += [np.where(side, u**power, 0.0) for power in range(1, powers + 1)]
     across, sizes, _ = np.linalg.svd(np.stack(parts, axis=2), full_matrices=False)
-    told = sizes > np.finfo(np.float64).eps * rows.size * sizes[:, :1]
-    shares = told * (answer @ across)
+    distinct = sizes > np.finfo(np.float64).eps * rows.size * sizes[:, :1]
+    shares = distinct * (answer @ across)
     left = answer - (across @ shares[:, :, np.newaxis])[:, :, 0]
     size = (float(np.var(answer)) or 1.0) * (rows.size - len(parts))
     return np.asarray(np.sum(left**2, axis=1) / size)

@@ -29,8 +29,8 @@ def mapping(
     headers: Sequence[Header], *wanted: Sequence[str], skip: Collection[int] = (), least: int = -8
 ) -> str:
     """Advise how to map the likeliest columns to what is missing."""
-    found = likely(headers, wanted, skip, least)
-    pairs = [(headers[place].text, _target(headers[place], name)) for place, name in found]
+    candidates = likely(headers, wanted, skip, least)
+    pairs = [(headers[column].text, _target(headers[column], name)) for column, name in candidates]
     if not pairs:
         return ""
     which = "it" if len(pairs) == 1 else "them"
@@ -48,20 +48,22 @@ def likely(
 ) -> list[tuple[int, str]]:
     """Find the likeliest columns for what is missing, as `mapping`: index and quantity."""
     free = [
-        place
-        for place, header in enumerate(headers)
-        if header.text and not header.is_label and place not in skip
+        column
+        for column, header in enumerate(headers)
+        if header.text and not header.is_label and column not in skip
         if not header.is_known or header.problem
     ]
-    found = []
+    candidates = []
     for names in wanted:
-        pool = [(_likeness(headers[place], name), place, name) for place in free for name in names]
+        pool = [
+            (_likeness(headers[column], name), column, name) for column in free for name in names
+        ]
         # Of equals the first: max keeps it.
         score, best, name = max(pool, key=lambda one: one[0], default=(least - 1, 0, ""))
         if score >= least:
             free.remove(best)
-            found.append((best, name))
-    return found
+            candidates.append((best, name))
+    return candidates
 
 
 def map_one(header: Header) -> str:

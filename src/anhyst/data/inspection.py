@@ -14,7 +14,7 @@ from anhyst.data.look import length_scale
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.noise import noise as noise_of
 from anhyst.data.plausibility import check_plausible
-from anhyst.data.speeds import rate_told
+from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, propose_histories
 from anhyst.data.verdict import Verdict, judge, loop_width, single_valued
 from anhyst.support.arrays import FloatArray
@@ -200,7 +200,7 @@ def inspect(loops: Loops) -> Inspection:
         loops.repairs,
         tuple(warnings),
         judge(loops),
-        rate_told(loops),
+        rate_line(loops),
     )
 
 
@@ -238,27 +238,27 @@ def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: boo
 
 
 def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
-    found = []
+    warnings = []
     for loop, one in zip(loopset.loops, figures, strict=True):
         name = loopset.describe(loop)
         height = one.output_high - one.output_low
         if one.skew is not None and abs(one.skew) >= 0.3:
-            found.append(
+            warnings.append(
                 f"{name}: the output lags by {one.skew:.1f} samples (cleaning step 'skew' shifts "
                 "it, if the measurement is to blame and not the device)"
             )
         if one.drift is not None and abs(one.drift) > max(0.005 * height, 4.0 * one.noise):
-            found.append(
+            warnings.append(
                 f"{name}: the output drifts by {one.drift / height:.1%} of its height over the "
                 "record (cleaning step 'drift' takes it out)"
             )
         if one.samples < 40:
-            found.append(f"{name}: {one.samples} samples are few; 100 a loop are comfortable")
+            warnings.append(f"{name}: {one.samples} samples are few; 100 a loop are comfortable")
         if one.history.kind == "settled" and one.proposed.kind == "demagnetised":
-            found.append(f"{name}: declared settled, but {one.reason}")
+            warnings.append(f"{name}: declared settled, but {one.reason}")
     if loopset.schedule is not None and len(loopset.schedule_values) == 1:
-        found.append(f"one {loopset.schedule.name} only: nothing can be learned about others")
-    return found
+        warnings.append(f"one {loopset.schedule.name} only: nothing can be learned about others")
+    return warnings
 
 
 def _suffix(quantity: Quantity) -> str:

@@ -145,11 +145,11 @@ def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
 
 def _names(places: Sequence[str]) -> dict[str, str]:
     """Name files by their stems, or, where these are the same, by the whole path."""
-    paths = {place: PurePath(place) for place in places}
+    paths = {name: PurePath(name) for name in places}
     stems = Counter(path.stem for path in paths.values())
     return {
-        place: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
-        for place, path in paths.items()
+        name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
+        for name, path in paths.items()
     }
 
 

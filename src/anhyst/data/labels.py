@@ -41,18 +41,18 @@ def find_label(
     Each of its values must hold one run of rows at each value of the schedule, in which the input
     reverses; and the loops must differ in size, or they are cycles of one record.
     """
-    found: dict[int, list[Rows]] = {}
+    rows_of_label: dict[int, list[Rows]] = {}
     for index, column in idle.items():
         loops = _loops(column, schedule)
         if loops is not None and _are_loops(loops, drive, answer):
-            found[index] = loops
-    for index in found:
+            rows_of_label[index] = loops
+    for index in rows_of_label:
         _refuse_schedule(place, headers[index], scheduled=schedule is not None)
-    if not found:
+    if not rows_of_label:
         return None
-    first = next(iter(found))
-    for index, loops in found.items():
-        if [rows[0] for rows in loops] != [rows[0] for rows in found[first]]:
+    first = next(iter(rows_of_label))
+    for index, loops in rows_of_label.items():
+        if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first]]:
             names = [headers[one].text for one in (first, index)]
             raise InputError(
                 f"{place}: columns '{names[0]}' and '{names[1]}' both may tell loops apart; say "

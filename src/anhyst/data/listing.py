@@ -47,18 +47,18 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     table = open_table(path, least=1)
     headers = map_headers(table, columns or {})
     (first,) = table.first_rows(1) or [[""] * len(headers)]
-    texts = [place for place, field in enumerate(first) if not is_number(field)]
+    texts = [column for column, field in enumerate(first) if not is_number(field)]
     roles = _roles(headers, texts)
     units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
-    found = []
-    for place, (name, unit) in enumerate(zip(table.header, units, strict=True)):
-        values = None if place in texts else _values(table, place)
-        samples, rate = _pace(table, place)
+    listed = []
+    for column, (name, unit) in enumerate(zip(table.header, units, strict=True)):
+        values = None if column in texts else _values(table, column)
+        samples, rate = _pace(table, column)
         finite = values[np.isfinite(values)] if values is not None else np.empty(0)
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
         count = samples if samples is not None else (0 if values is None else values.size)
-        found.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(place, "")))
-    return found
+        listed.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(column, "")))
+    return listed
 
 
 def _values(table: OpenTable, place: int) -> Any:
@@ -85,12 +85,12 @@ def _pace(table: OpenTable, place: int) -> tuple[int | None, float | None]:
 def _roles(headers: Sequence[Header], texts: Sequence[int]) -> dict[int, str]:
     """Say what each channel is by its header, and what the best of the others may be."""
     roles = {
-        place: header.quantity.name
-        for place, header in enumerate(headers)
+        column: header.quantity.name
+        for column, header in enumerate(headers)
         if header.is_known and header.quantity and not header.problem
     }
     held = set(roles.values())
     wanted = [names for names in (INPUTS, tuple(OUTPUT_MAPS)) if held.isdisjoint(names)]
     wanted += [(name,) for name in ("gap", "time") if name not in held]
     guesses = likely(headers, wanted, skip=texts, least=2)
-    return roles | {place: f"{name}?" for place, name in guesses}
+    return roles | {column: f"{name}?" for column, name in guesses}

@@ -287,33 +287,33 @@ class Loops(Result):
 
     def describe(self, loop: Loop) -> str:
         """Name a loop for a message: its file, its label and its scheduling value."""
-        place = f"{loop.source}: " if loop.source else ""
+        where = f"{loop.source}: " if loop.source else ""
         value = loop.schedule_value
         if self.schedule is None or value is None:
-            return f"{place}loop '{loop.label}'"
-        return f"{place}loop '{loop.label}' at {self.schedule.show(value)}"
+            return f"{where}loop '{loop.label}'"
+        return f"{where}loop '{loop.label}' at {self.schedule.show(value)}"
 
     def to_columns(self) -> dict[str, Column]:
         """All loops one below the other, as columns of SI values by header."""
         codes = np.concatenate(
-            [np.full(loop.n, place, np.int32) for place, loop in enumerate(self.loops)]
+            [np.full(loop.n, index, np.int32) for index, loop in enumerate(self.loops)]
         )
-        found: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
+        columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):
-            found[QUANTITIES["time"].column] = np.concatenate(times)
-        found[self.input.column] = np.concatenate([loop.input for loop in self.loops])
-        found[self.output.column] = np.concatenate([loop.output for loop in self.loops])
+            columns[QUANTITIES["time"].column] = np.concatenate(times)
+        columns[self.input.column] = np.concatenate([loop.input for loop in self.loops])
+        columns[self.output.column] = np.concatenate([loop.output for loop in self.loops])
         values = [loop.schedule for loop in self.loops if loop.schedule is not None]
         if self.schedule is not None:
-            found[self.schedule.column] = np.concatenate(values)
-        return found
+            columns[self.schedule.column] = np.concatenate(values)
+        return columns
 
     def facts(self) -> dict[str, str]:
         """Return number of loops and samples, ranges, and where they were measured."""
         drive = [end for loop in self.loops for end in (loop.input.min(), loop.input.max())]
         answer = [end for loop in self.loops for end in (loop.output.min(), loop.output.max())]
-        told = {
+        facts = {
             "loops": str(len(self)),
             "samples": str(sum(loop.n for loop in self.loops)),
             self.input.name: range_text(min(drive), max(drive), self.input.unit),
@@ -321,8 +321,8 @@ class Loops(Result):
         }
         if self.schedule is not None:
             values = self.schedule_values
-            told["measured at"] = ", ".join(map(self.schedule.show, values)) or "moving"
-        return told
+            facts["measured at"] = ", ".join(map(self.schedule.show, values)) or "moving"
+        return facts
 
     def draw(self, ax: Axes) -> None:
         """Draw all loops, output over input, one colour a scheduling value."""

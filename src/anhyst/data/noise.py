@@ -18,11 +18,11 @@ def noise(values: FloatArray) -> float:
     """
     if values.size < 12:
         return 0.0
-    found = []
+    deviations = []
     difference = np.diff(values)
     gain = 2.0
     for order in range(2, 6):
         difference = np.diff(difference)
         gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
-        found.append(TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
-    return float(min(found))
+        deviations.append(TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
+    return float(min(deviations))

@@ -45,6 +45,7 @@ OUTPUT_MAPS = {
     each.quantity: each
     for each in (
         OutputMap("force", power=2, of_flux=True),
+        OutputMap("thrust", of_flux=True),
         OutputMap("flux_density", of_flux=True, absolute=True),
         OutputMap("flux_linkage", of_flux=True),
         OutputMap("displacement", from_zero=False, creeps=True),
@@ -76,6 +77,11 @@ class Device(Protocol):
     @property
     def output(self) -> Quantity:
         """What it answers with."""
+
+
+def is_actuator(device: Device) -> bool:
+    """Whether a current makes a force: what moves a body."""
+    return device.input.name == "current" and device.output.name in ("force", "thrust")
 
 
 def is_electromagnet(device: Device) -> bool:

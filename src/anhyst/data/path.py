@@ -21,17 +21,17 @@ def turning_points(values: FloatArray, threshold: float) -> NDArray[np.intp]:
     heights = values[extremes].tolist()
     kept = [0]
     low = high = direction = 0
-    for place, height in enumerate(heights):
+    for index, height in enumerate(heights):
         if direction <= 0 and height < heights[low]:
-            low = place
+            low = index
         if direction >= 0 and height > heights[high]:
-            high = place
+            high = index
         if direction <= 0 and height - heights[low] > threshold:
             kept.append(low)
-            direction, high = 1, place
+            direction, high = 1, index
         elif direction >= 0 and heights[high] - height > threshold:
             kept.append(high)
-            direction, low = -1, place
+            direction, low = -1, index
     places = np.unique(np.array([*kept, len(heights) - 1], dtype=np.intp))
     return extremes[places]
 
@@ -44,9 +44,9 @@ def reversal_count(values: FloatArray, threshold: float) -> int:
 def crossings(values: FloatArray, other: FloatArray, level: float, *, rising: bool) -> FloatArray:
     """Interpolate ``other`` where ``values`` crosses a level in one direction."""
     below = values < level if rising else values > level
-    place = np.flatnonzero(below[:-1] & ~below[1:])
-    share = (level - values[place]) / (values[place + 1] - values[place])
-    return other[place] + share * (other[place + 1] - other[place])
+    at = np.flatnonzero(below[:-1] & ~below[1:])
+    share = (level - values[at]) / (values[at + 1] - values[at])
+    return other[at] + share * (other[at + 1] - other[at])
 
 
 def value_fault(values: FloatArray) -> int | None:

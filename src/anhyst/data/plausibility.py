@@ -212,10 +212,10 @@ def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
     for one, two in itertools.pairwise(branches(size)):
-        found = separation(size, answer, one, two)
-        if found is not None:
-            share = float(np.ptp(found[0]))
-            total += share * float(np.mean(found[1]))
+        width = separation(size, answer, one, two)
+        if width is not None:
+            share = float(np.ptp(width[0]))
+            total += share * float(np.mean(width[1]))
             weight += share
             samples = min(part.stop - part.start for part in (one, two))
             variance += 2.0 * (share * noise(answer)) ** 2 / samples

@@ -124,12 +124,12 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, listed):
         if path.is_dir():
-            found = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
-            if not found:
+            here = sorted(f for f in path.iterdir() if f.suffix.lower() in FORMATS)
+            if not here:
                 raise InputError(
                     f"{path}: this folder holds no {', '.join(FORMATS)} file", code="no-files"
                 )
-            files += found
+            files += here
         else:
             files.append(path)
     if not files:
@@ -265,11 +265,11 @@ def _cut(
         columns, quantity = replace(columns, schedule=None), None
         blocks = _blocks(columns)
     loops, unstated = [], []
-    for place, rows in enumerate(blocks):
+    for index, rows in enumerate(blocks):
         loop = _loop(columns, rows)
         stated: History | None = given.histories.get(loop.label, given.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
-        unstated += [place] if stated is None else []
+        unstated += [index] if stated is None else []
     texts = tuple(f"{columns.place}: {text}" for text in found)
     return LoopPart(
         columns.place,
@@ -286,15 +286,15 @@ def _cut(
 
 def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
     """Give the loops whose history nobody stated the one that their data propose, with a note."""
-    loops = [loop for part in parts for place, loop in enumerate(part.loops) if place in part.open]
+    loops = [loop for part in parts for index, loop in enumerate(part.loops) if index in part.open]
     proposals = iter(propose_histories(loops, even=are_even(loops, parts[0].output)))
-    found = []
+    completed = []
     for part in parts:
         judged, notes = list(part.loops), list(part.notes)
-        for place in sorted(part.open):
-            loop = judged[place]
+        for index in sorted(part.open):
+            loop = judged[index]
             history, reason = next(proposals)
-            judged[place] = replace(loop, history=history)
+            judged[index] = replace(loop, history=history)
             value = loop.schedule_value
             at = f" at {part.schedule.show(value)}" if part.schedule and value is not None else ""
             notes.append(
@@ -304,8 +304,8 @@ def _with_histories(parts: list[LoopPart]) -> list[LoopPart]:
         ordered = one_after_another(judged, over_gaps=is_gap)
         if any(loop.history.kind == "settled" and loop.history.turning_points for loop in ordered):
             notes.append(f"{part.place}: {IN_ONE_RUN}")
-        found.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
-    return found
+        completed.append(replace(part, loops=tuple(ordered), notes=tuple(notes)))
+    return completed
 
 
 def _refuse_negative_gaps(columns: _Columns) -> None:

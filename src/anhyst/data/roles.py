@@ -48,13 +48,13 @@ class Roles:
 
     def notes(self, headers: Sequence[Header]) -> list[str]:
         """Say what was found about the columns, and what was left."""
-        found = []
+        remarks = []
         if self.label_found and self.label is not None:
-            found.append(f"column '{headers[self.label].text}' tells the loops apart")
+            remarks.append(f"column '{headers[self.label].text}' tells the loops apart")
         if self.idle:
             idle = ", ".join(headers[index].text for index in self.idle)
-            found.append(f"columns not used: {idle}")
-        return found
+            remarks.append(f"columns not used: {idle}")
+        return remarks
 
 
 def find_roles(
@@ -150,8 +150,10 @@ def _first(place: str, headers: Sequence[Header], names: Sequence[str]) -> int |
 
 def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
     """Index of the one usable column of a quantity; ``None`` if the table has none."""
-    found = [i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name]
-    healthy = [index for index in found if headers[index].problem is None]
+    indices = [
+        i for i, h in enumerate(headers) if h.quantity is not None and h.quantity.name == name
+    ]
+    healthy = [index for index in indices if headers[index].problem is None]
     if len(healthy) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in healthy)
         leave = f'--columns "{headers[healthy[1]].text}="'
@@ -160,8 +162,8 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
             code="column-twice",
             key=name,
         )
-    if found and not healthy:
-        header = headers[found[0]]
+    if indices and not healthy:
+        header = headers[indices[0]]
         raise InputError(
             f"{place}: column '{header.text}': {header.problem}{map_one(header)}",
             code="bad-header",
@@ -173,13 +175,13 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
 def _label(place: str, headers: Sequence[Header], given: FileDescription) -> int | None:
     if given.loop is not None:
         return find_column(place, headers, given.loop)
-    found = [index for index, header in enumerate(headers) if header.is_label]
-    if len(found) > 1:
-        texts = " and ".join(f"'{headers[index].text}'" for index in found)
+    indices = [index for index, header in enumerate(headers) if header.is_label]
+    if len(indices) > 1:
+        texts = " and ".join(f"'{headers[index].text}'" for index in indices)
         raise InputError(
             f"{place}: columns {texts} both label loops; leave one out", code="column-twice"
         )
-    return found[0] if found else None
+    return indices[0] if indices else None
 
 
 def _fixed_label(constants: Mapping[str, float | str]) -> str | None:

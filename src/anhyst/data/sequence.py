@@ -49,22 +49,22 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
     """
     order = _order(loops)
     before = {
-        place: tuple(
+        index: tuple(
             loops[one]
             for one in order[:later]
-            if over_gaps or loops[one].schedule_value == loops[place].schedule_value
+            if over_gaps or loops[one].schedule_value == loops[index].schedule_value
         )
-        for later, place in enumerate(order)
+        for later, index in enumerate(order)
     }
-    verdicts = [_is_inside(loop, one) for place, loop in enumerate(loops)
-                for one in before.get(place, ())
+    verdicts = [_is_inside(loop, one) for index, loop in enumerate(loops)
+                for one in before.get(index, ())
                 if one.schedule_value == loop.schedule_value]  # fmt: skip
     seen = [one for one in verdicts if one is not None]
     if not seen or not all(seen):
         return list(loops)
     return [
-        replace(loop, history=_after(before[place], loop)) if before[place] else loop
-        for place, loop in enumerate(loops)
+        replace(loop, history=_after(before[index], loop)) if before[index] else loop
+        for index, loop in enumerate(loops)
     ]
 
 

@@ -112,18 +112,18 @@ def _spread(time: FloatArray | None) -> FloatArray | None:
     return spread
 
 
-def rate_told(loops: Loops) -> str:
+def rate_line(loops: Loops) -> str:
     """Say whether rate matters and from where on; nothing where loops run at one speed."""
     speeds = speeds_of(loops)
     if speeds is None:
         return ""
-    found = rate_matters(loops, speeds)
-    if found is None:
+    verdict = rate_matters(loops, speeds)
+    if verdict is None:
         return (
             f"rate does not matter up to {speeds.fastest:.3g} Hz: fast loops are as high as slow "
             "ones, to 1 % of the largest output"
         )
-    rate, part = found
+    rate, part = verdict
     return (
         f"rate matters: at {rate:.3g} Hz loops are higher than slow ones by {100.0 * part:.2g} % of "
         f"the largest output; in proportion, by 1 % from {rate * MATTERS / part:.2g} Hz on"

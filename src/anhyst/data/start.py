@@ -167,8 +167,8 @@ def _rises(loop: Loop, *, even: bool) -> list[_Rises]:
     if not first.rising:
         size, answer = -size, answer if even else -answer
     low, end = float(size[0]), float(size[first.stop - 1])
-    for place in range(2, len(parts), 2):
-        later = parts[place]
+    for index in range(2, len(parts), 2):
+        later = parts[index]
         top = min(end, float(size[later.stop - 1]))
         if float(size[later.start]) <= low + reach and top - low >= 0.5 * (end - low):
             break
@@ -176,15 +176,15 @@ def _rises(loop: Loop, *, even: bool) -> list[_Rises]:
         return []
     curves = [(size[part.rows], answer[part.rows]) for part in parts]
     sigma = noise(loop.input), max(noise(loop.output), _QUIET * float(np.ptp(loop.output)))
-    falls = (curves[1], curves[place + 1]) if place + 1 < len(parts) else None
-    drift = _drift(curves[0], curves[place], falls, top, sigma)
-    found = _weigh(curves[0], curves[place], curves[1], top - low, drift, sigma)
+    falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
+    drift = _drift(curves[0], curves[index], falls, top, sigma)
+    weighed = _weigh(curves[0], curves[index], curves[1], top - low, drift, sigma)
     if not _turned_over(loop, first, later):
-        return found
+        return weighed
     # Inside a loop the virgin curve lies above later rises; but close to rest a square of the flux
     # lies above it, since remanence has the other sign there.
-    signs = [np.sign(one.apart) if even and one is not found[-1] else -1.0 for one in found]
-    return [replace(one, apart=sign * one.apart) for one, sign in zip(found, signs, strict=True)]
+    signs = [np.sign(one.apart) if even and one is not weighed[-1] else -1.0 for one in weighed]
+    return [replace(one, apart=sign * one.apart) for one, sign in zip(weighed, signs, strict=True)]
 
 
 def _turned_over(loop: Loop, first: Branch, later: Branch) -> bool:
@@ -226,7 +226,7 @@ def _weigh(
     size, answer = rise
     share = (size - size[0]) / span
     apart, height = _at(again, size) - answer, _at(fall, size) - _at(again, size)
-    found = []
+    rises = []
     for part in _NEAR_REST:
         low = share < part
         count = min(np.count_nonzero(low), np.count_nonzero(again[0] < size[0] + part * span))
@@ -234,8 +234,8 @@ def _weigh(
             continue
         error = _scatter(answer[low], part * span, sigma) * (2.0 / count) ** 0.5
         mean = float(apart[low].mean()) - drift[0]
-        found.append(_Rises(mean, float(np.hypot(error, drift[1])), float(height[low].mean())))
-    return found
+        rises.append(_Rises(mean, float(np.hypot(error, drift[1])), float(height[low].mean())))
+    return rises
 
 
 def _scatter(answer: FloatArray, span: float, sigma: _Sigma) -> float:

@@ -46,8 +46,8 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
-        found = [place for place, other in enumerate(self.names) if other == name]
-        healthy = [place for place in found if self.headers[place].problem is None]
+        indices = [place for place, other in enumerate(self.names) if other == name]
+        healthy = [place for place in indices if self.headers[place].problem is None]
         if len(healthy) > 1:
             texts = " and ".join(f"'{self.headers[place].text}'" for place in healthy)
             raise InputError(
@@ -55,9 +55,12 @@ class DataTable:
                 code="column-twice",
                 key=name,
             )
-        if not found:
+        if not indices:
             return None
-        header, column = self.headers[(healthy or found)[0]], self.columns[(healthy or found)[0]]
+        header, column = (
+            self.headers[(healthy or indices)[0]],
+            self.columns[(healthy or indices)[0]],
+        )
         if header.problem:
             raise InputError(
                 f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",
@@ -113,8 +116,8 @@ class DataTable:
     def as_columns(self) -> dict[str, FloatArray | Texts]:
         """Columns as they stood in the file by header, ready for `write_csv` to repeat."""
         names = {}
-        for place, (text, column) in enumerate(zip(self.opened.header, self.columns, strict=True)):
-            unit = self.opened.units[place] if self.opened.units else ""
+        for index, (text, column) in enumerate(zip(self.opened.header, self.columns, strict=True)):
+            unit = self.opened.units[index] if self.opened.units else ""
             names[f"{text} [{unit}]" if unit else text] = column
         return names
 
@@ -126,14 +129,14 @@ def read_columns(
     opened = open_table(path, least=1)
     headers = map_headers(opened, columns or {})
     (first,) = opened.first_rows(1)
-    known = {place for place, header in enumerate(headers) if header.is_known}
+    known = {index for index, header in enumerate(headers) if header.is_known}
     texts = {
-        place
-        for place, header in enumerate(headers)
-        if header.is_label or (place not in known and not is_number(first[place]))
+        index
+        for index, header in enumerate(headers)
+        if header.is_label or (index not in known and not is_number(first[index]))
     }
     while True:
-        numbers = [place for place in range(len(headers)) if place not in texts]
+        numbers = [index for index in range(len(headers)) if index not in texts]
         try:
             raw = opened.read(numbers, sorted(texts), progress)
             break
@@ -142,12 +145,12 @@ def read_columns(
                 raise
             texts.add(error.column)  # a column nobody asked for may hold anything
     held: list[FloatArray | Texts] = []
-    for place in range(len(headers)):
-        if place in texts:
-            held.append(raw.texts[place])
+    for index in range(len(headers)):
+        if index in texts:
+            held.append(raw.texts[index])
         else:
-            raw.numbers[place].flags.writeable = False
-            held.append(raw.numbers[place])
+            raw.numbers[index].flags.writeable = False
+            held.append(raw.numbers[index])
     return DataTable(opened.place, raw.sha256, headers, tuple(held), raw.notes, opened)
 
 

@@ -105,10 +105,10 @@ def loop_width(loop: Loop, *, even: bool) -> Width:
         parts = parts[1:]  # how the record got going says nothing about the cycles after it
     widest = highest = 0.0
     for one, two in itertools.pairwise(parts):
-        found = separation(size, answer, one, two)
-        if found is None or np.ptp(found[0]) < 0.2 * span:
+        width = separation(size, answer, one, two)
+        if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
-        highest = max(highest, float(np.max(np.abs(found[1]))))
+        highest = max(highest, float(np.max(np.abs(width[1]))))
         sideways = separation_sideways(size, answer, one.rows, two.rows, height)
         widest = max(widest, sideways)
     return Width(widest, highest)

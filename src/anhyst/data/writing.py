@@ -15,14 +15,14 @@ from anhyst.support.units import split_header
 
 def check_format(path: PathLike) -> None:
     """Refuse a file that no format is written as, or whose package is not installed."""
-    place = Path(path)
-    suffix = place.suffix.lower()
+    named = Path(path)
+    suffix = named.suffix.lower()
     if suffix not in WRITERS:
         raise InputError(
             f"{path}: is written as {', '.join(WRITERS)}; name it so", code="wrong-ending"
         )
     if suffix in PACKAGES:
-        need_package(place, PACKAGES[suffix])
+        need_package(named, PACKAGES[suffix])
 
 
 def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:

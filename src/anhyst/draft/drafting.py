@@ -11,7 +11,7 @@ from typing import Any
 from anhyst.data.clean import DEFAULT_STEPS
 from anhyst.data.read_options import ReadOptions
 from anhyst.data.reading import files_read
-from anhyst.data.speeds import rate_told
+from anhyst.data.speeds import rate_line
 from anhyst.draft.bearing import draft_bearing
 from anhyst.draft.examples import NEXT, example_files
 from anhyst.draft.force import draft_force_control
@@ -212,8 +212,8 @@ def init_force_control(
         draft = draft_force_control(source.name, source.key, source.reading, reach)
     except InputError as error:
         raise error.at(source.text) from error
-    said = [told] if (told := rate_told(loops)) else []
-    return _put(out, {RIG: draft}, source, NEXT["solenoid"], (_magnet(reach), *said))
+    lines = [line] if (line := rate_line(loops)) else []
+    return _put(out, {RIG: draft}, source, NEXT["solenoid"], (_magnet(reach), *lines))
 
 
 def init_example(name: str, out: PathLike) -> Drafted:

@@ -72,7 +72,9 @@ class MeasuredMagnet:
                 key="load",
             )
         ends = float(self.gaps[0]), float(self.gaps[-1])
-        tangent = fit_plane(fit_surface(self.loops, force_high, ends), force, gap, force_high)
+        tangent = fit_plane(
+            fit_surface(self.loops, (0.0, force_high), ends), force, gap, force_high
+        )
         if not tangent.per_force > 0.0:
             raise InputError(
                 f"at {force:.4g} N and a gap of {gap:g} m the force does not rise with the "

@@ -1,4 +1,4 @@
-"""A whole virtual bearing or stage as a component: the plant of ``anhyst simulate`` and its controller."""
+"""A whole virtual bearing as a component: the plant of ``anhyst simulate`` and its controller."""
 
 from __future__ import annotations
 
@@ -7,35 +7,34 @@ import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from anhyst.compilation.core import LAYERS, SOURCES, core_files
-from anhyst.compilation.floating_source import memories
+from anhyst.compilation.core import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
-from anhyst.exchange.part import WRAPPER, Part, Variable, header, kernel_of, row
+from anhyst.exchange.part import (
+    WRAPPER,
+    Part,
+    Variable,
+    array,
+    header,
+    kernel_of,
+    row,
+)
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
-from anhyst.rig.bearing.plant import current_loops, noise_seed, plant_numbers
-from anhyst.rig.parts.iron import CellSteel
+from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers
+from anhyst.rig.parts.iron import CURVE, CellSteel
 from anhyst.rig.parts.magnet import circuit_numbers
-from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import (
-    StageSetup,
-    block_of,
-    controller_settings,
-    identify_stage,
-    make_stage,
-    pid,
-)
+from anhyst.rig.parts.preisach import PreisachSteel, everett
+from anhyst.rig.recording import column
 from anhyst.study.bearing.ready import make_ready, read_files
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.folder import plant_folder
 
 _FORMATS = ("f32", "f64")
-_CORE = (
+CORE_OF_PLANT = (
     "numeric/elementary.c",
     *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver")),
     *(f"law/{name}.c" for name in ("circuit", "layers")),
@@ -47,18 +46,6 @@ _CORE = (
     *("compensator/force_controller_real.c", "control/pidd2_real.c", "control/position_real.c"),
 )
 """What the plant and its adapters name beyond a compiled controller."""
-_CORE_OF_STAGE = (
-    *(name for name in _CORE if not name.startswith("control/")),
-    *(name for kind in SOURCES.values() for name in kind),
-    *LAYERS,
-    *("compensator/map.c", "compensator/force_controller.c", "control/pidd2.c"),
-    *(
-        f"control/{name}{of}.c"
-        for name in ("allocation", "biquad", "tracking")
-        for of in ("", "_real")
-    ),
-)
-"""What the plant of a stage and its tracking controller name."""
 
 
 def bearing_part(rig_path: PathLike) -> Part:
@@ -76,7 +63,7 @@ def bearing_part(rig_path: PathLike) -> Part:
             code="not-compiled-controller",
             key="compensation",
         )
-    _refuse_plant(ready.rig)
+    refuse_plant(ready.rig)
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
@@ -93,8 +80,8 @@ def bearing_part(rig_path: PathLike) -> Part:
             folder / f"{name}_{of}.{end}" for of in ("parameters", "controller") for end in "ch"
         ]
         sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
-    sources = {path: text.encode() for path, text in core_files(_CORE).items()} | sources
-    sources |= _plant_sources("tracking|piezo")
+    sources = {path: text.encode() for path, text in core_files(CORE_OF_PLANT).items()} | sources
+    sources |= plant_sources("tracking|piezo")
     for own_file in (
         "bearing.c",
         "bearing_controller.c",
@@ -102,101 +89,26 @@ def bearing_part(rig_path: PathLike) -> Part:
         "virtual_plant.h",
     ):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
-    sources["bearing_numbers.h"] = _numbers(ready.rig).encode()
+    sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
     sources["controller_numbers.h"] = _names(name).encode()
     title = rig.settings.name
     text = f"{title}, controlled by '{controller.settings.name}', {wanted.variant} in fixed point"
     rate = rig.settings.timing.rate_Hz
-    return Part(title, text, rate, _variables(ready.rig, controller, manifest), sources)
+    return Part(title, text, rate, _variables(ready.rig, controller), sources)
 
 
-def stage_part(rig_path: PathLike) -> Part:
-    """Return a stage with its tracking controller: set-point and feedforward in; position, force out.
-
-    It ticks at the rate of the controller; the compensator is ``full``, as the rig file has it.
-    """
-    rig = read_stage(rig_path)
-    _refuse_stage(rig)
-    _refuse_plant(rig.bearing)
-    setup = make_stage(rig, identify_stage(rig), "full")
-    sources = {
-        path: text.encode()
-        for path, text in core_files(_CORE_OF_STAGE, memories(block_of(setup))).items()
-    }
-    sources |= _plant_sources("piezo|position")
-    for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
-        sources[own_file] = (WRAPPER / own_file).read_bytes()
-    sources["bearing_numbers.h"] = _numbers(rig.bearing).encode()
-    sources["stage_numbers.h"] = _controller_numbers(setup).encode()
-    title = rig.settings.name
-    text = f"{title}, led by PID and feedforward, full in fixed point"
-    return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
-
-
-def _refuse_stage(rig: StageRig) -> None:
-    control = rig.settings.tracking
-    if rig.settings.several:
+def refuse_plant(rig: BearingRig) -> None:
+    """Refuse a magnet that no FMU holds."""
+    if rig.settings.magnet.kind == "law":
         raise InputError(
-            f"{rig.path}: body.free: an FMU of a stage has one coordinate; leave body.free out",
-            code="one-coordinate-only",
-            key="body.free",
-        )
-    if control.format != "fixed":
-        raise InputError(
-            f'{rig.path}: an FMU holds compensators in fixed point; write format = "fixed"',
-            code="not-compiled-controller",
-            key="control.format",
-        )
-    for key in ("calibrate", "calibration"):
-        if getattr(control, key):
-            raise InputError(
-                f"{rig.path}: control.{key}: an FMU of a stage corrects nothing; leave it out",
-                code="calibration-not-exported",
-                key=f"control.{key}",
-            )
-
-
-def _controller_numbers(setup: StageSetup) -> str:
-    """Return the controller of a stage as structures, and the words of its compensators."""
-    block, settings = block_of(setup), controller_settings(setup)
-    numbers = {name: repr(float(value)) for name, value in settings.items()}
-    forward, back = (list(pid(setup.rig).values())[part] for part in (slice(3), slice(3, None)))
-    scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
-    defined = {
-        "STAGE_DRIVES": len(setup.rig.bearing.magnets),
-        "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{block.kind}", "stage_words"),
-        "STAGE_GAP_TOTAL": numbers["gap_total"],
-        "STAGE_SCALES": _fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
-        "STAGE_SETTINGS": _fields(
-            {
-                "pid": {"forward": row(forward), "back": row(back)},
-                "allocation": {"idle": numbers["idle"], "kind": int(settings["allocation"])},
-                **{
-                    f"current_{name}": numbers[f"current_{name}"]
-                    for name in ("low", "high", "step")
-                },
-            }
-        ),
-    }
-    words = ", ".join(map(str, block.words.tolist()))
-    return header(
-        "stage_numbers",
-        defined,
-        f"#include <stdint.h>\n\nstatic const int16_t stage_words[] = {{{words}}};\n\n",
-    )
-
-
-def _refuse_plant(rig: BearingRig) -> None:
-    if rig.settings.magnet.kind == "law" or not isinstance(rig.settings.steel.steel(), CellSteel):
-        raise InputError(
-            f'{rig.path}: an FMU of a rig knows an iron of cells; give force = "cells" with '
-            "[[iron]]",
-            code="not-iron-of-cells",
-            key="iron",
+            f"{rig.path}: an FMU of a rig knows a magnet of iron; give [[iron]] in place of "
+            'kind = "law"',
+            code="law-not-exported",
+            key="magnet.kind",
         )
 
 
-def _plant_sources(others: str) -> dict[str, bytes]:
+def plant_sources(others: str) -> dict[str, bytes]:
     """Return all of the plant but what moves other rigs."""
     folder = plant_folder()
     found = {}
@@ -207,23 +119,36 @@ def _plant_sources(others: str) -> dict[str, bytes]:
     return found
 
 
-def _fields(numbers: object) -> str:
+def fields(numbers: object) -> str:
     """Return structures, arrays and what is in them as C."""
     if isinstance(numbers, Mapping):
-        return "{" + ", ".join(f".{name} = {_fields(one)}" for name, one in numbers.items()) + "}"
+        return "{" + ", ".join(f".{name} = {fields(one)}" for name, one in numbers.items()) + "}"
     if isinstance(numbers, list):
-        return "{" + ", ".join(map(_fields, numbers)) + "}"
+        return "{" + ", ".join(map(fields, numbers)) + "}"
     return str(numbers)
 
 
-def _iron(rig: BearingRig) -> str:
+def _iron(rig: BearingRig) -> tuple[str, str]:
+    """Return the iron of all magnets as a structure, and the arrays to which it points."""
     steel = rig.settings.steel.steel()
-    assert isinstance(steel, CellSteel)
-    curve = _fields(steel.curve())
-    thresholds, weights = row(steel.thresholds), row(steel.weights)
-    cells = {"cells": steel.cells + 1, "threshold": thresholds, "weight": weights, "curve": curve}
-    steels = _fields({"cells": _fields(cells)})
-    return _fields({"family": "&anhyst_plant_of_cells", "slack": 0.0, "steel": steels})
+    numbers, table = steel.numbers(), ""
+    own: dict[str, object] = {key: one for key, one in numbers.items() if key not in CURVE}
+    own["curve"] = {key: numbers[key] for key in CURVE}
+    slack = 0.0
+    if isinstance(steel, CellSteel):
+        family = "cells"
+        thresholds, weights = row(steel.thresholds), row(steel.weights)
+        own |= {"cells": steel.cells + 1, "threshold": thresholds, "weight": weights}
+    elif isinstance(steel, PreisachSteel):
+        family, relays = "preisach", everett(steel, True)
+        table = array("bearing_everett", relays.ravel())
+        own |= {"everett": "bearing_everett", "nodes": len(relays)}
+        saturation = numbers["sharp"] + numbers["slow"]
+        slack = abs(numbers["feedback"]) * (float(relays.max()) + 2.0 * saturation)
+    else:
+        family, slack = "duhem", 4.0 * numbers["coercivity"]
+    described = {"family": f"&anhyst_plant_of_{family}", "slack": slack, "steel": {family: own}}
+    return fields(described), table
 
 
 def _names(name: str) -> str:
@@ -248,9 +173,11 @@ def _names(name: str) -> str:
     return header("controller_numbers", defined, f'#include "{name}_controller.h"\n\n')
 
 
-def _numbers(rig: BearingRig) -> str:
+def numbers_of_plant(rig: BearingRig) -> str:
     """Return the plant as structures."""
-    settings, numbers = rig.settings, plant_numbers(rig)
+    settings = rig.settings
+    numbers = axes_numbers(rig) if settings.several else plant_numbers(rig)
+    iron, everett_table = _iron(rig)
     circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
                               settings.gap_m)  # fmt: skip
     winding = {key: circuit.pop(key) for key in ("turns", "resistance")}
@@ -260,7 +187,7 @@ def _numbers(rig: BearingRig) -> str:
         share, drag = solid.numbers()
         part = solid.length / settings.magnet.poles.iron_length
         slab = {"volumes": solid.volumes, "part": part, "share": row(share), "drag": row(drag)}
-    magnet = _fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
+    magnet = fields({"circuit": "&bearing_circuit", "law": "NULL", **winding})
     actuators = [{"magnet": magnet, **actuator} for actuator in numbers.actuators]
     bearing = {
         **numbers.body,
@@ -273,73 +200,55 @@ def _numbers(rig: BearingRig) -> str:
     }
     text = (
         '#include "anhyst_plant/body.h"\n\n'
-        f"static const anhyst_plant_solid bearing_solid = {_fields(slab)};\n"
+        f"{everett_table}static const anhyst_plant_solid bearing_solid = {fields(slab)};\n"
         "static const anhyst_plant_circuit bearing_circuit = "
-        f"{_fields({'iron': _iron(rig), **circuit, 'solid': '&bearing_solid' if solid else 'NULL'})};\n"
-        f"static const anhyst_plant_actuator bearing_actuators[] = {_fields(actuators)};\n"
-        f"static const anhyst_plant_head bearing_heads[] = {_fields(numbers.heads)};\n"
-        f"static const anhyst_plant_body bearing = {_fields(bearing)};\n\n"
+        f"{fields({'iron': iron, **circuit, 'solid': '&bearing_solid' if solid else 'NULL'})};\n"
+        f"static const anhyst_plant_actuator bearing_actuators[] = {fields(actuators)};\n"
+        f"static const anhyst_plant_head bearing_heads[] = {fields(numbers.heads)};\n"
+        f"static const anhyst_plant_body bearing = {fields(bearing)};\n\n"
     )
     defined = {
-        "BEARING_MAGNETS": len(rig.magnets),
+        "BEARING_MAGNETS": len(actuators),
+        "BEARING_COORDINATES": bearing["coordinates"],
         "BEARING_VOLUMES": max(1, solid.volumes if solid else 0),
         "BEARING_SEED": f"UINT64_C({noise_seed(rig, 0)})",
         "BEARING_HEADS": len(numbers.heads),
-        "BEARING_CURRENT_LOOPS": _fields(current_loops(rig)),
+        "BEARING_CURRENT_LOOPS": fields(current_loops(rig)),
     }
     return header("bearing_numbers", defined, text)
 
 
-def _variables(
-    rig: BearingRig, controller: ControllerFile, manifest: Mapping[str, Any]
-) -> list[Variable]:
+def _variables(rig: BearingRig, controller: ControllerFile) -> list[Variable]:
     limits, load = controller.settings.limits, rig.settings.load
     codes = ", ".join(f"{one.value} {one.name.lower()}" for one in Command)
     middle, ends = rig.settings.gap_m, (limits.gap_low_m, limits.gap_high_m)
-    found = [
-        Variable("target_gap", "input", "m", "wanted gap", middle, *ends),
-        Variable("load", "input", "N", "of the load drive; opens the gap", load.force_N),
+    return [
+        Variable("target_m", "input", "m", "wanted gap", middle, *ends),
+        Variable("load_N", "input", "N", "of the load drive; opens the gap", load.force_N),
         Variable("command", "input", "1", f"acts when it changes: {codes}", 0.0, 0.0, 6.0),
-        Variable("gap_read", "output", "m", "as the position sensor said at the last tick"),
-        Variable("reference_gap", "output", "m", "to which is controlled"),
-        Variable("demand", "output", "N", "wanted net force"),
+        Variable("gap_read_m", "output", "m", "as the position sensor said at the last tick"),
+        Variable("reference_m", "output", "m", "gap to which is controlled"),
+        Variable("demand_N", "output", "N", "wanted net force"),
         Variable("state", "output", "1", "of the controller: 16*state + phase"),
         Variable("flags", "output", "1", "of the controller"),
-        Variable("gap", "output", "m", "true gap"),
-        Variable("velocity", "output", "m/s", "of the armature; the gap opens"),
-        Variable("force", "output", "N", "of the magnets, net"),
+        Variable("velocity_m_per_s", "output", "m/s", "of the armature; the gap opens"),
+        *magnet_variables("of the magnets, net", len(rig.settings.placed)),
     ]
-    return found + _of_magnets(manifest["controller"]["magnets"])
 
 
-def _stage_variables(rig: StageRig) -> list[Variable]:
-    begin, gap = -rig.gap, "gap of the first magnet"
-    found = [
-        Variable("reference", "input", "m", "wanted position"),
-        Variable("feedforward", "input", "N", "net force that is fed forward"),
-        Variable(
-            "frame", "input", "m", "of the long stroke at the end of the tick; begins here", begin
+def magnet_variables(net: str, count: int) -> list[Variable]:
+    """Return net force and what is known of each magnet, in the order of ``show_plant``."""
+    signals = (
+        ("gap", "m", "true gap"),
+        ("current", "A", "current"),
+        ("flux_density", "T", "in the gap"),
+        ("command", "A", "reference of the current"),
+    )
+    return [
+        Variable("force_N", "output", "N", net),
+        *(
+            Variable(column(signal, unit, number), "output", unit, f"{text}, magnet {number}")
+            for number in range(1, count + 1)
+            for signal, unit, text in signals
         ),
-        Variable("load", "input", "N", "pushes the body towards larger positions"),
-        Variable("position_noise", "input", "m", "added to the position that is read"),
-        Variable("position", "output", "m", "true position"),
-        Variable("position_read", "output", "m", "as the controller had it at the last tick"),
-        Variable("gap_read", "output", "m", f"{gap}, as its sensor said at the last tick"),
-        Variable("demand", "output", "N", "wanted net force; the first magnet pulls along it"),
-        Variable("gap", "output", "m", f"true {gap}"),
-        Variable("velocity", "output", "m/s", "of the body"),
-        Variable("force", "output", "N", "of the magnets, net, with the sign of the demand"),
     ]
-    return found + _of_magnets(len(rig.bearing.magnets))
-
-
-def _of_magnets(count: int) -> list[Variable]:
-    found = []
-    for number in range(1, count + 1):
-        which = f"of magnet {number}"
-        found += [
-            Variable(f"current_{number}", "output", "A", which),
-            Variable(f"flux_density_{number}", "output", "T", f"in the gap, {which}"),
-            Variable(f"command_current_{number}", "output", "A", f"reference {which}"),
-        ]
-    return found

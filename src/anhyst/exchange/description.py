@@ -19,6 +19,9 @@ _UNITS = {
     "m/s": {"m": "1", "s": "-1"},
     "A": {"A": "1"},
     "m": {"m": "1"},
+    "rad": {"rad": "1"},
+    "rad/s": {"rad": "1", "s": "-1"},
+    "N.m": {"kg": "1", "m": "2", "s": "-2"},
     "V": {"kg": "1", "m": "2", "s": "-3", "A": "-1"},
     "T": {"kg": "1", "s": "-2", "A": "-1"},
     "Wb": {"kg": "1", "m": "2", "s": "-2", "A": "-1"},
@@ -133,8 +136,8 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
         for place in outputs:
-            said = {"valueReference": str(place), "dependencies": ""}
-            Xml.SubElement(structure, tag, said)
+            attributes = {"valueReference": str(place), "dependencies": ""}
+            Xml.SubElement(structure, tag, attributes)
 
 
 def _text(root: Xml.Element) -> bytes:

@@ -14,10 +14,11 @@ from typing import Literal
 
 from anhyst.compilation.toolchain import zig_cc
 from anhyst.exchange.actuator_part import actuator_part
-from anhyst.exchange.bearing_part import bearing_part, stage_part
+from anhyst.exchange.bearing_part import bearing_part
 from anhyst.exchange.compensator_part import Kind, compensator_part
 from anhyst.exchange.description import MODEL, FmiVersion, build_description, model_description
 from anhyst.exchange.part import WRAPPER, Part
+from anhyst.exchange.stage_part import stage_part
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike, check_writable, write_bytes

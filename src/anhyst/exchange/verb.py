@@ -58,9 +58,11 @@ def export_tables(model: Model, out: PathLike) -> Path:
         write_csv(path, {head: values.ravel() for head, values in columns.items()})
         return path
     content = {head: values.tolist() for head, values in branches.items()}
-    said = {"format": "anhyst-tables", "model": model.name}
+    about = {"format": "anhyst-tables", "model": model.name}
     with atomic_writer(path) as stream:
-        stream.write(json_text(said | {"axes": {k: v.tolist() for k, v in axes.items()}} | content))
+        stream.write(
+            json_text(about | {"axes": {k: v.tolist() for k, v in axes.items()}} | content)
+        )
     return path
 
 

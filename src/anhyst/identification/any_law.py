@@ -102,12 +102,12 @@ class _Problem:
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
-        found = []
+        moving = []
         for name, (low, high) in ranges.items():
             nodes = range(self.records.gaps) if self._varies(name) else (None,)
-            found += [_Entry(name, node, low, high) for node in nodes]
+            moving += [_Entry(name, node, low, high) for node in nodes]
         gauge = _Entry("c_H", 0, 0.1, 10.0)
-        return tuple(one for one in found if one != gauge)
+        return tuple(one for one in moving if one != gauge)
 
     def _varies(self, name: str) -> bool:
         if self.records.gaps < 2:
@@ -160,10 +160,10 @@ class _Problem:
 
     def residuals(self, entries: tuple[_Entry, ...], theta: FloatArray) -> FloatArray:
         """Weighted deviations."""
-        found = self.outputs(self.model(entries, theta))
-        if found is None:
+        outputs = self.outputs(self.model(entries, theta))
+        if outputs is None:
             return _IMPOSSIBLE * self.records.output_span * self.weights
-        return np.asarray((found - self.measured) * self.weights)
+        return np.asarray((outputs - self.measured) * self.weights)
 
     def straight(self, shape: FloatArray) -> tuple[float, float, float]:
         """Return gain and offset of the best straight line from a shape, and its cost."""
@@ -178,18 +178,18 @@ class _Problem:
         """Return the best sets of a spread: cost, and where a descent begins."""
         free = [one for one in self.entries if not one.node]  # all nodes alike
         spread = evenly(len(free), SCREENED, seed).T
-        place = {one.name: column for column, one in enumerate(free)}
-        found = []
+        column_of = {one.name: column for column, one in enumerate(free)}
+        starts = []
         for draw in spread:
-            theta = np.array([draw[place[one.name]] if one.name in place else 0.5
+            theta = np.array([draw[column_of[one.name]] if one.name in column_of else 0.5
                               for one in self.entries])  # fmt: skip
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
             gain, offset, cost = self.straight(shape)
             if np.isfinite(cost):
-                found.append((cost, *self._with_ends(theta, gain, offset)))
-        return sorted(found, key=lambda one: one[0])[:KEPT]
+                starts.append((cost, *self._with_ends(theta, gain, offset)))
+        return sorted(starts, key=lambda one: one[0])[:KEPT]
 
     def _with_ends(
         self, theta: FloatArray, gain: float, offset: float

@@ -64,10 +64,10 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
     """
     gaps, held = run.searched.gaps, run.held
     if wanted == "circuit":
-        found = [ModelCandidate("leakage", held)] if gaps >= 3 else []
-        found.append(ModelCandidate("circuit", held, OFFSETS, rank=1))
+        candidates = [ModelCandidate("leakage", held)] if gaps >= 3 else []
+        candidates.append(ModelCandidate("circuit", held, OFFSETS, rank=1))
         apart = gaps >= 3 and not held >= OFFSETS
-        return [*found, ModelCandidate("circuit", held, rank=2)] if apart else found
+        return [*candidates, ModelCandidate("circuit", held, rank=2)] if apart else candidates
     if wanted == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
         # other almost without trace, and what is interpolated of them need not fit together.
@@ -75,26 +75,26 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
         # The same holds of offsets at every gap.
         if gaps < 3:
             return [ModelCandidate("free", held)]
-        found = [
+        candidates = [
             ModelCandidate("free", held | OFFSETS),
             ModelCandidate("free", held | OFFSETS | {"omega"}),
         ]
         if not held >= OFFSETS:
-            found += [
+            candidates += [
                 ModelCandidate("free", held, rank=1),
                 ModelCandidate("free", held | {"omega"}, rank=1),
             ]
-        return found
+        return candidates
     if wanted != "auto":
         return [ModelCandidate(wanted, held)]
-    found = [ModelCandidate("scaling", held)]
+    candidates = [ModelCandidate("scaling", held)]
     if loopset.schedule is None or loopset.schedule.name != "gap":
         others = map_candidates(run, loopset, "free") if gaps >= 3 else []
-        return found + [replace(one, rank=one.rank + 1) for one in others]
+        return candidates + [replace(one, rank=one.rank + 1) for one in others]
     if not run.form.kernel.coupled:
-        found.append(ModelCandidate("reluctance", held))
-        found += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
-    return found
+        candidates.append(ModelCandidate("reluctance", held))
+        candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
+    return candidates
 
 
 def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:

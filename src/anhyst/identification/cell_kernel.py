@@ -84,16 +84,16 @@ class CellKernel:
         """Return the parameters of an iron, from its scales and what was fitted."""
         share_0, width_0, *rest = law
         rest = [1.0, 1.0, *rest]
-        found = {"M_0": share_0 * saturation, "a_0": width_0 * width}
-        for place in range(self.populations):
-            share, wide, pinning, spread = rest[4 * place : 4 * place + 4]
-            found |= {
-                f"M_{place + 1}": share * saturation,
-                f"a_{place + 1}": wide * width,
-                f"k_{place + 1}": pinning * width,
-                f"s_{place + 1}": spread,
+        parameters = {"M_0": share_0 * saturation, "a_0": width_0 * width}
+        for index in range(self.populations):
+            share, wide, pinning, spread = rest[4 * index : 4 * index + 4]
+            parameters |= {
+                f"M_{index + 1}": share * saturation,
+                f"a_{index + 1}": wide * width,
+                f"k_{index + 1}": pinning * width,
+                f"s_{index + 1}": spread,
             }
-        return found | {"alpha": alpha}
+        return parameters | {"alpha": alpha}
 
     def shrink_field(self, iron: dict[str, float], part: float) -> None:
         """Take the field inside an iron without interaction to a part of itself, by interaction."""
@@ -126,7 +126,7 @@ def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
 
 def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
     return [
-        Population(*(iron[f"{name}_{place}"] for name in "Maks")) for place in range(1, count + 1)
+        Population(*(iron[f"{name}_{index}"] for name in "Maks")) for index in range(1, count + 1)
     ]
 
 

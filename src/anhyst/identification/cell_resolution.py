@@ -32,10 +32,10 @@ def field_step(model: Model, loops: Loops) -> float:
     steps = []
     for loop in loops.loops:
         schedule = loop.schedule if model.needs_schedule else None
-        found = model.predict(loop.input, schedule, loop.time, loop.history)
+        predicted = model.predict(loop.input, schedule, loop.time, loop.history)
         alpha = model.parameters_at(loop.schedule_value if model.needs_schedule else None)["alpha"]
-        magnetisation = found.flux_density / MU_0 - found.field
-        moved = np.diff(found.field + alpha * magnetisation)
+        magnetisation = predicted.flux_density / MU_0 - predicted.field
+        moved = np.diff(predicted.field + alpha * magnetisation)
         steps.append(np.abs(moved[1:][moved[1:] * moved[:-1] < 0.0]))
     turned = np.concatenate(steps)
     return float(np.median(turned)) if turned.size else 0.0
@@ -52,15 +52,15 @@ def resolved(model: Model, loops: Loops) -> Model:
     if not cells.weights[fine].any() or not cells.weights[1 + hidden :].any():
         return model
     most = _UNSEEN * _deviation(model, loops)
-    found, known, beyond = model, 0, hidden + 1
+    refined, known, beyond = model, 0, hidden + 1
     while beyond - known > 1:
-        middle = hidden if found is model and beyond > hidden else (known + beyond) // 2
+        middle = hidden if refined is model and beyond > hidden else (known + beyond) // 2
         other = _freed(model, cells, middle)
         if _deviation(other, loops) <= most:
-            found, known = other, middle
+            refined, known = other, middle
         else:
             beyond = middle
-    return found
+    return refined
 
 
 def _freed(model: Model, cells: CellWeights, count: int) -> Model:

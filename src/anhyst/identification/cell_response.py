@@ -34,15 +34,15 @@ class CellResponder:
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
     ) -> list[FloatArray]:
         """Output of every drive, SI."""
-        found = []
+        outputs = []
         for cells, drives in self._together(form, sets, records):
             omega, r, _ = drives.under(sets)
             x, m = cells.follow(omega, r, drives.begins)
             for record, part in zip(drives.records, drives.parts, strict=True):
                 local = sets[record.gap]
                 b = m[part] + local.h * x[part]
-                found.append(local.gain * b**form.power + local.out_0)
-        return found
+                outputs.append(local.gain * b**form.power + local.out_0)
+        return outputs
 
     def derivatives(
         self, form: ResponseForm, sets: Sequence[Local], records: Sequence[FitRecord]
@@ -94,12 +94,12 @@ class _Drives:
     @cached_property
     def runs(self) -> list[tuple[int, slice]]:
         """Gaps, and where among the samples of records those at each are, one after the other."""
-        found, first = [], 0
+        spans, first = [], 0
         for gap, alike in groupby(self.records, lambda record: record.gap):
             last = first + sum(record.input.size for record in alike)
-            found.append((gap, slice(first, last)))
+            spans.append((gap, slice(first, last)))
             first = last
-        return found
+        return spans
 
     @cached_property
     def gaps(self) -> NDArray[np.intp]:
@@ -116,12 +116,12 @@ class _Drives:
 def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Drives]:
     """Group drives in their order, a few thousand samples at a time; gaps with one number are alike."""
     group: list[FitRecord] = []
-    for place, record in enumerate(records):
+    for index, record in enumerate(records):
         group.append(record)
-        last = place + 1 == len(records)
+        last = index + 1 == len(records)
         if (
             last
-            or alike[records[place + 1].gap] != alike[record.gap]
+            or alike[records[index + 1].gap] != alike[record.gap]
             or sum(one.input.size for one in group) > _TOGETHER
         ):
             yield _joined(group)

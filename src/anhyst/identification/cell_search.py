@@ -130,7 +130,7 @@ class _Levels:
         """
         objective = Objective(self.rough, self.tie)
         (short, long), end = pace
-        costs = [(_cost(objective, theta), place, theta) for place, theta in enumerate(starts)]
+        costs = [(_cost(objective, theta), index, theta) for index, theta in enumerate(starts)]
         chosen = [theta for cost, _, theta in sorted(costs, key=lambda one: one[:2])[:_TRIED]]
         spent = len(costs)
         ends: list[FoundModel] = []
@@ -140,8 +140,8 @@ class _Levels:
             (self.fine, _ENDED, *end),
         ):
             ends = []
-            for place, theta in enumerate(chosen):
-                again = next((at for at in range(place) if _same(theta, chosen[at])), None)
+            for index, theta in enumerate(chosen):
+                again = next((at for at in range(index) if _same(theta, chosen[at])), None)
                 if again is not None:
                     ends.append(ends[again])
                     continue
@@ -346,15 +346,15 @@ def _as_cells(
 
 def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray]:
     """Add a population to fits, where each would take most off what is left."""
-    found = []
+    suggestions = []
     objective = Objective(levels.coarse, levels.tie)
     for one in dict.fromkeys(before):  # ends may have joined
         tried = [
             _weighed(objective, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
         ]
         tried.sort(key=lambda start: -start[0])
-        found += [theta for _, theta in tried[:_SUGGESTED]]
-    return found
+        suggestions += [theta for _, theta in tried[:_SUGGESTED]]
+    return suggestions
 
 
 def _weighed(
@@ -394,7 +394,7 @@ def _with_population(local: Local, power: int, how: tuple[float, float, float]) 
     share, width, pinning = how
     all_of_it = 1.0 + share / width
     share_0, width_0, pinning_1, spread_1, *others = local.law
-    kept = [value / all_of_it if place % 4 == 0 else value for place, value in enumerate(others)]
+    kept = [value / all_of_it if index % 4 == 0 else value for index, value in enumerate(others)]
     more = (share, width, pinning_1 * pinning, spread_1)
     return replace(
         local,

@@ -10,7 +10,7 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.noise import noise
-from anhyst.data.output_map import is_electromagnet
+from anhyst.data.output_map import is_actuator
 from anhyst.identification.bare import model_of, valid_range
 from anhyst.identification.candidates import (
     ModelCandidate,
@@ -290,7 +290,7 @@ def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
 
 def _is_usable(found: FoundModel, loopset: Loops) -> bool:
     """Whether what is to be compensated can be compiled, and starts near what was measured."""
-    if not is_electromagnet(loopset):
+    if not is_actuator(loopset):
         return True
     model = model_of(found, loopset)
     if obstacle(model) is not None:

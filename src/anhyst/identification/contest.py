@@ -55,14 +55,14 @@ class Contest:
     def misses(self, one: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
         """Give what a candidate missed at each place, left out besides some others."""
         return [
-            self.refits[besides | {place}][one].missed[place]
-            for place in self.places
-            if place not in besides
+            self.refits[besides | {index}][one].missed[index]
+            for index in self.places
+            if index not in besides
         ]
 
     def is_tried(self, one: ModelCandidate, besides: Fold = frozenset()) -> bool:
         """Whether one was fitted without each place, and some others."""
-        return all(one in self.refits[besides | {place}] for place in self.places)
+        return all(one in self.refits[besides | {index}] for index in self.places)
 
     def near(self) -> list[ModelCandidate]:
         """Give those that would perhaps be chosen if one of the places had not been seen."""
@@ -118,22 +118,22 @@ class Contest:
 
     def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
         """Cross-validation error of each map under the law of one, of its best variant."""
-        found: dict[str, float] = {}
+        errors: dict[str, float] = {}
         for one in self.entrants if self.places else ():
             if (one.cells, one.polished) == (alike.cells, alike.polished):
                 error = mean_of(self.misses(one))
                 name = WRITTEN.get(one.gap_map, one.gap_map)
-                found[name] = min(error, found.get(name, np.inf))
-        return found
+                errors[name] = min(error, errors.get(name, np.inf))
+        return errors
 
     def nested(self) -> list[float]:
         """Errors at places that neither the fit nor the choice has seen."""
         errors = []
-        for place in self.places:
-            fold = frozenset({place})
+        for index in self.places:
+            fold = frozenset({index})
             seen = fold if len(self.places) > 1 else frozenset[int]()  # one gap alone decides
             one = self.winner(seen) if len(self.entrants) > 1 else self.entrants[0]
-            errors.append(self.refits[fold][one].missed[place].mean)
+            errors.append(self.refits[fold][one].missed[index].mean)
         return errors
 
 

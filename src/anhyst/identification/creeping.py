@@ -131,13 +131,13 @@ def fit_creeping(loopset: Loops) -> CreepingFit:
     chosen = min(kept, key=lambda one: (one.lag, one.rms))
     if problem.times:
         chosen = _with_creep(problem, plain, chosen)
-    found = [_listed(problem, "play cells", still)]
+    tries = [_listed(problem, "play cells", still)]
     if chosen is not still:
         parts = [f"a lag of {chosen.lag:.3g} s"] * (chosen.lag > 0.0) + ["creep"] * bool(
             chosen.times
         )
-        found.append(_listed(problem, f"play cells, {' and '.join(parts)}", chosen))
-    last = replace(found[-1], note="chosen")
+        tries.append(_listed(problem, f"play cells, {' and '.join(parts)}", chosen))
+    last = replace(tries[-1], note="chosen")
     model, statement = held(problem.model(chosen), loopset)
     assert chosen.weights is not None
     return CreepingFit(
@@ -146,7 +146,7 @@ def fit_creeping(loopset: Loops) -> CreepingFit:
         problem.solved,
         _why(chosen, still),
         statement,
-        (*found[:-1], last),
+        (*tries[:-1], last),
     )
 
 
@@ -176,7 +176,7 @@ def held(model: Model, loopset: Loops) -> tuple[Model, str]:
     rates = sorted(missed)
     mean = [float(np.mean(missed[rate])) for rate in rates]
     good = [rate for rate, off in zip(rates, mean, strict=True) if off <= HOLDS * mean[0]]
-    beyond = [place for place, rate in enumerate(rates) if rate not in good]
+    beyond = [index for index, rate in enumerate(rates) if rate not in good]
     first = beyond[0] if beyond else len(rates)
     fastest = rates[max(0, first - 1)]
     assert model.dynamics is not None
@@ -281,13 +281,13 @@ class _Problem:
             for loop in self.loopset.loops
             if loop.time is not None
         )
-        found = (part * longest for part in CREEP)
-        return tuple(one for one in found if one >= SLOWEST_SAMPLE * self.step)
+        spread = (part * longest for part in CREEP)
+        return tuple(one for one in spread if one >= SLOWEST_SAMPLE * self.step)
 
     def plays(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
         """Places of the cells over each loop, and at rest before it, from the middle."""
         if (lag, middle) not in self._plays:
-            found = []
+            cells = []
             for loop in self.loopset.loops:
                 drive = loop.input
                 if lag and loop.time is not None:
@@ -295,8 +295,8 @@ class _Problem:
                 before = _before(loop.history, drive)
                 lead = np.concatenate([[middle], before]) - middle
                 at_rest = moved(lead, self.thresholds, np.zeros(PLAYS + 1))[-1]
-                found.append((moved(drive - middle, self.thresholds, at_rest), at_rest))
-            self._plays[lag, middle] = found
+                cells.append((moved(drive - middle, self.thresholds, at_rest), at_rest))
+            self._plays[lag, middle] = cells
         return self._plays[lag, middle]
 
     def columns(self, places: FloatArray) -> FloatArray:
@@ -340,8 +340,8 @@ class _Problem:
         for width, cell in product(range(curves), range(2, PLAYS)):
             row = np.zeros(columns)
             for at, part in ((cell - 1, 1.0), (cell, -2.0), (cell + 1, 1.0)):
-                place = at * curves + width
-                row[place] = part * size[place]
+                column = at * curves + width
+                row[column] = part * size[column]
             rows.append(row)
         return np.array(rows)
 
@@ -425,9 +425,9 @@ def _before(history: History, drive: FloatArray) -> FloatArray:
 def moved(drive: FloatArray, thresholds: FloatArray, start: FloatArray) -> FloatArray:
     """Return where cells stand over a drive, shape (n, cells)."""
     low, high = drive[:, None] - thresholds, drive[:, None] + thresholds
-    found = np.empty_like(low)
+    moved_to = np.empty_like(low)
     now = start
     for i in range(drive.size):
         now = np.minimum(np.maximum(now, low[i]), high[i])
-        found[i] = now
-    return found
+        moved_to[i] = now
+    return moved_to

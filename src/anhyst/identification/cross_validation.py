@@ -102,12 +102,12 @@ def inner_loops(records: FitRecords) -> tuple[int, ...]:
     Where there are fewer than two, the smallest at each gap count too.
     """
     order: list[list[int]] = [[] for _ in range(records.gaps)]
-    for place in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
-        order[records.loops[place].gap].append(int(place))
-    between = sorted(place for places in order for place in places[1:-1])
+    for index in np.argsort([float(np.max(np.abs(record.output))) for record in records.loops]):
+        order[records.loops[index].gap].append(int(index))
+    between = sorted(index for places in order for index in places[1:-1])
     if len(between) > 1:
         return tuple(between)
-    return tuple(sorted(place for places in order for place in places[:-1]))
+    return tuple(sorted(index for places in order for index in places[:-1]))
 
 
 def blocks_of(records: FitRecords) -> int:
@@ -143,21 +143,21 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
         )
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
-        found = follow(space, wide.theta[kept], tolerance, most, wide.tie)
+        followed = follow(space, wide.theta[kept], tolerance, most, wide.tie)
         if whole.form.cells is None:
-            found = only_demanded(found, tolerance, most)
-        model = model_of(found, loopset)
+            followed = only_demanded(followed, tolerance, most)
+        model = model_of(followed, loopset)
         span, clocks = whole.records.output_span, clocks_of(groups)
         if by == "block":
             every = [loop for group in groups for loop in group]
-            return Refit(found.cost, _missed_blocks(model, span, every, fold, blocks))
+            return Refit(followed.cost, _missed_blocks(model, span, every, fold, blocks))
         seen = fold | {0, len(groups) - 1} if by == "gap" else fold
-        off = {place: [one / span for one in _off(model, groups[place])] for place in seen}
-        squares = {place: _squares(some, clocks[place]) for place, some in off.items()}
+        off = {index: [one / span for one in _off(model, groups[index])] for index in seen}
+        squares = {index: _squares(some, clocks[index]) for index, some in off.items()}
         outer = (*squares[0], *squares[len(groups) - 1]) if by == "gap" else ()
         missed = {
-            place: Miss(float(np.mean(np.abs(np.concatenate(off[place])))), squares[place], outer)
-            for place in fold
+            index: Miss(float(np.mean(np.abs(np.concatenate(off[index])))), squares[index], outer)
+            for index in fold
         }
     except (InputError, NegativeResult):
         nothing = {
@@ -165,7 +165,7 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             for one in fold
         }
         return Refit(float("inf"), nothing)
-    return Refit(found.cost, missed)
+    return Refit(followed.cost, missed)
 
 
 def _missed_blocks(
@@ -173,12 +173,12 @@ def _missed_blocks(
 ) -> dict[int, Miss]:
     """Give what was missed in each block."""
     missed, off = {}, {}
-    for place in fold:
-        loop, number = divmod(place, blocks)
+    for index in fold:
+        loop, number = divmod(index, blocks)
         if loop not in off:
             off[loop] = _off(model, [loops[loop]])[0] / span
         part = off[loop][blocks_along(loops[loop].input, blocks) == number]
-        missed[place] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
+        missed[index] = Miss(float(np.mean(np.abs(part))), (float(part @ part) / part.size,))
     return missed
 
 
@@ -254,19 +254,19 @@ def promise(
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
     plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
-    found = np.asarray(plain, dtype=np.float64)
-    if not found.size or not np.isfinite(found).all() or found.min() <= 0.0:
+    left_out = np.asarray(plain, dtype=np.float64)
+    if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
         return None
-    logs = np.log(found)
-    freedom = _SEEN + found.size - 1.0
+    logs = np.log(left_out)
+    freedom = _SEEN + left_out.size - 1.0
     variance = (_SEEN * SCATTER**2 + float(np.sum((logs - logs.mean()) ** 2))) / freedom
-    reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / found.size))
+    reach = _student(freedom) * np.sqrt(variance * (1.0 + 1.0 / left_out.size))
     middle = float(logs.mean())
     return CrossValidation(
-        error=float(found.mean()),
+        error=float(left_out.mean()),
         low=float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
         high=float(np.exp(middle + reach)),
-        folds=tuple(found.tolist()),
+        folds=tuple(left_out.tolist()),
         left_out=by,
     )
 

@@ -140,7 +140,7 @@ def join_gaps(
         for gap in range(records.gaps)
     ]
     order = np.argsort(np.sum([cost for _, cost in at_gaps], axis=0))
-    begins = [[found[place] for found, _ in at_gaps] for place in order[:KEPT]]
+    begins = [[found[index] for found, _ in at_gaps] for index in order[:KEPT]]
     return _best_end(space, [space.pack(sets) for sets in begins])
 
 

@@ -112,7 +112,7 @@ class FitRecords:
 
     def without_loops(self, left_out: Collection[int]) -> FitRecords:
         """Take all loops but these, by their places."""
-        kept = tuple(one for place, one in enumerate(self.loops) if place not in left_out)
+        kept = tuple(one for index, one in enumerate(self.loops) if index not in left_out)
         return replace(self, loops=kept)
 
     def without_blocks(self, left_out: Collection[int], blocks: int) -> FitRecords:
@@ -120,11 +120,11 @@ class FitRecords:
 
         Each record has `blocks` of equal way, numbered on from record to record.
         """
-        found = []
-        for place, record in enumerate(self.loops):
-            of_samples = place * blocks + blocks_along(record.input, blocks)
-            found.append(replace(record, unseen=np.isin(of_samples, list(left_out))))
-        return replace(self, loops=tuple(found))
+        records = []
+        for index, record in enumerate(self.loops):
+            of_samples = index * blocks + blocks_along(record.input, blocks)
+            records.append(replace(record, unseen=np.isin(of_samples, list(left_out))))
+        return replace(self, loops=tuple(records))
 
     def thinned(self, most: int) -> FitRecords:
         """Take at most about `most` samples of each loop, weighing the same together.
@@ -195,7 +195,7 @@ def records_of(loopset: Loops, weighting: str = "loops", rest: Rest | None = Non
     rest = rest or Rest()
     groups = loopset.by_schedule()
     loops = [loop for group in groups.values() for loop in group]
-    gaps = [place for place, group in enumerate(groups.values()) for _ in group]
+    gaps = [index for index, group in enumerate(groups.values()) for _ in group]
     nodes = np.array(list(groups) if loopset.schedule is not None else [], dtype=np.float64)
     output_span = largest_output(loopset)
     if not any(np.any(loop.output) for loop in loops):

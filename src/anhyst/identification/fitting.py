@@ -60,8 +60,8 @@ class Evaluation:
     def worth(self, theta: FloatArray, cost: float) -> Linear | None:
         """Linearise where the cost is below another; a numerical derivative is dear."""
         if not self.analytic:
-            found = self.objective.deviations(theta)
-            if float(found @ found) >= cost:
+            deviations = self.objective.deviations(theta)
+            if float(deviations @ deviations) >= cost:
                 return None
         there = self.at(theta)
         return there if there.cost < cost else None
@@ -70,12 +70,12 @@ class Evaluation:
         """Central differences, turned inward at the bounds."""
         low, high = self.objective.space.bounds
         columns = []
-        for place in range(theta.size):
+        for index in range(theta.size):
             ends = []
             for side in (-1e-5, 1e-5):
                 moved = theta.copy()
-                moved[place] = np.clip(moved[place] + side, low[place], high[place])
-                ends.append((moved[place], self.objective.deviations(moved)))
+                moved[index] = np.clip(moved[index] + side, low[index], high[index])
+                ends.append((moved[index], self.objective.deviations(moved)))
             columns.append((ends[1][1] - ends[0][1]) / (ends[1][0] - ends[0][0]))
         return np.stack(columns, axis=1)
 

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from anhyst.data import History, Loops
 from anhyst.data.history import SETTLED
-from anhyst.data.output_map import is_electromagnet, output_map
+from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
@@ -46,7 +46,7 @@ from anhyst.model.fit_record import (
     Uncertainty,
     fit_figures,
 )
-from anhyst.model.left_over import left_of, told
+from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -185,7 +185,7 @@ def identify(
         outcome.candidates,
     )
     left = left_of(loops, fitted)
-    line = told(left, loops, model)
+    line = left_over_text(left, loops, model)
     figures = replace(figures, not_noise=left.beyond, left_over=line)
     model = replace(model, fit=figures, uncertainty=outcome.uncertainty)
     warnings += [reason] if (reason := obstacle(model.at_rest)) is not None else []
@@ -251,8 +251,8 @@ def _compared(loops: Loops, law: str, search: str) -> tuple[str, tuple[Shape, ..
         return DEFAULT_LAW, (shapes[law],)
     if law != AUTO:
         return law, ()
-    # What pulls is to be compensated, so a law that cannot be compiled is not even tried.
-    able = (name for name in shapes if not is_electromagnet(loops) or LAWS[name].least_slope)
+    # What makes a force is to be compensated, so a law that cannot be compiled is not even tried.
+    able = (name for name in shapes if not is_actuator(loops) or LAWS[name].least_slope)
     return DEFAULT_LAW, tuple(shapes[name] for name in able) if search == "default" else ()
 
 
@@ -399,9 +399,9 @@ def _go_on(run: SearchRun, loops: Loops, before: _Outcome) -> _Outcome:
     """Follow the fit of a search to its end on other records of the same loops."""
     start = before.found
     assert start is not None
-    found = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
+    followed = follow(start.on(run.records).space, start.theta, *TO_END, start.tie)
     return replace(
-        before, model=model_of(found, loops), uncertainty=assess(found, loops), found=found
+        before, model=model_of(followed, loops), uncertainty=assess(followed, loops), found=followed
     )
 
 

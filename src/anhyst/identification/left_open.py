@@ -20,7 +20,7 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.history import History
-from anhyst.data.output_map import is_electromagnet
+from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError, NegativeResult
@@ -100,7 +100,7 @@ def is_guessed(loopset: Loops) -> bool:
 
 def first_rise(model: Model, loopset: Loops) -> float:
     """Return how far a model puts the first rise below the loop that follows."""
-    if not is_electromagnet(loopset):
+    if not is_actuator(loopset):
         return 0.0
     top = max(float(loop.input.max()) for loop in loopset.loops)
     if top <= 0.0:

@@ -76,10 +76,10 @@ class Objective:
     def deviations(self, theta: FloatArray) -> FloatArray:
         """Weighted deviations, shape (samples,), and ties, if any, after them."""
         try:
-            found = self.outputs([local for local, _ in self.space.unpack(theta)])
+            outputs = self.outputs([local for local, _ in self.space.unpack(theta)])
         except NoResponseError:
             return self.impossible
-        off = (found - self.measured) * self.weights
+        off = (outputs - self.measured) * self.weights
         off, cost = self._drift.without(off)
         return np.concatenate([off, cost, self._ties @ theta, self._pull @ theta - self._usual])
 
@@ -146,9 +146,9 @@ class _Drift:
 
 def _differences(space: CoordinateSpace) -> FloatArray:
     """Rows that take the difference of a coordinate between neighbouring gaps; offsets are free."""
-    place = {entry: at for at, entry in enumerate(space.entries)}
+    column = {entry: at for at, entry in enumerate(space.entries)}
     pairs = [
-        (place[name, gap], place[name, gap + 1])
+        (column[name, gap], column[name, gap + 1])
         for name, gap in space.entries
         if gap is not None and gap + 1 < space.records.gaps and name not in {"in_0", "out_0"}
     ]
@@ -161,11 +161,11 @@ def _differences(space: CoordinateSpace) -> FloatArray:
 def _expectations(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:
     """Rows that take a coordinate in parts of its spread, and what is expected of them."""
     numbers = [space.numbers[name] for name, _ in space.entries]
-    places = [place for place, number in enumerate(numbers) if number.usual is not None]
+    places = [column for column, number in enumerate(numbers) if number.usual is not None]
     rows, usual = np.zeros((len(places), space.size)), np.zeros(len(places))
-    for row, place in enumerate(places):
-        number = numbers[place]
+    for row, column in enumerate(places):
+        number = numbers[column]
         assert number.usual is not None
-        rows[row, place] = np.sqrt(EXPECTED) / number.spread
-        usual[row] = rows[row, place] * space.inward(number.name, number.usual)
+        rows[row, column] = np.sqrt(EXPECTED) / number.spread
+        usual[row] = rows[row, column] * space.inward(number.name, number.usual)
     return rows, usual

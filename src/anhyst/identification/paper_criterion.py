@@ -61,12 +61,12 @@ class Criterion:
         kept = {name: array[sane] for name, array in form.items()}
         in_0, out_0 = values["in_0"][sane], values["out_0"][sane]
         sets = np.stack([kept["kappa"], kept["c"], kept["omega"], kept["scale"]])
-        found = np.zeros(in_0.size)
+        criteria = np.zeros(in_0.size)
         for share, record in zip(self._shares, self._loops, strict=True):
             m, xi = follow_sets(record, np.arange(record.input.size), sets, in_0)
             output = kept["gain"] * (m + kept["h"] * xi) ** self._form.power + out_0
-            found += share * np.abs(output - record.output[:, None]).sum(axis=0)
-        costs[sane] = found
+            criteria += share * np.abs(output - record.output[:, None]).sum(axis=0)
+        costs[sane] = criteria
         return costs
 
     def _operator(self, local: Local) -> Operator:
@@ -106,7 +106,7 @@ def simplex(
         places = np.arange(variables.size)
         inward = np.where(best + step * span > variables.high, -step, step)
         corners[places + 1, places] += inward * span
-        found = minimize(
+        minimum = minimize(
             cost,
             best,
             method="Nelder-Mead",
@@ -120,11 +120,11 @@ def simplex(
                 "fatol": 1e-8,
             },
         )
-        most -= found.nfev
+        most -= minimum.nfev
         step *= 0.25
-        gained = lowest - found.fun
+        gained = lowest - minimum.fun
         if gained > 0.0:
-            best, lowest = np.asarray(found.x), float(found.fun)
+            best, lowest = np.asarray(minimum.x), float(minimum.fun)
         if gained < 1e-3 * lowest:
             break
     return best, lowest

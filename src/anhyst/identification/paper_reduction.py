@@ -109,15 +109,15 @@ def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
 
 def _kept(bench: SearchBench, tried: Stand) -> Stand:
     """Search what is left in full, at every gap, from where the trial has come to."""
-    found = [
+    candidates = [
         bench.run.stage(
             _stage(tried.varying, f"in full at gap {gap}"),
             lambda gap=gap, one=one: bench.search(gap, one, tried.varying, one),  # type: ignore[misc]
         )
         for gap, one in enumerate(tried.sets)
     ]
-    spent = sum(one[1] for one in found)
-    return bench.stand([one[0] for one in found], tried.varying, spent)
+    spent = sum(one[1] for one in candidates)
+    return bench.stand([one[0] for one in candidates], tried.varying, spent)
 
 
 def _stage(varying: Sequence[str], what: str) -> str:

@@ -76,8 +76,8 @@ class Variables:
 
     def only(self, names: Sequence[str]) -> Variables:
         """Keep these names, in the order they have here."""
-        kept = [place for place, name in enumerate(self.names) if name in names]
-        some = tuple(self.names[place] for place in kept)
+        kept = [index for index, name in enumerate(self.names) if name in names]
+        some = tuple(self.names[index] for index in kept)
         return Variables(some, self.low[kept], self.high[kept], self.spans)
 
     def inward(self, values: Mapping[str, float]) -> FloatArray:
@@ -88,8 +88,8 @@ class Variables:
     def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
         """Give the parameters at coordinates of shape (..., n): one array of shape (...) each."""
         return {
-            name: _outward(name, theta[..., place], self.spans)
-            for place, name in enumerate(self.names)
+            name: _outward(name, theta[..., index], self.spans)
+            for index, name in enumerate(self.names)
         }
 
 

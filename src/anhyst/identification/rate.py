@@ -183,8 +183,8 @@ class _Problem:
         else:
             places = sorted({gap for gap in self.gaps[0] if gap is not None})
             parts = [
-                [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == place]]
-                for place in places
+                [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == index]]
+                for index in places
             ]
         if len(parts) < 2:
             return [(self.groups, self.groups)]
@@ -264,10 +264,10 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
             fitted, chosen = missed, (rate, std)
         elif chosen is not None and count > 2:
             break  # further layers are finer still
-    told = f"{100.0 * still:.2g} % of the largest output"
+    of_static = f"{100.0 * still:.2g} % of the largest output"
     if chosen is None:
         return RateFit(
-            static, f"fast loops gain nothing from layers: the static model misses {told}"
+            static, f"fast loops gain nothing from layers: the static model misses {of_static}"
         )
     rate, std = chosen
     late = replace(model.dynamics or Dynamics(), fastest=speeds.fastest)
@@ -280,7 +280,7 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
     what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
     why = (
         f"{what} {100.0 * fitted:.2g} % of the fast loops; of what is left out of a fit rate leaves "
-        f"{100.0 * unseen:.2g} %, the static model {told}"
+        f"{100.0 * unseen:.2g} %, the static model {of_static}"
     )
     return RateFit(made, why, std, mean_missed([*problem.groups, problem.slow], rate))
 

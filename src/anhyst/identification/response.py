@@ -235,13 +235,13 @@ class Responder:
 def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
     """Laws at each gap; those that are the same are built once."""
     built: dict[tuple[float, ...], Operator] = {}
-    found = []
+    operators = []
     for local in sets:
         key = (*local.law, local.omega) if form.kernel.coupled else local.law
         if key not in built:
             built[key] = form.operator(local)
-        found.append(built[key])
-    return found
+        operators.append(built[key])
+    return operators
 
 
 def between(sets: Sequence[Local], place: FloatArray) -> tuple[FloatArray, ...]:

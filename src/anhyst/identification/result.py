@@ -71,7 +71,7 @@ class IdentifyResult(Result):
             **self.model.facts(),
             "found in": f"{self.seconds:.1f} s",
             "processor time": ", ".join(f"{kind} {s:.1f} s" for kind, s in self.stages.items()),
-            **{f"warning {place}": text for place, text in enumerate(self.warnings, 1)},
+            **{f"warning {number}": text for number, text in enumerate(self.warnings, 1)},
         }
 
     def to_columns(self) -> dict[str, Any]:

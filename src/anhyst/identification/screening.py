@@ -173,36 +173,36 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
     ways = [False]
     if "in_0" not in space.held and _may_be_biased(space.form, space.records):
         ways.append(True)
-    found = [
+    begins = [
         one
         for biased in ways
         for one in _best_of(space, sample_sets(space.records, count, seed, free, biased), keep)
     ]
-    if not found:
+    if not begins:
         raise NowhereNearError(
             "the law comes nowhere near these loops, whatever its parameters; look for wrong signs "
             "or columns with 'anhyst inspect --plot'",
             code="nowhere-near",
         )
-    return found
+    return begins
 
 
 def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]:
     cost, gain, out_0 = screen(space.form, space.records, sets)
     apart = np.stack([np.log(sets[0]), 3.0 * sets[1], np.log(sets[2] + OMEGA_JUMP)])
     chosen: list[int] = []
-    for place in np.argsort(cost):
-        if not np.isfinite(cost[place]) or len(chosen) == keep:
+    for index in np.argsort(cost):
+        if not np.isfinite(cost[index]) or len(chosen) == keep:
             break
-        if all(np.linalg.norm(apart[:, place] - apart[:, other]) > 0.7 for other in chosen):
-            chosen.append(int(place))
-    found = []
-    for place in chosen:
-        kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, place])
-        offset = 0.0 if "out_0" in space.held else float(out_0[place])
-        local = Local((kappa, c), omega, scale, float(gain[place]), in_0, offset, 0.0)
-        found.append(space.form.with_h(local))
-    return found
+        if all(np.linalg.norm(apart[:, index] - apart[:, other]) > 0.7 for other in chosen):
+            chosen.append(int(index))
+    best = []
+    for index in chosen:
+        kappa, c, omega, scale, in_0 = (float(value) for value in sets[:, index])
+        offset = 0.0 if "out_0" in space.held else float(out_0[index])
+        local = Local((kappa, c), omega, scale, float(gain[index]), in_0, offset, 0.0)
+        best.append(space.form.with_h(local))
+    return best
 
 
 def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:

@@ -85,7 +85,7 @@ class CoordinateSpace:
     @cached_property
     def entries(self) -> tuple[tuple[str, int | None], ...]:
         """Name and gap of each coordinate; no gap for those shared by all."""
-        found: list[tuple[str, int | None]] = []
+        listed: list[tuple[str, int | None]] = []
         differing = PER_GAP[self.gap_map] - self.common
         if self.gap_map == "free":
             differing |= {number.name for number in self.form.kernel.numbers} - self.common
@@ -93,10 +93,10 @@ class CoordinateSpace:
             if name in self.held:
                 continue
             if name in differing:
-                found.extend((name, gap) for gap in range(self.records.gaps))
+                listed.extend((name, gap) for gap in range(self.records.gaps))
             else:
-                found.append((name, None))
-        return tuple(found)
+                listed.append((name, None))
+        return tuple(listed)
 
     def inward(self, name: str, value: float) -> float:
         """Return the coordinate of a parameter, SI."""
@@ -123,10 +123,10 @@ class CoordinateSpace:
     @cached_property
     def _places(self) -> NDArray[np.intp]:
         """Place of the coordinate of each parameter at each gap; -1 of one that is held at zero."""
-        place = {entry: at for at, entry in enumerate(self.entries)}
+        column = {entry: at for at, entry in enumerate(self.entries)}
         return np.array(
             [
-                [place.get((name, gap), place.get((name, None), -1)) for name in self.at_gap]
+                [column.get((name, gap), column.get((name, None), -1)) for name in self.at_gap]
                 for gap in range(self.records.gaps)
             ]
         )
@@ -202,18 +202,18 @@ class CoordinateSpace:
 
     def without(self, left_out: Collection[int]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Take all gaps but these: the space, and the places of its coordinates in this one."""
-        kept = [place for place, (_, gap) in enumerate(self.entries) if gap not in left_out]
+        kept = [index for index, (_, gap) in enumerate(self.entries) if gap not in left_out]
         return replace(self, records=self.records.without(left_out)), np.array(kept)
 
     def holding(self, names: frozenset[str]) -> tuple[CoordinateSpace, NDArray[np.intp]]:
         """Hold more at zero: the space, and the places of its coordinates in this one."""
-        kept = [place for place, (name, _) in enumerate(self.entries) if name not in names]
+        kept = [index for index, (name, _) in enumerate(self.entries) if name not in names]
         return replace(self, held=self.held | names), np.array(kept)
 
     def unpack(self, theta: FloatArray) -> list[tuple[Local, FloatArray]]:
         """Parameters at each gap, and their derivatives by the coordinates, shape (numbers, size)."""
         values, slopes = self.outward(theta)
-        found = []
+        unpacked = []
         for places, at_gap in zip(
             self._places, np.append(values, 0.0)[self._places].tolist(), strict=True
         ):
@@ -224,8 +224,8 @@ class CoordinateSpace:
                 self._leak(at_gap, jacobian, values, slopes)
             if self.gap_map in IN_SERIES:
                 self._widen(at_gap, jacobian)
-            found.append((self.form.local(at_gap), jacobian))
-        return found
+            unpacked.append((self.form.local(at_gap), jacobian))
+        return unpacked
 
     @cached_property
     def _rows(self) -> tuple[int, int, int]:

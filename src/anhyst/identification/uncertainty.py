@@ -81,13 +81,13 @@ def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
         names.append(label)
         stds.append(float(std * (abs(value) if number.coordinate == "log" else slope)))
         values.append(value + (readings[name].offset if name in readings else 0.0))
-    said = statements(names, values, stds, correlation) + _of_the_gauge(found)
+    sentences = statements(names, values, stds, correlation) + _of_the_gauge(found)
     for name, reading in readings.items():
         if name in space.held and reading.std is not None and reading.offset != 0.0:
             names.append(_label(space.numbers[name], units))
             values.append(reading.offset)
             stds.append(reading.std)
-            said.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
+            sentences.append(f"{names[-1]}: what the sensor reads at rest, not fitted")
     whole = np.eye(len(names))
     whole[: space.size, : space.size] = correlation
     return Uncertainty(
@@ -95,7 +95,7 @@ def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
         values=tuple(values),
         std=tuple(stds),
         correlation=tuple(tuple(row) for row in whole.tolist()),
-        statements=tuple(said),
+        statements=tuple(sentences),
     )
 
 
@@ -112,45 +112,45 @@ def statements(
         for name, value, std in zip(names, values, stds, strict=True)
         if "offset" not in name and std > _LOOSE * abs(value)
     ]
-    said = [
+    sentences = [
         f"{name} is hardly determined by these loops: uncertain by {share}" for name, share in loose
     ]
     if len(loose) > _NAMED:
         listed = ", ".join(name for name, _ in loose[:_NAMED])
-        said = [
+        sentences = [
             f"{len(loose)} of {len(names)} numbers are hardly determined by these loops one by one, "
             f"uncertain by more than {100 * _LOOSE:.0f} %: {listed}, ..."
         ]
-    said.extend(
-        f"{', '.join(names[place] for place in group)}: determined only together (correlations above "
+    sentences.extend(
+        f"{', '.join(names[index] for index in group)}: determined only together (correlations above "
         f"{_TIED:g}); none of them means much by itself"
         for group in _tied(correlation)
     )
-    return said
+    return sentences
 
 
 def _of_the_gauge(found: FoundModel) -> list[str]:
     """Say what was chosen, because no output depends on it."""
-    said = []
+    sentences = []
     form, gap_map = found.space.form, found.space.written_map
     if form.permeability == 0.0:
-        said.append(
+        sentences.append(
             "M_s is a choice of gauge, on which no output depends; the slope of the air core is "
             f"hardly determined by these loops: a/(M_s*(1-alpha)) is set to {form.h:g}, which matters "
             "beyond the measured range"
         )
     if gap_map in IN_SERIES:
-        said.append(
+        sentences.append(
             f"alpha and an offset of rho act alike in the {gap_map} map: alpha is chosen so that "
             "rho is nowhere negative down to the closed gap"
         )
-    return said
+    return sentences
 
 
 def _tied(correlation: FloatArray) -> list[list[int]]:
     """Group coordinates that are tied by strong correlations."""
     groups: list[list[int]] = []
-    for place in range(correlation.shape[0]):
-        near = [g for g in groups if any(abs(correlation[place, o]) > _TIED for o in g)]
-        groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), place]]
+    for index in range(correlation.shape[0]):
+        near = [g for g in groups if any(abs(correlation[index, o]) > _TIED for o in g)]
+        groups = [g for g in groups if g not in near] + [[*(o for g in near for o in g), index]]
     return [sorted(group) for group in groups if len(group) > 1]

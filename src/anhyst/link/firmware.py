@@ -58,8 +58,8 @@ def build(board: str, parameters: PathLike, out: PathLike) -> Path:
         )
     folder = Path(parameters).resolve()
     actuator = _actuator(folder)
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
-        program = Path(place, "firmware")
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
+        program = Path(scratch, "firmware")
         _compile(board, folder, actuator, program)
         write_bytes(out, program.read_bytes())
     target = Path(out)
@@ -91,18 +91,18 @@ def actuator_defines(name: str) -> dict[str, str]:
 
 def _actuator(folder: Path) -> str:
     """Return a folder's name of its actuator in C; refuse a rate that no clock of a board divides."""
-    place = folder / _MANIFEST
+    path = folder / _MANIFEST
     try:
-        manifest = json.loads(place.read_text(encoding="utf-8"))
+        manifest = json.loads(path.read_text(encoding="utf-8"))
         name, rate = str(manifest["name"]), float(manifest["rate_Hz"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
-            f"{place}: is not there or names no actuator; name a folder that anhyst compile wrote",
+            f"{path}: is not there or names no actuator; name a folder that anhyst compile wrote",
             code="not-a-compiled-folder",
         ) from None
     if rate != int(rate) or not 10 <= rate <= 1_000_000:
         raise InputError(
-            f"{place}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
+            f"{path}: rate_Hz is {rate:g}; compile for a whole number of ticks a second, 10 to "
             "1000000",
             code="rate-not-whole",
             key="rate_Hz",

@@ -436,8 +436,8 @@ class StatusAnswer(Message):
     phase: int  # one of phase
     position: int  # the last plausible one, q31
     reference: int  # position controlled to, q31
-    current_2: int  # measured, of the second magnet, q30
-    drive_2: int  # current driven there, q31
+    current_2: int  # of the second magnet, likewise
+    drive_2: int  # in the second magnet, likewise
     cycles: int  # of the processor, in the longest tick so far; 0: not counted
 
 

@@ -70,9 +70,9 @@ class LibraryBoard:
 
     def __init__(self, program: Path) -> None:
         self.url = str(program)
-        with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
+        with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
             # What the firmware remembers belongs to the file: each copy is another controller.
-            copy = Path(place, "firmware")
+            copy = Path(scratch, "firmware")
             shutil.copyfile(program, copy)
             try:
                 self._board = ctypes.CDLL(str(copy))
@@ -80,7 +80,7 @@ class LibraryBoard:
                 raise InputError(
                     f"{program}: cannot be loaded: {error}", code="did-not-start"
                 ) from error
-        self._said = ctypes.create_string_buffer(_LINK_MOST)
+        self._answered = ctypes.create_string_buffer(_LINK_MOST)
         self._drive = ctypes.create_string_buffer(DRIVE_BYTES)
         self._rest = b""
         self._board.library_link.restype = ctypes.c_uint16
@@ -93,8 +93,8 @@ class LibraryBoard:
 
     def write(self, data: bytes) -> None:
         """Send bytes over the link; what they bring about is kept for :meth:`read`."""
-        count = self._board.library_link(data, len(data), self._said, _LINK_MOST)
-        self._rest += ctypes.string_at(self._said, count)
+        count = self._board.library_link(data, len(data), self._answered, _LINK_MOST)
+        self._rest += ctypes.string_at(self._answered, count)
 
     def read(self, timeout: float) -> bytes:
         """Return what the firmware has said; it is never waited for, no time passes meanwhile."""
@@ -183,14 +183,14 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
 def find_qemu() -> str:
     """Return the path of QEMU."""
     check_runs_here("qemu-mps2")
-    place = shutil.which(_QEMU)
-    if place is None:
+    program_path = shutil.which(_QEMU)
+    if program_path is None:
         raise InputError(
             f"board qemu-mps2: {_QEMU} is not installed: apt install {_QEMU}",
             code="not-installed",
             key=_QEMU,
         )
-    return place
+    return program_path
 
 
 def _serial(name: str, where: str) -> list[str]:

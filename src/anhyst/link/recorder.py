@@ -84,5 +84,5 @@ def read_recording(controller: ControllerLink) -> FirmwareRecording:
         values += controller.request(request, RecorderDataAnswer).values
     table = np.array(values, dtype=np.int32).reshape(info.records, len(signals))
     ticks = info.tick + info.decimation * (np.arange(info.records, dtype=np.int64) - info.before)
-    columns = {signal: table[:, place].copy() for place, signal in enumerate(signals)}
+    columns = {signal: table[:, column].copy() for column, signal in enumerate(signals)}
     return FirmwareRecording(ticks, info.before, columns)

@@ -61,12 +61,6 @@ _PACKET_BYTES = 12
 _INPUT = {value.name: AREAS["input"] + 4 * n for n, value in enumerate(INPUTS)}
 _STATE = AREAS["signal"] + 4 * [value.name for value in SIGNALS].index("state")
 
-_NOT_OF = {
-    Body.FORCE: {"position", "reference", "phase", "current_2", "drive_2"},
-    Body.POSITION: {"force", "gap"},
-}
-"""Signals that say nothing of a controller of this kind."""
-
 Samples = NDArray[np.int64]
 
 
@@ -99,8 +93,8 @@ class XcpMaster:
             self.body = Body.FORCE
         except InputError:
             self.body = Body.POSITION
-        left_out = _NOT_OF[self.body]
-        self.signals = tuple(one.name for one in SIGNALS if one.name not in left_out)
+        own = ("", self.body.name.lower())
+        self.signals = tuple(one.name for one in SIGNALS if one.body in own)
         if self._line.serial:
             wanted = self._rate() * (_PACKET_BYTES + 4 * len(self.signals))
             self.every = min(255, math.ceil(wanted / _CARRIED))
@@ -192,13 +186,13 @@ class XcpMaster:
     def _decoded(self, packets: bytes) -> Samples:
         """Return samples; their stamps count on from the last one, since 32 bits begin again."""
         form = [("head", "<u2"), ("tick", "<u4"), ("values", "<i4", len(self.signals))]
-        found = np.frombuffer(packets, dtype=form)
-        stamps = found["tick"].astype(np.int64)
+        samples = np.frombuffer(packets, dtype=form)
+        stamps = samples["tick"].astype(np.int64)
         before = self._last if self._last >= 0 else int(stamps[0]) - 1
         steps = np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF
         ticks = before + np.cumsum(steps)
         self._last = int(ticks[-1])
-        return np.column_stack((ticks, found["values"].astype(np.int64)))
+        return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
     def _rate(self) -> float:
         """Return the ticks a second, as exact as the period of a time stamp is said."""

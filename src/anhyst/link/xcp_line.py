@@ -133,11 +133,11 @@ class XcpLine:
 
     def _split(self, data: bytes) -> tuple[list[bytes], bytes]:
         """Return whole packets, and the rest."""
-        found = split(data, self.serial)
-        self.skipped += found.skipped
-        if found.broken:
+        packets = split(data, self.serial)
+        self.skipped += packets.skipped
+        if packets.broken:
             raise InputError(f"{self.url}: does not speak XCP", code="no-xcp")
-        return found.packets, found.rest
+        return packets.packets, packets.rest
 
     def _hand_on(self, packets: list[bytes]) -> None:
         samples = [packet for packet in packets if packet[0] < _COMMAND_LEAST]

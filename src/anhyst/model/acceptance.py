@@ -128,16 +128,16 @@ def check_over_drive(model: ActuatorRecord) -> DriveCheck | None:
     most = max(map(abs, model.valid.output))
     for gap in _gaps(model):
         for history, words in states.items():
-            place = words if gap is None else f"at {_shown(model, gap)} {words}"
+            where = words if gap is None else f"at {_shown(model, gap)} {words}"
             try:
                 output = predict(model, rise, gap, _slow(rise.size), history).output
             except (InputError, NegativeResult) as error:
-                return DriveCheck(np.inf, start, place, str(error))
+                return DriveCheck(np.inf, start, where, str(error))
             falls = np.maximum.accumulate(output) - output
             at = int(np.argmax(falls))
             fall = float(falls[at]) / max(most, np.finfo(np.float64).tiny)
             if fall > worst.fall:
-                worst = DriveCheck(fall, float(rise[at]), place)
+                worst = DriveCheck(fall, float(rise[at]), where)
     return worst
 
 
@@ -164,8 +164,8 @@ class Acceptance:
     @property
     def passed(self) -> bool | None:
         """Whether all that apply have passed; None if none applies."""
-        found = [check.passed for check in (self.over_gap, self.over_drive) if check is not None]
-        return all(found) if found else None
+        verdicts = [check.passed for check in (self.over_gap, self.over_drive) if check is not None]
+        return all(verdicts) if verdicts else None
 
     def text(self, unit: str) -> str:
         """Say what failed, or else what has passed; ``unit`` is that of the drive."""
@@ -192,8 +192,8 @@ def check_over_gap(
     """
     if model.schedule is None or model.schedule.name != "gap" or not model.varying:
         return None
-    if len(model.nodes) < 2 or model.valid is None:
-        return None
+    if len(model.nodes) < 2 or model.valid is None or model.output.name == "thrust":
+        return None  # what pushes too has no gap that closes
     nodes = np.array(model.nodes)
     parts = np.arange(GAPS_BETWEEN_NODES) / GAPS_BETWEEN_NODES
     gaps = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * parts).ravel(), nodes[-1])
@@ -205,12 +205,12 @@ def check_over_gap(
     output = np.full((gaps.size, drive.size), np.nan)
     offset = np.zeros(gaps.size)
     troubles: list[tuple[float, str]] = []
-    for place, gap in enumerate(gaps.tolist()):
+    for index, gap in enumerate(gaps.tolist()):
         try:
             one, schedule = (model, gap) if at is None else (at(gap), None)
-            offset[place] = one.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
+            offset[index] = one.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
             seen = drive - _lower(model, one, gap)
-            output[place] = predict(one, seen, schedule, _slow(drive.size), "settled").output
+            output[index] = predict(one, seen, schedule, _slow(drive.size), "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:

@@ -138,18 +138,18 @@ class Model(Result, ActuatorRecord):
 
     def facts(self) -> dict[str, str]:
         """Return law, gap map, where the model holds and how well it fits."""
-        told = {"name": self.name, "law": self.law, "gap map": self.gap_map}
+        facts = {"name": self.name, "law": self.law, "gap map": self.gap_map}
         valid, fit = self.valid, self.fit
         if valid is not None:
-            told[self.input.name] = range_text(*valid.input, self.input.unit)
-            told[self.output.name] = range_text(*valid.output, self.output.unit)
+            facts[self.input.name] = range_text(*valid.input, self.input.unit)
+            facts[self.output.name] = range_text(*valid.output, self.output.unit)
         if valid is not None and valid.schedule is not None and self.schedule is not None:
             ends = (self.schedule.show(value) for value in valid.schedule)
-            told["holds from"] = " to ".join(ends)
+            facts["holds from"] = " to ".join(ends)
         if fit is not None:
             share = 100.0 / fit.largest_output
-            told["fit"] = f"mean {share * fit.mean_abs:.2g} %, worst {share * fit.worst:.2g} %"
-        return told
+            facts["fit"] = f"mean {share * fit.mean_abs:.2g} %, worst {share * fit.worst:.2g} %"
+        return facts
 
     def to_columns(self) -> dict[str, Any]:
         """Return the parameters, SI: one row each, and one for each node where they vary."""

@@ -77,10 +77,10 @@ class ModelDiff(Result):
 
     def facts(self) -> dict[str, str]:
         """Return what differs, and how far apart the loops are."""
-        told = {"different": ", ".join(one.name for one in (*self.settings, *self.parameters))}
+        facts = {"different": ", ".join(one.name for one in (*self.settings, *self.parameters))}
         if self.mean is not None and self.worst is not None:
-            told |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
-        return {"same": "yes"} if self.same else told
+            facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
+        return {"same": "yes"} if self.same else facts
 
     def to_columns(self) -> dict[str, Any]:
         """Return how far the settled loops are apart at each scheduling value, SI."""

@@ -86,13 +86,13 @@ class Dynamics:
         kept = np.exp(-np.diff(time, prepend=time[0])[:, None] / np.array(self.times))
         shares = np.array(self.shares)
         sign = 1.0 if known else -1.0
-        found = np.empty(given.size)
+        creep = np.empty(given.size)
         before = 0.0
         for i, value in enumerate(given.tolist()):
             slow = before + kept[i] * (slow - before) if i else slow
-            found[i] = value + sign * float(shares @ slow)
-            before = value if known else float(found[i])
-        return Creeping(found, slow, before)
+            creep[i] = value + sign * float(shares @ slow)
+            before = value if known else float(creep[i])
+        return Creeping(creep, slow, before)
 
     def settled(self, given: FloatArray, time: FloatArray, *, known: bool) -> FloatArray:
         """Return the slow parts with which a cycle begins that has been repeated for ever."""

@@ -93,8 +93,8 @@ class Curve:
             straight += slopes[1] * np.maximum(query - high, 0.0)
         result = self._from_straight(straight)
         # Through a logarithm and back costs the last digit; at a node the value is known.
-        place = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
-        return np.where(self.nodes[place] == query, self.values[place], result)
+        segment = np.minimum(np.searchsorted(self.nodes, query), self.nodes.size - 1)
+        return np.where(self.nodes[segment] == query, self.values[segment], result)
 
     @cached_property
     def _interpolant(self) -> tuple[Callable[[FloatArray], FloatArray], tuple[float, float]]:
@@ -183,9 +183,9 @@ def _cubic(
     inner = nodes[1:-1]
 
     def at(query: FloatArray) -> FloatArray:
-        place = inner.searchsorted(query, side="right")
-        way = query - nodes[place]
-        turn = slopes[place] + way * (bend[place] + way * twist[place])
-        return np.asarray(heights[place] + way * turn)
+        segment = inner.searchsorted(query, side="right")
+        way = query - nodes[segment]
+        turn = slopes[segment] + way * (bend[segment] + way * twist[segment])
+        return np.asarray(heights[segment] + way * turn)
 
     return at

@@ -75,13 +75,13 @@ def _is_rounding(records: Sequence[Residual]) -> bool:
 
 def _step(values: FloatArray) -> float:
     """Step of a converter or of written digits: what all differences are multiples of; else zero."""
-    found = np.diff(np.unique(values))
-    found = found[found > 1e-9 * float(np.ptp(values))]
-    if not found.size:
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > 1e-9 * float(np.ptp(values))]
+    if not gaps.size:
         return 0.0
     for parts in range(1, _PARTS + 1):
-        step = float(found.min()) / parts
-        if float(np.mean(np.abs(found / step - np.rint(found / step)) < 0.05)) > 0.95:
+        step = float(gaps.min()) / parts
+        if float(np.mean(np.abs(gaps / step - np.rint(gaps / step)) < 0.05)) > 0.95:
             return step
     return 0.0
 
@@ -132,14 +132,14 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
         white = max(noisy, EXACT * span) ** 2
         around = Coloured(tuple(sizes), white, 0.0, float(max(off.size - whole.shape[1], 2)))
     ways = [_Way(name, way, around.chance(way)) for name, way in bases]
-    found: list[tuple[Shape, float]] = []
+    attributed: list[tuple[Shape, float]] = []
     rest, first = off, 0
     while ways:
         way = _foremost(rest, ways)
         worth, size = way.worth(rest), way.columns.shape[1]
         if around.is_chance(worth + way.chance, way.chance, size):
             break
-        found.append((way.shape, worth / off.size))
+        attributed.append((way.shape, worth / off.size))
         part = way.of(rest)
         first = _faded(records, part, around.variance) if way.shape == "start" else first
         rest = rest - part
@@ -149,9 +149,9 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
         noisy = spread
     noisy = min(noisy / span, rms)
     beyond = math.sqrt(rms**2 - noisy**2)
-    if beyond < EXACT or not (found or noisy < spread / span):
+    if beyond < EXACT or not (attributed or noisy < spread / span):
         return LeftOver(rms, rms)
-    shares = tuple((name, min(size / (beyond * span) ** 2, 1.0)) for name, size in found)
+    shares = tuple((name, min(size / (beyond * span) ** 2, 1.0)) for name, size in attributed)
     return LeftOver(rms, noisy, beyond, shares, first)
 
 
@@ -179,7 +179,7 @@ _ALSO = 0.2
 
 def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     """Judge what a model leaves of loops."""
-    places = {value: place for place, value in enumerate(loopset.schedule_values)}
+    places = {value: index for index, value in enumerate(loopset.schedule_values)}
     records = [
         Residual(
             loop.input,
@@ -193,7 +193,7 @@ def left_of(loopset: Loops, fitted: Sequence[FloatArray]) -> LeftOver:
     return left_over(records, largest_output(loopset))
 
 
-def told(left: LeftOver, loopset: Loops, model: Model) -> str:
+def left_over_text(left: LeftOver, loopset: Loops, model: Model) -> str:
     """Say what is left and what to do about it."""
     if left.done:
         return (

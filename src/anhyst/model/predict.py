@@ -84,9 +84,9 @@ def predict(
     history: History | str | None = None,
 ) -> Prediction:
     """Compute the output that a drive gives."""
-    found = run_through(model, "drive", drive, schedule, time, history)
-    warn_if_far(model, model.input, found.drive, schedule)
-    return found
+    prediction = run_through(model, "drive", drive, schedule, time, history)
+    warn_if_far(model, model.input, prediction.drive, schedule)
+    return prediction
 
 
 def invert(
@@ -102,9 +102,9 @@ def invert(
     drive is unipolar. A demanded force below ``out_0`` has no answer: the flux density is then
     zero and the sample flagged.
     """
-    found = run_through(model, "demand", demand, schedule, time, history)
+    prediction = run_through(model, "demand", demand, schedule, time, history)
     warn_if_far(model, model.output, as_samples(demand, "demand"), schedule)
-    return found
+    return prediction
 
 
 def run_through(
@@ -192,16 +192,16 @@ def _drive_late(
     past: History,
 ) -> Prediction:
     """Compute the output of an actuator that lags and creeps."""
-    found = _run_at_once(model, "drive", late.delayed(drive, time), schedule, time, past)
+    prediction = _run_at_once(model, "drive", late.delayed(drive, time), schedule, time, past)
     at = None if schedule is None else as_samples(schedule, "schedule", drive.size)
-    output = found.output
+    output = prediction.output
     if late.times:
-        flux = found.flux_density
+        flux = prediction.flux_density
         slow = _slow_start(model, late, past, at, flux, time, known=True)
         circuit = model.circuit(at, np.zeros(drive.size))
         output = circuit.output(late.added(flux, time, slow).found)
-    valid, flags = flag(model, "drive", drive, output, at, found.reachable)
-    return replace(found, drive=drive, output=output, valid=valid, flags=flags)
+    valid, flags = flag(model, "drive", drive, output, at, prediction.reachable)
+    return replace(prediction, drive=drive, output=output, valid=valid, flags=flags)
 
 
 def _demand_late(
@@ -220,10 +220,10 @@ def _demand_late(
         flux, reachable = circuit.flux_density(demand)
         slow = _slow_start(model, late, past, at, flux, time, known=False)
         at_once = circuit.output(late.removed(flux, time, slow).found)
-    found = _run_at_once(model, "demand", at_once, schedule, time, past)
-    drive = late.advanced(found.drive, time)
-    valid, flags = flag(model, "demand", drive, demand, at, reachable & found.reachable)
-    return replace(found, drive=drive, output=demand, valid=valid, flags=flags)
+    prediction = _run_at_once(model, "demand", at_once, schedule, time, past)
+    drive = late.advanced(prediction.drive, time)
+    valid, flags = flag(model, "demand", drive, demand, at, reachable & prediction.reachable)
+    return replace(prediction, drive=drive, output=demand, valid=valid, flags=flags)
 
 
 def _slow_start(

@@ -186,19 +186,19 @@ def run_file(
     check_writable(out)
     table = read_columns(path, columns, progress)
     past = history if history is not None else str(model.history)
-    found, valid, runs, warnings = _compute(model, direction, table, past)
+    answers, valid, runs, warnings = _compute(model, direction, table, past)
     wanted = model.output if direction == "predict" else model.input
     return RunSummary(
         out=str(out),
-        column=_write(table, out, wanted, found, valid),
+        column=_write(table, out, wanted, answers, valid),
         unit=wanted.unit,
         rows=len(table),
         runs=runs,
         history=past,
-        low=float(found.min()),
-        high=float(found.max()),
+        low=float(answers.min()),
+        high=float(answers.max()),
         outside=int((~valid).sum()),
-        deviation=_deviation(table, wanted, found),
+        deviation=_deviation(table, wanted, answers),
         warnings=warnings,
     )
 
@@ -248,9 +248,9 @@ def _compute(
     else:
         valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
     count = len(runs)
-    said = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
-    said += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
-    return found, valid, count, (*flags, *said)
+    lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
+    lines += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
+    return found, valid, count, (*flags, *lines)
 
 
 def _pasts(
@@ -270,13 +270,13 @@ def _pasts(
     try:
         loops = [
             Loop(
-                str(place),
+                str(index),
                 values[rows],
                 measured[rows],
                 None if schedule is None else schedule[rows],
                 time[rows],
             )
-            for place, rows in enumerate(runs)
+            for index, rows in enumerate(runs)
         ]
     except InputError:  # a run that is no loop
         return [past] * len(runs)

@@ -175,8 +175,8 @@ class _Reader:
     def _strip_units(self, table: Any, at: KeyPath) -> None:
         """Rename keys that carry units to fields, in place; complain about those that do not."""
         if isinstance(table, list):
-            for place, item in enumerate(table):
-                self._strip_units(item, (*at, place))
+            for index, item in enumerate(table):
+                self._strip_units(item, (*at, index))
         if not isinstance(table, dict):
             return
         names = self._names_in(at)
@@ -357,11 +357,11 @@ def _fit(table: FitTable) -> FitFigures:
     plain = dict(table)
     loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
     candidates = tuple(CandidateFit(**dict(one)) for one in plain.pop("candidate"))
-    found = table.cross_validation
-    if found is not None:
-        low, high = found.interval
+    validation = table.cross_validation
+    if validation is not None:
+        low, high = validation.interval
         plain["cross_validation"] = CrossValidation(
-            found.error, low, high, tuple(found.folds), found.left_out
+            validation.error, low, high, tuple(validation.folds), validation.left_out
         )
     return FitFigures(loops=loops, candidates=candidates, **plain)
 

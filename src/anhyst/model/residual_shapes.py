@@ -102,18 +102,18 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     width = rising[:, None] * np.hstack([legvander(x, _WIDTH), legvander(along, 3)])
     fading = ahead[:, None] ** np.array(_DECAYS)
     common = np.hstack([curve, width])
-    found: dict[Shape, list[FloatArray]] = {
+    shapes: dict[Shape, list[FloatArray]] = {
         "input": [np.asarray(scale * curve) for scale in scales],
         "direction": [np.asarray(scale * width) for scale in scales],
         "drift": _drift(sizes),
     }
     if np.any(ahead):
-        found["start"] = [scale * fading for scale in scales]
+        shapes["start"] = [scale * fading for scale in scales]
     if span.size > 1:
-        found["gap"] = [without(_by_gap(records, gap, x), common)]
+        shapes["gap"] = [without(_by_gap(records, gap, x), common)]
     if np.ptp(reach) > 0.1 * float(reach.max()):
-        found["amplitude"] = [without(_by_reach(reach, along, rising), common)]
-    return found
+        shapes["amplitude"] = [without(_by_reach(reach, along, rising), common)]
+    return shapes
 
 
 def _drift(sizes: Sequence[int]) -> list[FloatArray]:
@@ -231,8 +231,8 @@ class _Remainder:
 
 def _products(one: FloatArray, other: FloatArray) -> FloatArray:
     """Products of columns with columns, on one thread: a library would wait for its others."""
-    found: FloatArray = np.einsum("nk,nl->kl", one, other)
-    return found
+    products: FloatArray = np.einsum("nk,nl->kl", one, other)
+    return products
 
 
 def _parts(columns: FloatArray, sizes: tuple[int, ...]) -> list[FloatArray]:
@@ -256,19 +256,19 @@ def _decaying(part: FloatArray, share: float) -> FloatArray:
 
     As SciPy's lfilter, whose import takes longer than most commands.
     """
-    found, reach, weight = part.copy(), 1, share
+    decayed, reach, weight = part.copy(), 1, share
     while reach < len(part) and weight > 1e-18:
-        found[reach:] += weight * found[:-reach]
+        decayed[reach:] += weight * decayed[:-reach]
         reach, weight = 2 * reach, weight * weight
-    return found
+    return decayed
 
 
 def _neighbours(columns: FloatArray, sizes: tuple[int, ...]) -> FloatArray:
     """Mean of the samples before and after each, nothing beyond the ends of a record."""
-    found = []
+    pairs = []
     for part in _parts(columns, sizes):
         mean = np.zeros_like(part)
         mean[1:] += 0.5 * part[:-1]
         mean[:-1] += 0.5 * part[1:]
-        found.append(mean)
-    return np.concatenate(found)
+        pairs.append(mean)
+    return np.concatenate(pairs)

@@ -132,8 +132,8 @@ _UNREACHABLE = "demand less than any drive can give"
 
 def _sentence(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:
     first = int(np.argmin(good))
-    place = f"row {first + 1}" if rows else f"sample {first}"
+    where = f"row {first + 1}" if rows else f"sample {first}"
     return (
         f"{int((~good).sum())} of {good.size} {'rows' if rows else 'samples'} {what} "
-        f"(first: {place}, {values[first]:g} {unit})"
+        f"(first: {where}, {values[first]:g} {unit})"
     )

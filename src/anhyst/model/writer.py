@@ -76,9 +76,9 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
         try:
             read_as(draft, ActuatorRecord)
         except InputError as error:
-            said = str(error).replace(str(draft), str(path))
+            reason = str(error).replace(str(draft), str(path))
             raise InputError(
-                f"{said}; no file could be read with that, so none is written",
+                f"{reason}; no file could be read with that, so none is written",
                 code=error.code,
                 key=error.key,
             ) from error

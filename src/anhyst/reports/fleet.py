@@ -15,11 +15,11 @@ from anhyst.support.version import running_version
 _MOST_ROWS = 200
 
 
-def write_fleet_report(path: PathLike, found: Fleet) -> None:
+def write_fleet_report(path: PathLike, fleet: Fleet) -> None:
     """Write the report of a fleet: one HTML file that needs nothing else."""
     text = render_page(
-        _headline(found),
-        [_errors(found), _scatter(found), _magnets(found)],
+        _headline(fleet),
+        [_errors(fleet), _scatter(fleet), _magnets(fleet)],
         running_version(),
         kind="Fleet of magnets",
         source="their loops",
@@ -28,33 +28,33 @@ def write_fleet_report(path: PathLike, found: Fleet) -> None:
         stream.write(text)
 
 
-def _headline(found: Fleet) -> Headline:
-    count, good, shared = len(found.results), sum(found.good), sum(found.good_shared)
-    notes = [Note("warn", "Doubtful", f"{text}.") for text in found.warnings]
-    if found.failed:
-        notes.append(Note("bad", "Not judged", f"{', '.join(found.failed)}: see below."))
-    if found.outliers:
+def _headline(fleet: Fleet) -> Headline:
+    count, good, shared = len(fleet.results), sum(fleet.good), sum(fleet.good_shared)
+    notes = [Note("warn", "Doubtful", f"{text}.") for text in fleet.warnings]
+    if fleet.failed:
+        notes.append(Note("bad", "Not judged", f"{', '.join(fleet.failed)}: see below."))
+    if fleet.outliers:
         notes.append(
-            Note("warn", "Do not belong", f"{', '.join(found.outliers)}: far from the others.")
+            Note("warn", "Do not belong", f"{', '.join(fleet.outliers)}: far from the others.")
         )
     if shared >= good:
-        text = f"with the model of '{found.typical}' as many keep the tolerance as with their own"
+        text = f"with the model of '{fleet.typical}' as many keep the tolerance as with their own"
         notes.append(Note("good", "One model is enough", f"{text}."))
     else:
         text = f"{good} keep the tolerance with a model of their own, {shared} with one for all"
         notes.append(Note("info", "Measuring each pays", f"{text}."))
     return Headline(
         title="Fleet of magnets",
-        what=f"{count} magnets, law {found.settings.law}, gap map {found.settings.gap_map}; "
-        f"controllers of {found.settings.rate:g} ticks a second in {found.settings.io}.",
+        what=f"{count} magnets, law {fleet.settings.law}, gap map {fleet.settings.gap_map}; "
+        f"controllers of {fleet.settings.rate:g} ticks a second in {fleet.settings.io}.",
         basis=f"A good magnet: its verified controller is at most "
-        f"{found.settings.tolerance:g} % of the largest output off, rms over its loops.",
+        f"{fleet.settings.tolerance:g} % of the largest output off, rms over its loops.",
         notes=tuple(notes),
         tiles=(
             Tile(f"{good} of {count}", "good", "each with a controller of its own"),
-            Tile(f"{shared} of {count}", "good", f"all with the model of '{found.typical}'"),
-            Tile(str(len(found.outliers)), "outliers", "by their parameters"),
-            Tile(str(len(found.failed)), "not judged", "bad files"),
+            Tile(f"{shared} of {count}", "good", f"all with the model of '{fleet.typical}'"),
+            Tile(str(len(fleet.outliers)), "outliers", "by their parameters"),
+            Tile(str(len(fleet.failed)), "not judged", "bad files"),
         ),
         comparison=None,
         holds="",
@@ -65,35 +65,35 @@ def _picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
     return Picture(svg_text(figure, key), alt, caption)
 
 
-def _errors(found: Fleet) -> Section:
+def _errors(fleet: Fleet) -> Section:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
-    found.plot(figure.add_subplot())
+    fleet.plot(figure.add_subplot())
     picture = _picture(
         figure,
         "errors",
         "Error of each magnet, with its own controller and with one model for all.",
         "What each magnet's loops are off, with its own compiled controller and with the model of "
-        f"the most typical one, '{found.typical}'.",
+        f"the most typical one, '{fleet.typical}'.",
     )
     return Section("errors", "How good they are", (picture,))
 
 
-def _scatter(found: Fleet) -> Section:
-    spread = found.spread
+def _scatter(fleet: Fleet) -> Section:
+    spread = fleet.spread
     if spread is None:
         text = "Too few magnets, or magnets of different laws or gaps: no scatter is stated."
         return Section("scatter", "How they scatter", (Text(text),))
-    figure = Figure(figsize=(7.2, 0.35 * len(found.quantities) + 1.2), layout="constrained")
+    figure = Figure(figsize=(7.2, 0.35 * len(fleet.quantities) + 1.2), layout="constrained")
     ax = figure.add_subplot()
-    columns = found.to_columns()
-    values = np.array([columns[name] for name in found.quantities]).T
+    columns = fleet.to_columns()
+    values = np.array([columns[name] for name in fleet.quantities]).T
     size = np.where(spread.mean != 0.0, np.abs(spread.mean), 1.0)
-    for place in range(len(found.quantities)):
-        share = 100.0 * (values[:, place] - spread.mean[place]) / size[place]
+    for index in range(len(fleet.quantities)):
+        share = 100.0 * (values[:, index] - spread.mean[index]) / size[index]
         odd = spread.outlier
-        ax.plot(share[~odd], np.full((~odd).sum(), place), "|", ms=9, color="C0")
-        ax.plot(share[odd], np.full(odd.sum(), place), "x", ms=6, color="C3")
-    ax.set_yticks(range(len(found.quantities)), found.quantities, fontsize="small")
+        ax.plot(share[~odd], np.full((~odd).sum(), index), "|", ms=9, color="C0")
+        ax.plot(share[odd], np.full(odd.sum(), index), "x", ms=6, color="C3")
+    ax.set_yticks(range(len(fleet.quantities)), fleet.quantities, fontsize="small")
     ax.set_xlabel("deviation from the mean [%]")
     ax.set_xscale("symlog", linthresh=10.0)
     ax.grid(visible=True, alpha=0.25, lw=0.6)
@@ -101,7 +101,7 @@ def _scatter(found: Fleet) -> Section:
         (name, f"{mean:.4g}", f"{scatter:.2g}", f"{100.0 * scatter / abs(mean):.2g}")
         if mean
         else (name, f"{mean:.4g}", f"{scatter:.2g}", "")
-        for name, mean, scatter in zip(found.quantities, spread.mean, spread.scatter, strict=True)
+        for name, mean, scatter in zip(fleet.quantities, spread.mean, spread.scatter, strict=True)
     ]
     blocks: tuple[Block, ...] = (
         Text(
@@ -114,8 +114,8 @@ def _scatter(found: Fleet) -> Section:
     return Section("scatter", "How they scatter", blocks)
 
 
-def _magnets(found: Fleet) -> Section:
-    columns = found.to_columns()
+def _magnets(fleet: Fleet) -> Section:
+    columns = fleet.to_columns()
     rows = [
         (name, "yes" if good else "no", f"{own:.2f}", f"{shared:.2f}", f"{distance:.1f}")
         for name, good, own, shared, distance in zip(
@@ -135,7 +135,7 @@ def _magnets(found: Fleet) -> Section:
     blocks: list[Block] = [table("Magnets", head, rows[:_MOST_ROWS], caption, texts=2)]
     if len(rows) > _MOST_ROWS:
         blocks.append(Text(f"The other {len(rows) - _MOST_ROWS} are in fleet.csv."))
-    if found.failed:
-        said = tuple(f"{name}: {why}" for name, why in found.failed.items())
-        blocks.append(Items("Not judged", said))
+    if fleet.failed:
+        reasons = tuple(f"{name}: {why}" for name, why in fleet.failed.items())
+        blocks.append(Items("Not judged", reasons))
     return Section("magnets", "Magnet by magnet", tuple(blocks))

@@ -23,16 +23,16 @@ _MOST_POINTS = 20_000
 """Lines are drawn with at most about this many points."""
 
 
-def figure_excitation(found: Excitation) -> Figure:
+def figure_excitation(excitation: Excitation) -> Figure:
     """Draw the drive over time, with the warmth of the winding, beside the loops it measured."""
     from matplotlib.figure import Figure
 
-    played = found.played
+    played = excitation.played
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     every = slice(None, None, 1 + played.time.size // _MOST_POINTS)
     left.plot(played.time[every], played.current[every], lw=0.6, color="0.3")
-    left.axhline(found.specimen.current.value, color="tab:red", lw=0.8, ls="--")
+    left.axhline(excitation.specimen.current.value, color="tab:red", lw=0.8, ls="--")
     left.set_xlabel("time [s]")
     left.set_ylabel("current [A]")
     left.set_title("driven, rests and conditioning included", loc="left", fontsize="medium")
@@ -41,7 +41,7 @@ def figure_excitation(found: Excitation) -> Figure:
         warm.plot(played.time[every], 100.0 * played.warmth[every], color="tab:orange", lw=1.0)
         warm.set_ylabel("I²t [% of what trips]")
         warm.set_ylim(0.0, 105.0)
-    found.loops.plot(right)
+    excitation.loops.plot(right)
     right.set_title("measured", loc="left", fontsize="medium")
     return figure
 
@@ -95,7 +95,7 @@ def excite_rig(
             key="--folder",
         )
     how = measure if folder is None or url is None else through(folder, url)
-    found = excite(rig, out, progress, how)
+    excitation = excite(rig, out, progress, how)
     if plot is not None:
-        write_figure(figure_excitation(found), plot)
-    return found
+        write_figure(figure_excitation(excitation), plot)
+    return excitation

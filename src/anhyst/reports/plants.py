@@ -24,15 +24,15 @@ from anhyst.support.version import running_version
 
 
 def write_plants_report(
-    path: PathLike, found: MonteCarlo, files: Sequence[Path], command: str
+    path: PathLike, runs: MonteCarlo, files: Sequence[Path], command: str
 ) -> None:
     """Write the report of a Monte Carlo: one HTML file that needs nothing else."""
     rows = [(one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in files]
     origin = Section("origin", "Origin", (table("Files", ["file", "SHA-256"], rows, texts=2),
                                           Text(f"Made by: {command}")))  # fmt: skip
     text = render_page(
-        _headline(found),
-        [_drift(found), origin],
+        _headline(runs),
+        [_drift(runs), origin],
         running_version(),
         kind="Drifted plants",
         source="a simulation",
@@ -41,18 +41,18 @@ def write_plants_report(
         stream.write(text)
 
 
-def _headline(found: MonteCarlo) -> Headline:
-    file = found.plants.file
-    counts = [f"{name}: {found.lost(name)} of {len(found.drifts)}" for name in ordered(found.runs)]
-    lost = any(found.lost(name) for name in found.runs)
+def _headline(runs: MonteCarlo) -> Headline:
+    file = runs.plants.file
+    counts = [f"{name}: {runs.lost(name)} of {len(runs.drifts)}" for name in ordered(runs.runs)]
+    lost = any(runs.lost(name) for name in runs.runs)
     return Headline(
         title=file.name,
-        what=f"{len(found.drifts)} plants of {NAMES[file.kind][0]}, each with a noise of its own, "
-        f"whose properties are off by chance: {_deviations(found)} (standard deviations). What "
+        what=f"{len(runs.drifts)} plants of {NAMES[file.kind][0]}, each with a noise of its own, "
+        f"whose properties are off by chance: {_deviations(runs)} (standard deviations). What "
         "controls them was made for the nominal one and knows nothing of it.",
-        basis=f"Simulated, seed {found.plants.seed}; all variants meet the same plants.",
+        basis=f"Simulated, seed {runs.plants.seed}; all variants meet the same plants.",
         notes=(
-            verdict_note(found.verdict),
+            verdict_note(runs.verdict),
             Note("bad" if lost else "good", "Plants lost", f"{'; '.join(counts)}."),
         ),
         tiles=(),
@@ -61,8 +61,8 @@ def _headline(found: MonteCarlo) -> Headline:
     )
 
 
-def _deviations(found: MonteCarlo) -> str:
-    file, shown = found.plants.file, []
+def _deviations(runs: MonteCarlo) -> str:
+    file, shown = runs.plants.file, []
     spread, drawn = file.spread, SPREADS[file.kind]
     if file.several:
         of_all = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
@@ -76,13 +76,13 @@ def _deviations(found: MonteCarlo) -> str:
     return ", ".join(shown)
 
 
-def _drift(found: MonteCarlo) -> Section:
+def _drift(runs: MonteCarlo) -> Section:
     spreads = [
         Spread(_title(figure, name), {
-            method: figure.factor * np.array(found.values(method, figure.key, case))
-            for method in found.runs
+            method: figure.factor * np.array(runs.values(method, figure.key, case))
+            for method in runs.runs
         })
-        for figure in found.plants.figures
+        for figure in runs.plants.figures
         for case, name in enumerate(figure.names)
     ]  # fmt: skip
     rows = [
@@ -99,7 +99,7 @@ def _drift(found: MonteCarlo) -> Section:
         "infinitely bad.",
     )
     head = ["figure", "variant", *(f"{part:g} %" for part in PERCENTILES)]
-    blocks = (picture, table("Percentiles", head, rows, texts=2), _worst(found))
+    blocks = (picture, table("Percentiles", head, rows, texts=2), _worst(runs))
     return Section("drift", "Drifted plants", blocks)
 
 
@@ -107,17 +107,17 @@ def _title(figure: PlantFigure, case: str) -> str:
     return f"{figure.title}{', ' if case else ''}{case.replace(' um', f'{NBSP}µm')} ({figure.unit})"
 
 
-def _worst(found: MonteCarlo) -> Items:
+def _worst(runs: MonteCarlo) -> Items:
     """Say what the worst plants of a variant have in common with nobody else: their drift."""
-    figure, own = found.plants.figures[0], found.plants.own
+    figure, own = runs.plants.figures[0], runs.plants.own
     rows = []
     for case, name in enumerate(figure.names):
-        values = found.values(own, figure.key, case)
+        values = runs.values(own, figure.key, case)
         worst = int(np.argmax(values))
         much = "lost"
         if math.isfinite(values[worst]):
             much = f"{number(figure.factor * values[worst], 2)}{NBSP}{figure.unit}"
-        text = f"{_title(figure, name)}, {much}: plant {worst}, {_drift_text(found.drifts[worst])}"
+        text = f"{_title(figure, name)}, {much}: plant {worst}, {_drift_text(runs.drifts[worst])}"
         rows.append(text)
     return Items(f"Worst plants of {own}", tuple(rows))
 

@@ -46,19 +46,19 @@ if TYPE_CHECKING:
 LOOK = {"none": "#D55E00", "single-valued": "#E69F00", "full": "#0072B2"}
 
 
-def draw_tracking(found: PiezoTracking) -> Figure:
+def draw_tracking(tracked: PiezoTracking) -> Figure:
     """Draw reference, voltage and deviation over the cycles that are judged."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1, 2))
-    judged = slice(found.judged_from, None)
-    full = found.runs["full"]
+    judged = slice(tracked.judged_from, None)
+    full = tracked.runs["full"]
     time = full["t_s"][judged]
     upper.plot(time, 1e6 * full["reference_m"][judged], color="0.3")
     upper.set_ylabel("reference [µm]")
-    for name, run in found.runs.items():
-        label = f"{TITLES[name]}: {1e9 * found.errors[name].rms_m:.0f} nm rms"
+    for name, run in tracked.runs.items():
+        label = f"{TITLES[name]}: {1e9 * tracked.errors[name].rms_m:.0f} nm rms"
         lower.plot(time, 1e9 * run["error_m"][judged], color=LOOK[name], lw=1.0, label=label)
     lower.set(xlabel="time [s]", ylabel="deviation [nm]")
     lower.legend(loc="upper right", fontsize=9)
@@ -68,10 +68,10 @@ def draw_tracking(found: PiezoTracking) -> Figure:
     return figure
 
 
-def write_picture(found: PiezoTracking, path: Path) -> None:
+def write_picture(tracked: PiezoTracking, path: Path) -> None:
     """Write the picture as the ending of its name says."""
     picture = BytesIO()
-    draw_tracking(found).savefig(picture, format=path.suffix[1:], dpi=120)
+    draw_tracking(tracked).savefig(picture, format=path.suffix[1:], dpi=120)
     write_bytes(path, picture.getvalue())
 
 
@@ -217,14 +217,14 @@ class _Task:
         for path in (self.out, self.report):
             check_writable(path)
         try:
-            found = explore(self.rig, self.out, self.controller, self.progress)
-            subject = subject_of(found, self.command())
+            simulation = explore(self.rig, self.out, self.controller, self.progress)
+            subject = subject_of(simulation, self.command())
         except NegativeResult:
             self.report.unlink(missing_ok=True)  # of another recording
             raise
-        write_simulation(found, self.out)
+        write_simulation(simulation, self.out)
         write_simulation_report(self.report, subject)
-        return found
+        return simulation
 
     def plants(self, kind: FileKind, count: int) -> MonteCarlo:
         """Run plants that have drifted; goes on with what the file holds."""
@@ -242,11 +242,11 @@ class _Task:
                 check_writable(path, files)
             plants = self._other_plants(kind, begun)
         begun(1, 1)
-        found = run_plants(plants, self.out, count, run)
-        _write_json(figures, found)
+        runs = run_plants(plants, self.out, count, run)
+        _write_json(figures, runs)
         command = self.command(f" --monte-carlo {count}")
-        write_plants_report(self.report, found, [*files, *plants.read], command)
-        return found
+        write_plants_report(self.report, runs, [*files, *plants.read], command)
+        return runs
 
     def _other_plants(self, kind: FileKind, progress: Progress) -> Plants:
         if kind is FileKind.STAGE:
@@ -256,49 +256,49 @@ class _Task:
         return piezo_plants(read_piezo_rig(self.rig))
 
     def force(self, board: str) -> ForceControl:
-        found = force_control(self.rig, self.out, board=board, progress=self.progress)
-        draw_force(found)
-        return found
+        controlled = force_control(self.rig, self.out, board=board, progress=self.progress)
+        draw_force(controlled)
+        return controlled
 
     def map(self) -> Benefit:
         files = read_files(self.rig, self.controller)
         self._must_end(".json", "the map is")
         ready = make_ready(*files, (self.out, self.report))
-        found = map_benefit(ready.rig, ready.controller, progress=self.progress)
-        _write_json(self.out, found)
+        benefit = map_benefit(ready.rig, ready.controller, progress=self.progress)
+        _write_json(self.out, benefit)
         command = self.command(" --benefit")
         write_simulation_report(
-            self.report, subject_of_benefit(ready.rig, ready.controller, found, command)
+            self.report, subject_of_benefit(ready.rig, ready.controller, benefit, command)
         )
-        return found
+        return benefit
 
     def firmware(self, board: str) -> BoardComparison:
-        found = run_board(self.rig, self.out, board, self.controller, self.progress)
-        write_comparison(found, self.out)
-        return found
+        comparison = run_board(self.rig, self.out, board, self.controller, self.progress)
+        write_comparison(comparison, self.out)
+        return comparison
 
     def stage(self) -> TrackingStudy:
         if not self.written:
             return explore_stage(read_stage(self.rig), progress=self.progress)
         check_writable(self.report)
         try:
-            found = simulate_stage(self.rig, self.out, self.progress)
+            study = simulate_stage(self.rig, self.out, self.progress)
         except NegativeResult:
             self.report.unlink(missing_ok=True)  # of another recording
             raise
-        write_tracking_report(self.report, found, self.command())
-        return found
+        write_tracking_report(self.report, study, self.command())
+        return study
 
     def piezo(self) -> PiezoTracking:
         rig, picture = read_piezo_rig(self.rig), self.out.with_suffix(".svg")
         if self.written:
             check_recording(self.out, [self.rig])
             check_writable(picture)
-        found = track(rig)
+        tracked = track(rig)
         if self.written:
-            found.save(self.out)
-            write_picture(found, picture)
-        return found
+            tracked.save(self.out)
+            write_picture(tracked, picture)
+        return tracked
 
     def _must_end(self, suffix: str, what: str) -> None:
         if self.out.suffix != suffix:
@@ -307,6 +307,6 @@ class _Task:
             )
 
 
-def _write_json(path: Path, found: MonteCarlo | Benefit) -> None:
+def _write_json(path: Path, result: MonteCarlo | Benefit) -> None:
     with atomic_writer(path) as stream:
-        stream.write(json_text(found.as_dict()))
+        stream.write(json_text(result.as_dict()))

@@ -297,13 +297,39 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES and not file.several:
             text = f"the first magnet pulls along {CLOSES}, towards smaller gaps; write that"
             yield FileFault((*place, "direction"), text, code="wrong-direction")
-    if file.kind is FileKind.BEARING and (file.opposite is None) != (file.bias_N is None):
-        text = (
-            "a pair of magnets needs it; add it"
-            if file.bias_N is None
-            else "belongs to a pair of magnets; remove it"
-        )
+    yield from _pair_faults(file)
+
+
+def _pair_faults(file: RigFile) -> Iterator[FileFault]:
+    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
+    pushes = first is not None and first.both_ways
+    if first is not None and pushes and not file.several:
+        text = "pushes as well as it pulls; it is for a stage of several coordinates"
+        yield FileFault(file.place(first, "kind"), text, code="not-for-this-kind")
+    if file.kind not in (FileKind.BEARING, FileKind.STAGE):
+        return
+    pairs = not pushes and (file.opposite is not None or file.kind is FileKind.STAGE)
+    if pairs != (file.bias_N is not None):
+        text = "a pair of magnets needs it; add it"
+        if not pairs:
+            text = "belongs to a pair of magnets; remove it"
         yield FileFault(("control", "bias_N"), text, code="pair-only")
+    if first is not None and pushes and isinstance(file.control, TrackingTable):
+        yield from _push_faults(file, first, file.control)
+
+
+def _push_faults(file: RigFile, first: MagnetTable, control: TrackingTable) -> Iterator[FileFault]:
+    """Find what magnets that push as well as they pull have no use for."""
+    if "force_min_N" in control.model_fields_set:
+        text = "is of magnets that only pull; remove it"
+        yield FileFault(("control", "force_min_N"), text, code="not-for-this-kind")
+    if control.format == "fixed":
+        text = 'magnets that push as well as they pull have none; write "f64" or "f32"'
+        yield FileFault(("control", "format"), text, code="not-for-this-kind")
+    for magnet in file.magnets:
+        if isinstance(magnet, LikeTable) and magnet.gap_m != first.gap_m:
+            text = f"'{first.name}' is made for {first.gap_m:g} m; write that"
+            yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
 
 
 def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[FileFault]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from anhyst.data import Loops
-from anhyst.data.output_map import is_electromagnet
+from anhyst.data.output_map import is_actuator
 from anhyst.data.reading import files_read
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
@@ -60,7 +60,7 @@ class Measured:
         if not self.files:
             raise InputError(f"{self.text}: no loops", code="no-loops")
         loops = self.options.reading(self.rig.parent).read(self.places)
-        if not is_electromagnet(loops) or loops.schedule is None:
+        if not is_actuator(loops) or loops.schedule is None:
             raise InputError(
                 f"{self.text}: a rig needs columns I_A, F_N and gap_m", code="columns-missing"
             )

@@ -9,9 +9,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from anhyst.rig.parts.magnet import Poles, Solid
+from anhyst.data.output_map import output_map
+from anhyst.rig.parts.magnet import ACTUATORS, Poles, Solid
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import BRANCH, Name, NotNegative, Number, Positive, Table
+from anhyst.support.units import QUANTITIES
 
 FROM_LOOPS = "from loops"
 
@@ -55,11 +57,22 @@ class SolidTable(Table):
         return Solid(length, self.depth_m, self.conductivity_S_per_m, self.volumes)
 
 
+LAW = "law"
+"""Kind of a magnet whose force an identified law makes."""
+
+
+def _known(kind: str) -> str:
+    if kind not in (LAW, *ACTUATORS):
+        names = ", ".join(f'"{name}"' for name in (*ACTUATORS, LAW))
+        raise InputError(f"must be one of {names}; correct it", code="unknown-choice")
+    return kind
+
+
 class MagnetTable(Table):
     """Winding, poles and iron of one magnet. What a fit finds or guesses may be left out."""
 
     name: Name
-    kind: Literal["electromagnet", "law"] = "electromagnet"
+    kind: Annotated[str, AfterValidator(_known)] = "electromagnet"
     iron: str | None = None  # name of an iron, or "from loops"
     direction: Direction = CLOSES
     position_m: Place = ORIGIN  # of the middle of its poles, on the body
@@ -73,26 +86,28 @@ class MagnetTable(Table):
     joints_m: NotNegative | None = None
     eddy_time_s: NotNegative = 0.0
     solid: SolidTable | None = None
+    numbers: dict[str, Positive] = Field(default_factory=dict)  # of its kind
     model: str | None = None
     flux_table: str | None = None
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        if self.kind == "law" and self.model is None:
+        if self.kind == LAW and self.model is None:
             raise InputError('a magnet of kind "law" needs model; add it', code="missing")
-        if self.kind != "law" and (self.model or self.flux_table):
+        if self.kind != LAW and (self.model or self.flux_table):
             raise InputError(
                 'model and flux_table belong to kind "law"; write that, or remove them',
                 code="not-for-this-kind",
             )
-        if self.iron is None and (self.kind != "law" or self.flux_table is None):
+        if self.iron is None and (self.kind != LAW or self.flux_table is None):
             raise InputError(
                 f'needs iron; name one of [[iron]], or write "{FROM_LOOPS}"', code="missing"
             )
-        if self.solid is not None and self.kind == "law":
+        if self.solid is not None and self.kind == LAW:
             raise InputError(
                 'solid belongs to kind "electromagnet"; remove it', code="not-for-this-kind"
             )
+        self._check_numbers()
         if self.from_loops:
             return self
         if self.solid is not None and self.solid.conductivity_S_per_m is None:
@@ -108,6 +123,25 @@ class MagnetTable(Table):
         if self.solid_iron is not None and self.solid_iron.length > (self.iron_length_m or 0.0):
             raise InputError("solid.path_m is longer than iron_length_m; lower it", code="too-long")
         return self
+
+    def _check_numbers(self) -> None:
+        known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
+        for key in sorted(known.keys() - self.numbers):
+            text = f"needs numbers.{key}, {known[key]}; add it"
+            raise InputError(text, code="missing")
+        for key in sorted(self.numbers.keys() - known):
+            text = f'numbers.{key} is none of kind "{self.kind}"; remove it'
+            raise InputError(text, code="not-for-this-kind")
+
+    @property
+    def output(self) -> str:
+        """Quantity of its loops."""
+        return "force" if self.kind == LAW else ACTUATORS[self.kind].output
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether it pushes as well as it pulls."""
+        return not output_map(QUANTITIES[self.output]).even
 
     @property
     def from_loops(self) -> bool:
@@ -130,7 +164,7 @@ class MagnetTable(Table):
         assert self.pole_depth_m is not None
         assert self.leakage_H is not None
         assert self.iron_length_m is not None
-        return Poles(
+        poles = Poles(
             turns=self.turns,
             resistance=self.resistance_ohm,
             width=self.pole_width_m,
@@ -139,6 +173,7 @@ class MagnetTable(Table):
             iron_length=self.iron_length_m,
             joints=self.joints_m or 0.0,
         )
+        return poles if self.kind == LAW else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
 _GEOMETRY = ("pole_width_m", "pole_depth_m", "leakage_H", "iron_length_m")

@@ -10,7 +10,10 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from anhyst.identification.options import IdentifyTable
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import Name, NotNegative, Positive, Share, Table
+from anhyst.support.toml_file import Name, NotNegative, Positive, Table
+
+Turn = Annotated[float, Field(ge=-1.0, le=1.0)]
+"""Of the largest current; below zero for what goes both ways."""
 
 
 def _listed(value: Any) -> Any:
@@ -31,7 +34,7 @@ class RecordTable(Table):
     """One of ``measurement.records``: straight from turning point to turning point."""
 
     name: Name
-    turns: Annotated[list[Share], Field(min_length=2)]
+    turns: Annotated[list[Turn], Field(min_length=2)]
 
 
 class MeasurementTable(Table):

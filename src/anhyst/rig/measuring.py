@@ -60,8 +60,13 @@ def straight(turns: Sequence[float], step: float) -> FloatArray:
 
 
 def conditioning(campaign: MeasurementTable) -> list[float]:
-    """Return the turning points before every record, A: from zero to the largest current and back."""
-    return [campaign.current_max_A, 0.0] * campaign.conditioning_cycles
+    """Return the turning points before every record, A: the largest current, and the least of all.
+
+    That is zero where no record goes below.
+    """
+    least = min(0.0, *(turn for record in campaign.records for turn in record.turns))
+    high = campaign.current_max_A
+    return [high, least * high] * campaign.conditioning_cycles
 
 
 def take(

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from anhyst._core import PlantLoop
+from anhyst._core import POSITION_MAGNETS, PlantLoop
 from anhyst.control.states import Phase, State
 from anhyst.data.writing import check_recording, write_recording
 from anhyst.support.arrays import FloatArray
@@ -36,8 +36,6 @@ class Loss(NamedTuple):
 
 
 CURRENTS = (("command", "A"), ("current", "A"))
-MAGNETS = 2
-"""For which a recording has columns; a single one leaves those of the other at zero."""
 
 
 def column(signal: str, unit: str, number: int = 1) -> str:
@@ -53,9 +51,10 @@ def of_magnets(signals: Sequence[tuple[str, str]], first: int, last: int) -> tup
 COLUMNS: tuple[str, ...] = (
     *("t_s", "reference_m", "gap_m", "gap_read_m", "velocity_m_per_s", "demand_N", "force_N"),
     *("load_N", "command_A", "current_A", "current_read_A", "voltage_V", "flux_Wb"),
-    *("flux_density_T", *of_magnets(CURRENTS, 2, MAGNETS), "state", "flags"),
+    *("flux_density_T", *of_magnets(CURRENTS, 2, POSITION_MAGNETS), "state", "flags"),
 )
-"""Of a magnet's body, the unit in the name; described in docs/simulate.md."""
+"""Of a magnet's body, the unit in the name; described in docs/simulate.md. A single magnet leaves the
+columns of others at zero."""
 
 
 def in_columns(loop: PlantLoop, table: FloatArray) -> FloatArray:

@@ -299,7 +299,7 @@ class TrackingTable(Table):
     """``kind = "tracking"``: a body between magnets follows a set-point."""
 
     kind: Literal["tracking"]
-    bias_N: Positive
+    bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
     format: NumberFormat = "fixed"
     crossover_Hz: Positive
     # corner frequencies of the PID, in parts of the crossover or the crossover in parts of them

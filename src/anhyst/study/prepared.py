@@ -96,7 +96,7 @@ class PreparedBearing:
             "simplified" if variant == "simplified" else "full", "q31", table.rate_Hz
         )
         followed = _followed(model, self.model, request.kind)
-        narrowed = bearing_model(followed, current, force, gaps)
+        narrowed = bearing_model(followed, (0.0, current), (0.0, force), gaps)
         return make_plan(narrowed, request, 0, scales=scales)
 
 

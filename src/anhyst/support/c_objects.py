@@ -49,8 +49,8 @@ def compile_and_link(
         ThreadPoolExecutor(cores()) as pool,
     ):
         objects = [Path(place, f"{number}.o") for number in range(len(sources))]
-        said = list(pool.map(partial(_compile, command, key, run), sources, objects))
-        return [*said, run([*compiler, *options, *map(str, objects), *ending])]
+        messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
+        return [*messages, run([*compiler, *options, *map(str, objects), *ending])]
 
 
 def _identity(compiler: str) -> str | None:
@@ -69,21 +69,21 @@ def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: P
     digest = hashlib.sha256(key.encode() + b"\0" + text.read_bytes()).hexdigest()
     kept = cache_folder("objects") / f"{digest}.o"
     with suppress(OSError):
-        said = kept.with_suffix(".txt").read_text(encoding="utf-8")
+        messages = kept.with_suffix(".txt").read_text(encoding="utf-8")
         shutil.copyfile(kept, target)
         kept.touch()
-        return said
-    said = run([*command, "-c", str(source), "-o", str(target)])
+        return messages
+    messages = run([*command, "-c", str(source), "-o", str(target)])
     with suppress(OSError):  # without a cache it is compiled each time
-        _keep(kept, target.read_bytes(), said)
-    return said
+        _keep(kept, target.read_bytes(), messages)
+    return messages
 
 
-def _keep(kept: Path, content: bytes, said: str) -> None:
+def _keep(kept: Path, content: bytes, messages: str) -> None:
     """Put an object into the cache, whole or not at all; what was said of it first."""
     kept.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=kept.parent) as draft:
-        for place, part in ((kept.with_suffix(".txt"), said.encode()), (kept, content)):
+        for place, part in ((kept.with_suffix(".txt"), messages.encode()), (kept, content)):
             Path(draft, place.name).write_bytes(part)
             Path(draft, place.name).replace(place)
     # Looking through all of them takes longer than most compilations.

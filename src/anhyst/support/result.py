@@ -99,8 +99,8 @@ class Result(ABC):
         return pd.DataFrame({name: np.asarray(values) for name, values in columns.items()})
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{name}: {text}" for name, text in self.facts().items())
-        return f"<{type(self).__name__} {told}>"
+        listed = ", ".join(f"{name}: {text}" for name, text in self.facts().items())
+        return f"<{type(self).__name__} {listed}>"
 
     def _repr_html_(self) -> str:
         """Return the same for a notebook."""

@@ -141,6 +141,7 @@ QUANTITIES = MappingProxyType(
             Quantity("field", "H", "A/m"),
             Quantity("voltage", "u", "V"),
             Quantity("force", "F", "N"),
+            Quantity("thrust", "F_th", "N"),
             Quantity("flux_density", "B", "T"),
             Quantity("flux_linkage", "psi", "Wb"),
             Quantity("displacement", "x", "m"),
@@ -177,7 +178,13 @@ LABEL = "loop"
 """Header of the column that distinguishes loops."""
 
 DIMENSIONS = MappingProxyType(
-    {"displacement": "length", "gap": "length", "strain": "number", "magnetostriction": "number"}
+    {
+        "displacement": "length",
+        "gap": "length",
+        "strain": "number",
+        "magnetostriction": "number",
+        "thrust": "force",
+    }
 )
 """Dimensions of quantities that are not their names."""
 

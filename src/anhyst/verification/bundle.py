@@ -60,8 +60,8 @@ class Bundle:
     @property
     def stage(self) -> Mapping[str, Any] | None:
         """What the manifest says of a stage; None of a compensator."""
-        found = self.manifest.get("stage")
-        return found if isinstance(found, dict) else None
+        described = self.manifest.get("stage")
+        return described if isinstance(described, dict) else None
 
     @property
     def has_port(self) -> bool:
@@ -71,14 +71,14 @@ class Bundle:
 
 def read_bundle(folder: Path) -> Bundle:
     """Read the manifest and check that every file is as it was written."""
-    place = folder / MANIFEST
+    manifest_path = folder / MANIFEST
     if not folder.is_dir():
         raise InputError(
             f"{folder}: no such folder; name the one 'anhyst compile --out' made",
             code="no-such-folder",
         )
     try:
-        manifest = json.loads(place.read_text(encoding="utf-8"))
+        manifest = json.loads(manifest_path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(
             f"{folder}: has no {MANIFEST}; name the folder 'anhyst compile --out' made",
@@ -86,27 +86,29 @@ def read_bundle(folder: Path) -> Bundle:
         ) from None
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(
-            f"{place}: is not JSON: {error}; {AGAIN}", code="damaged-manifest"
+            f"{manifest_path}: is not JSON: {error}; {AGAIN}", code="damaged-manifest"
         ) from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise InputError(
-            f"{place}: key 'format' is not {FORMAT}; {AGAIN}", code="damaged-manifest", key="format"
+            f"{manifest_path}: key 'format' is not {FORMAT}; {AGAIN}",
+            code="damaged-manifest",
+            key="format",
         )
-    _check_files(folder, place, manifest)
-    _check_stage(place, manifest.get("stage"))
-    io = _text(place, manifest, "io")
+    _check_files(folder, manifest_path, manifest)
+    _check_stage(manifest_path, manifest.get("stage"))
+    io = _text(manifest_path, manifest, "io")
     if io not in FORMATS:
         known = " and ".join(FORMATS)
         raise InputError(
-            f"{place}: key 'io': {io} cannot be verified; only {known} can",
+            f"{manifest_path}: key 'io': {io} cannot be verified; only {known} can",
             code="not-verifiable",
             key="io",
         )
     rate = manifest.get("rate_Hz")
     return Bundle(
         folder,
-        _text(place, manifest, "name"),
-        _text(place, manifest, "kind"),
+        _text(manifest_path, manifest, "name"),
+        _text(manifest_path, manifest, "kind"),
         io,
         float(rate) if isinstance(rate, int | float) else None,
         manifest,
@@ -128,9 +130,13 @@ def _check_stage(place: Path, stage: object) -> None:
     """Check the numbers from which the form of a stage's records follows."""
     if stage is None:
         return
-    found = stage if isinstance(stage, dict) else {}
-    free = found.get("free")
-    counts = [len(free) if isinstance(free, list) else 0, found.get("heads"), found.get("magnets")]
+    described = stage if isinstance(stage, dict) else {}
+    free = described.get("free")
+    counts = [
+        len(free) if isinstance(free, list) else 0,
+        described.get("heads"),
+        described.get("magnets"),
+    ]
     if not all(isinstance(count, int) and 0 < count <= MOST for count in counts):
         raise InputError(
             f"{place}: key 'stage' does not say what is free, how many heads and magnets there are; {AGAIN}",
@@ -161,14 +167,14 @@ def _check_files(folder: Path, place: Path, manifest: Mapping[str, Any]) -> None
     for file, wanted in files.items():
         path = folder / str(file)
         try:
-            found = hashlib.sha256(path.read_bytes()).hexdigest()
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError as error:
             raise InputError(
                 f"{path}: {error.strerror}, but {MANIFEST} names it; {AGAIN}",
                 code="damaged-manifest",
                 key="files",
             ) from None
-        if found != wanted:
+        if digest != wanted:
             raise InputError(
                 f"{path}: was changed since it was written (sha256); {AGAIN}", code="changed-since"
             )

@@ -114,14 +114,14 @@ def compare(
 
 def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
     places = [vectors.form.record.index(name) for name in vectors.outputs]
-    found = outcome.vectors[:, places]
+    answered = outcome.vectors[:, places]
     wanted = np.stack(list(vectors.outputs.values()), axis=1)
-    wrong = _first_wrong(wanted, found)
+    wrong = _first_wrong(wanted, answered)
     if wrong is None:
         return None
-    row, place = wrong
-    name = list(vectors.outputs)[place]
-    return Difference("vectors", row, name, _signed(wanted[wrong]), _signed(found[wrong]))
+    row, column = wrong
+    name = list(vectors.outputs)[column]
+    return Difference("vectors", row, name, _signed(wanted[wrong]), _signed(answered[wrong]))
 
 
 def _locate(

@@ -57,8 +57,8 @@ class Image:
 
     def functions(self) -> list[Symbol]:
         """Return the functions, by address."""
-        found = [symbol for symbol in self.symbols if symbol.kind == "STT_FUNC"]
-        return sorted(found, key=lambda symbol: symbol.address)
+        functions = [symbol for symbol in self.symbols if symbol.kind == "STT_FUNC"]
+        return sorted(functions, key=lambda symbol: symbol.address)
 
 
 def read_image(path: Path) -> Image:

@@ -113,8 +113,8 @@ def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
     for tick, (wanted, found) in enumerate(zip(host.drives, board.drives, strict=True)):
         if wanted != found:
             return Difference("firmware", tick, "drive", wanted, found)
-    for place, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
+    for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
         for name, wanted in expected.items():
             if wanted != answered[name]:
-                return Difference("status", place, name, wanted, answered[name])
+                return Difference("status", index, name, wanted, answered[name])
     return None

@@ -36,16 +36,16 @@ def write_report(verification: Verification, folder: Path) -> None:
 def tables(verification: Verification) -> list[Rows]:
     """Return what was found as tables for a person."""
     results = verification.results
-    found = [_equality(results)]
+    rows = [_equality(results)]
     if any(result.costs for result in results):
-        found.append(_costs(results))
+        rows.append(_costs(results))
     if any(result.sizes for result in results):
-        found.append(_memory(results))
+        rows.append(_memory(results))
     if verification.estimates:
-        found.append(_estimates(verification.estimates))
+        rows.append(_estimates(verification.estimates))
     if verification.missing:
-        found.append(_missing(verification))
-    return found
+        rows.append(_missing(verification))
+    return rows
 
 
 def _missing(verification: Verification) -> Rows:

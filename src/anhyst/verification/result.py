@@ -125,12 +125,12 @@ class Verification(Result):
 
     def facts(self) -> dict[str, str]:
         """Return where every bit was the same, and what a tick costs there."""
-        told = {"passed": "yes" if self.passed else "no"}
+        facts = {"passed": "yes" if self.passed else "no"}
         for one in self.results:
             cost = one.cost("tick")
             price = f", a tick takes {cost.mean:.0f} to {cost.most} {one.unit}" if cost else ""
-            told[one.label] = one.verdict() + price
-        return told | ({"not run": ", ".join(self.not_run)} if self.not_run else {})
+            facts[one.label] = one.verdict() + price
+        return facts | ({"not run": ", ".join(self.not_run)} if self.not_run else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the cost of each part of a step on each target, in the target's unit."""
@@ -150,9 +150,9 @@ class Verification(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest cost of a tick on each target that counts it."""
-        found = [(one, cost) for one in self.results if (cost := one.cost("tick")) is not None]
-        places = range(len(found))
-        ax.barh(places, [cost.most for _, cost in found], color="0.85", label="largest")
-        ax.barh(places, [cost.mean for _, cost in found], height=0.5, label="mean")
-        ax.set_yticks(places, [f"{one.label}, {one.unit}" for one, _ in found])
+        costs = [(one, cost) for one in self.results if (cost := one.cost("tick")) is not None]
+        places = range(len(costs))
+        ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
+        ax.barh(places, [cost.mean for _, cost in costs], height=0.5, label="mean")
+        ax.set_yticks(places, [f"{one.label}, {one.unit}" for one, _ in costs])
         ax.set_xlabel("cost of a tick")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,8 @@ from typing import Any
 from anhyst.verification.elf import Image, Symbol
 
 WORD = 4
+ANYWHERE = -1
+_LOADED = re.compile(r"(\w+), \[\w+(?:, #((?:0x)?[0-9a-f]+))?\]")
 _NUMBER = re.compile(r"#(-?(?:0x)?[0-9a-f]+)")
 
 
@@ -20,42 +23,52 @@ class _Function:
     frame: int
     callees: frozenset[int]
     named: frozenset[int]
-    indirect: bool
+    # calls through a pointer: where in its table that was read, ANYWHERE where that is not seen
+    places: frozenset[int]
 
 
 def stack_below(image: Image, roots: Iterable[str]) -> int | None:
     """Return the deepest stack of a call of any of these functions; bytes.
 
     Frames and calls are read from the code. A call through a pointer is taken to reach any
-    function whose address stands somewhere in the program, but none that is already running:
-    nothing here calls itself through a pointer.
+    function whose address stands at that place of a constant, or where it is no part of one, but
+    none that is already running: nothing here calls itself through a pointer.
     """
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
     known = {address: _read(image, symbol, functions) for address, symbol in functions.items()}
-    pointed = _in_constants(image, functions).union(*(one.named for one in known.values()))
+    pointed = _in_constants(image, functions)
+    pointed[ANYWHERE] = pointed[ANYWHERE].union(*(one.named for one in known.values()))
+
+    def reached(place: int) -> set[int]:
+        if place == ANYWHERE:
+            return set().union(*pointed.values())
+        return pointed[place] | pointed[ANYWHERE]
 
     def depth(address: int, running: frozenset[int]) -> int | None:
         one, inside = known[address], running | {address}
         if one.callees & inside:
             return None
-        callees = one.callees | ((pointed - inside) if one.indirect else frozenset())
+        callees = one.callees.union(*(reached(place) - inside for place in one.places))
         below = [depth(callee, inside) for callee in callees]
         numbers = [each for each in below if each is not None]
         return one.frame + max(numbers, default=0) if len(numbers) == len(below) else None
 
-    found = [depth(image.address(root), frozenset()) for root in roots]
-    numbers = [each for each in found if each is not None]
-    return max(numbers) if len(numbers) == len(found) else None
+    depths = [depth(image.address(root), frozenset()) for root in roots]
+    numbers = [each for each in depths if each is not None]
+    return max(numbers) if len(numbers) == len(depths) else None
 
 
-def _in_constants(image: Image, functions: dict[int, Symbol]) -> frozenset[int]:
-    """Find functions whose address stands in a constant, or among those between functions."""
-    words = (
-        int.from_bytes(content[at : at + WORD], "little")
-        for _, content in image.segments
-        for at in range(0, len(content) - WORD + 1, WORD)
-    )
-    return frozenset(word & ~1 for word in words if word & 1 and word & ~1 in functions)
+def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
+    """Find functions whose address stands in a constant, by its place there, or between functions."""
+    objects = (one for one in image.symbols if one.kind == "STT_OBJECT")
+    places = {one.address + at: at for one in objects for at in range(0, one.size, WORD)}
+    found: defaultdict[int, set[int]] = defaultdict(set)
+    for address, content in image.segments:
+        for at in range(0, len(content) - WORD + 1, WORD):
+            word = int.from_bytes(content[at : at + WORD], "little")
+            if word & 1 and word & ~1 in functions:
+                found[places.get(address + at, ANYWHERE)].add(word & ~1)
+    return found
 
 
 def _instructions(image: Image, begin: int, end: int) -> Iterator[Any]:
@@ -73,25 +86,28 @@ def _instructions(image: Image, begin: int, end: int) -> Iterator[Any]:
 def _read(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
     """Add up what a function pushes, and list what it calls."""
     begin = symbol.address & ~1
-    frame, indirect = 0, False
-    callees, named = set(), set()
+    frame, callees, named, places = 0, set(), set(), set()
     low_halves: dict[str, int] = {}
+    loaded: dict[str, int] = {}
     for instruction in _instructions(image, begin, begin + symbol.size):
         name = instruction.mnemonic.split(".")[0]
         frame += _pushed(name, instruction.op_str)
         register, _, value = instruction.op_str.partition(", ")
-        if name == "movw":
+        if name == "ldr" and (load := _LOADED.fullmatch(instruction.op_str)):
+            loaded[load[1]] = int(load[2] or "0", 0)
+        elif name == "movw":
             low_halves[register] = _value(value)
         elif name == "movt":
             named.add((_value(value) << 16 | low_halves.get(register, 0)) & ~1)
         elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
-            indirect = True
+            places.add(loaded.get(instruction.op_str, ANYWHERE))
         elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
             target = int(number[1], 0)
             # A jump back to the start of a loop is not a call of itself.
             if target in functions and (target != begin or name == "bl"):
                 callees.add(target)
-    return _Function(frame, frozenset(callees), frozenset(named & functions.keys()), indirect)
+    own = frozenset(callees), frozenset(named & functions.keys()), frozenset(places)
+    return _Function(frame, *own)
 
 
 def _value(operand: str) -> int:

@@ -40,10 +40,10 @@ class ProcessProgram:
 
     def run(self, requests: Sequence[Request]) -> list[Reply]:
         """Answer one request after the other, from reset."""
-        said = b"".join(request.pack() + request.pack_rows() for request in requests)
+        reason = b"".join(request.pack() + request.pack_rows() for request in requests)
         try:
             done = subprocess.run(
-                self.command, input=said, capture_output=True, timeout=TIME_LIMIT, check=False
+                self.command, input=reason, capture_output=True, timeout=TIME_LIMIT, check=False
             )
         except subprocess.TimeoutExpired:
             raise NegativeResult(
@@ -67,8 +67,8 @@ def _reason(stderr: bytes, code: int) -> str:
     for line in lines:
         if "runtime error" in line or "ERROR" in line:
             return line
-    said = next((line for line in reversed(lines) if line), "no reason given")
-    return f"the program ended with {code}: {said}"
+    reason = next((line for line in reversed(lines) if line), "no reason given")
+    return f"the program ended with {code}: {reason}"
 
 
 Order = Callable[[], Variant]
@@ -87,6 +87,7 @@ class Offer:
 Maker = Callable[[Workshop], Offer]
 
 PORT_DEFINE = {"ANHYST_PORT_HEADER": f'"{Path(PORT_HEADER).name}"'}
+PORTED = ", port header"
 OPTIMISATIONS = ("-O0", "-O2", "-O3")
 SANITIZE = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 HOST_COMPILERS = {"gcc": "gcc", "clang": "clang"}
@@ -125,9 +126,9 @@ def host_compilers() -> dict[str, list[str]]:
 
     Those that a report names; where there is none of them, any other.
     """
-    found = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
-    if found:
-        return found
+    compilers = {name: [name] for name in HOST_COMPILERS if shutil.which(name)}
+    if compilers:
+        return compilers
     if shutil.which("cc"):
         return {"cc": ["cc"]}
     return {} if missing_modules("host", ["ziglang"]) else {"zig cc": zig_cc("host")}
@@ -184,18 +185,19 @@ def _host(workshop: Workshop, name: str, command: list[str], flags: tuple[str, .
 def cortex_m(name: str, workshop: Workshop) -> Offer:
     """Return the builds for a Cortex-M: without and with its own instructions, if it has some.
 
-    In fixed point those are the port header's, in floating point those of its floating-point unit;
-    a stage is not run without that.
+    In fixed point those are the port header's, in floating point those of its floating-point unit.
+    A stage is not run without that, nor without the port header where there is one.
     """
     if missing := missing_modules(name, ["ziglang", "unicorn", "elftools", "capstone"]):
         return Offer(missing=missing)
     counter = build_counter(HARNESS, workshop.folder, name)
     floating = workshop.bundle.io == "f32"
+    has_port = CORTEX[name].has_port and workshop.bundle.has_port
     builds = [("soft float" if floating else "portable", "")]
     if floating and CORTEX[name].float_unit:
         builds = [] if workshop.form is not None else builds
-        builds.append(("hard float", CORTEX[name].float_unit))
-    elif CORTEX[name].has_port and workshop.bundle.has_port:
+        builds.append((f"hard float{PORTED if has_port else ''}", CORTEX[name].float_unit))
+    elif has_port:
         builds.append(("port header", ""))
     return Offer(tuple(partial(_cortex, name, workshop, counter, *build) for build in builds))
 
@@ -203,9 +205,9 @@ def cortex_m(name: str, workshop: Workshop) -> Offer:
 def _cortex(name: str, workshop: Workshop, counter: Path, title: str, float_unit: str) -> Variant:
     cpu = CORTEX[name].cpu + float_unit
     build = workshop.build("cortex_m", "-O2", "-Wl,--gc-sections")
-    if title == "port header":
+    if title.endswith("port header"):
         build = replace(build, defines={**build.defines, **PORT_DEFINE})
-    path = workshop.folder / f"{name}-{title.replace(' ', '-')}.elf"
+    path = workshop.folder / f"{name}-{title.replace(' ', '-').replace(',', '')}.elf"
     warnings = compile_cortex_m(cpu, build, HARNESS / "cortex_m.ld", path)
     image = read_image(path)
     program = CortexProgram(name, CORTEX[name].model, image, counter)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from anhyst.compilation.lifting import COLUMNS, INPUTS
 from anhyst.support.errors import InputError
 from anhyst.verification.protocol import AS_GIVEN, COMPENSATOR, CONTROLLER, RecordForm, Words
 
@@ -24,15 +25,8 @@ OUTPUTS = {
     "memory_c": "memory c",
 }
 
-GIVEN = ("position", "target", "load", "current_1", "current_2", "dropped", "command")
-ANSWERED = {
-    "drive_1": "current 1",
-    "drive_2": "current 2",
-    "reference": "reference",
-    "demand": "demand",
-    "state": "state",
-    "flags": "flags",
-}
+GIVEN = COLUMNS[:INPUTS]
+ANSWERED = {name: name.replace("drive_", "current ") for name in COLUMNS[INPUTS:]}
 """Columns of a controller's vectors, and what they are called in a record."""
 
 
@@ -107,7 +101,7 @@ def _columns(path: Path, needed: Iterable[str], floating: bool) -> dict[str, Wor
         raise InputError(
             f"{path}: a cell is not {what}; run 'anhyst compile' again", code="damaged-vectors"
         ) from error
-    return {name: words[:, place] for place, name in enumerate(names)}
+    return {name: words[:, column] for column, name in enumerate(names)}
 
 
 def _words_of_codes(rows: list[list[str]]) -> Words:

@@ -105,8 +105,8 @@ def verify(
             raise InputError(f"no target can run; missing is {_listed(missing)}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
-            place = Path(scratch) / "controller"
-            around = Workshop.set_up(bundle, place, "controller")
+            controller_folder = Path(scratch) / "controller"
+            around = Workshop.set_up(bundle, controller_folder, "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(
@@ -265,13 +265,15 @@ def _static_stack(variant: Variant, workshop: Workshop) -> int | None:
 def costs(reply: Reply, form: RecordForm) -> tuple[Cost, ...]:
     """Take the clock's own share off what was counted."""
     clock = reply.sections[0].least
-    found = []
+    sections_costs = []
     for name, section in zip(form.sections[1:], reply.sections[1:], strict=True):
         if section.count:
             own = form.calls.get(name, 1) * clock
             mean = section.total / section.count - own
-            found.append(Cost(name, section.least - own, mean, section.most - own, section.most_at))
-    return tuple(found)
+            sections_costs.append(
+                Cost(name, section.least - own, mean, section.most - own, section.most_at)
+            )
+    return tuple(sections_costs)
 
 
 def _estimates(job: _Job) -> tuple[Estimate, ...]:
@@ -290,11 +292,11 @@ def _estimates(job: _Job) -> tuple[Estimate, ...]:
         }
     except NegativeResult:
         return ()  # reported as a failure of the target where it was asked for
-    found: list[Estimate] = []
+    estimates: list[Estimate] = []
     whose = "controller: " if job.workshop.subject == "controller" else ""
     for name, reply in replies.items():
-        found += [
+        estimates += [
             Estimate(f"{whose}{cost.part}", name, cost.most, CLOCK_HZ / cost.most)
             for cost in costs(reply, job.vectors.form)
         ]
-    return tuple(found)
+    return tuple(estimates)

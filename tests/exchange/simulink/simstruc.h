@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#define PORTS 32
+#define PORTS 128
 
 typedef int int_T;
 typedef double mxArray;

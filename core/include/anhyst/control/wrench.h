@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* How a wanted wrench, forces and moments on a body, is shared out to drives that only pull; in
-   floating point.
+/* How a wanted wrench, forces and moments on a body, is shared out to drives that only pull, or to
+   drives that go both ways; in floating point.
 
    Two drives that pull against each other on one line are a pair: its net force is free in sign,
    and the pair shares it out as allocation.h says. A drive that stands alone pulls at least a given
-   force. The forces are those of least squares that make the wrench; what would pull less than its
-   least is set to it and the rest is found again, as long as the others can still make any wrench,
-   in at most ANHYST_WRENCH_PASSES passes. Each pass solves as many equations as there are axes.
-   Nothing here allocates memory; loops are bounded by the numbers of axes and drives. Declarations
-   are in generic/wrench.h. */
+   force, which is below zero where it pushes too. The forces are those of least squares that make
+   the wrench; what would pull less than its least is set to it and the rest is found again, as long
+   as the others can still make any wrench, in at most ANHYST_WRENCH_PASSES passes. Each pass solves
+   as many equations as there are axes. Nothing here allocates memory; loops are bounded by the
+   numbers of axes and drives. Declarations are in generic/wrench.h. */
 #ifndef ANHYST_WRENCH_H
 #define ANHYST_WRENCH_H
 

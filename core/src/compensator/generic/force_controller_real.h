@@ -28,10 +28,13 @@ static ANHYST_REAL ANHYST_NAME(limited)(const ANHYST_NAME(anhyst_force_controlle
   return ANHYST_NAME(anhyst_limited)(current, c->low, c->high);
 }
 
-/* The nearest force of the map, which only pulls. */
+/* The nearest force of the map; none where the demand is no number. */
 static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
 {
-  return ANHYST_NAME(anhyst_limited)(demand, R(0.0), map->force_high);
+  const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
+  return demand >= map->force_low
+             ? ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high)
+             : below;
 }
 
 /* What the integral of the measured flux adds to the current. */

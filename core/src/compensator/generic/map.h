@@ -4,10 +4,11 @@ anhyst_status ANHYST_NAME(anhyst_map_check)(const ANHYST_NAME(anhyst_map) *map)
 {
   const ANHYST_REAL largest = R(1e30);
   const uint16_t columns = map->force_segments;
-  const int head =
-      map->entries != 0 && columns >= 1U && columns <= 4096U && map->gap_segments >= 1U &&
-      map->gap_segments <= 64U && map->force_high > R(0.0) && map->force_high <= largest &&
-      map->gap_low >= -largest && map->gap_low < map->gap_high && map->gap_high <= largest;
+  const int head = map->entries != 0 && columns >= 1U && columns <= 4096U &&
+                   map->gap_segments >= 1U && map->gap_segments <= 64U &&
+                   map->force_low >= -largest && map->force_low < map->force_high &&
+                   map->force_high <= largest && map->gap_low >= -largest &&
+                   map->gap_low < map->gap_high && map->gap_high <= largest;
   if (!head) {
     return ANHYST_BAD_PARAMETER;
   }
@@ -42,7 +43,8 @@ ANHYST_REAL ANHYST_NAME(anhyst_map_value)(const ANHYST_NAME(anhyst_map) *map, AN
 {
   const ANHYST_NAME(anhyst_spot) row = ANHYST_NAME(gap_spot)(map, gap);
   const ANHYST_NAME(anhyst_spot) column = ANHYST_NAME(anhyst_spot_of)(
-      map->force_segments, force / map->force_high * (ANHYST_REAL)map->force_segments);
+      map->force_segments, (force - map->force_low) / (map->force_high - map->force_low) *
+                               (ANHYST_REAL)map->force_segments);
   const ANHYST_REAL low = ANHYST_NAME(entry_at)(map, row, column.index);
   const ANHYST_REAL high = ANHYST_NAME(entry_at)(map, row, (uint16_t)(column.index + 1U));
   return low + column.part * (high - low);
@@ -70,5 +72,6 @@ ANHYST_REAL ANHYST_NAME(anhyst_map_force)(const ANHYST_NAME(anhyst_map) *map, AN
   } else if (value > low) {
     part = (value - low) / (high - low);
   }
-  return map->force_high * (((ANHYST_REAL)first + part) / (ANHYST_REAL)map->force_segments);
+  return map->force_low + (map->force_high - map->force_low) *
+                              (((ANHYST_REAL)first + part) / (ANHYST_REAL)map->force_segments);
 }

@@ -6,8 +6,9 @@ anhyst_status ANHYST_NAME(anhyst_play_law_check)(const ANHYST_NAME(anhyst_play_l
   const ANHYST_NAME(anhyst_map) *half = &law->half;
   if (ANHYST_NAME(anhyst_map_check)(map) != ANHYST_OK || half->entries == 0 ||
       half->force_segments != map->force_segments || half->gap_segments != map->gap_segments ||
-      half->force_high != map->force_high || half->gap_low != map->gap_low ||
-      half->gap_high != map->gap_high || !(law->radius > R(0.0) && law->radius <= R(1e30))) {
+      half->force_low != map->force_low || half->force_high != map->force_high ||
+      half->gap_low != map->gap_low || half->gap_high != map->gap_high ||
+      !(law->radius > R(0.0) && law->radius <= R(1e30))) {
     return ANHYST_BAD_PARAMETER;
   }
   const size_t columns = (size_t)map->force_segments + 1U;
@@ -34,10 +35,13 @@ static ANHYST_REAL ANHYST_NAME(limited)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_R
   return ANHYST_NAME(anhyst_limited)(a, low, high);
 }
 
-/* The nearest force of the map, which only pulls. */
+/* The nearest force of the map; none where the demand is no number. */
 static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
 {
-  return ANHYST_NAME(anhyst_limited)(demand, R(0.0), map->force_high);
+  const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
+  return demand >= map->force_low
+             ? ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high)
+             : below;
 }
 
 /* half*bounded(over/radius). */
@@ -55,13 +59,15 @@ static uint16_t ANHYST_NAME(columns_of)(const ANHYST_NAME(anhyst_map) *map)
 /* The column at or below a force; the last but one at most. */
 static uint16_t ANHYST_NAME(column_of)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL force)
 {
-  const ANHYST_REAL place = force / map->force_high * (ANHYST_REAL)map->force_segments;
+  const ANHYST_REAL place = (force - map->force_low) / (map->force_high - map->force_low) *
+                            (ANHYST_REAL)map->force_segments;
   return ANHYST_NAME(anhyst_spot_of)(map->force_segments, place).index;
 }
 
 static ANHYST_REAL ANHYST_NAME(force_of)(const ANHYST_NAME(anhyst_map) *map, uint16_t column)
 {
-  return map->force_high * ((ANHYST_REAL)column / (ANHYST_REAL)map->force_segments);
+  return map->force_low + (map->force_high - map->force_low) *
+                              ((ANHYST_REAL)column / (ANHYST_REAL)map->force_segments);
 }
 
 /* Where a straight line between two forces is as far above the one as below the other; both parts

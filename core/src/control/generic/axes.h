@@ -25,11 +25,13 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
               ANHYST_NAME(are_numbers)(settings->see, axes, settings->heads) &&
               ANHYST_NAME(are_numbers)(settings->decouple, axes, axes) &&
               ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
+              ANHYST_NAME(are_numbers)(settings->reach, axes, 1) &&
               ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
               settings->current_step > R(0.0) && range <= R(1073741824.0) * settings->current_step;
   int i;
   for (i = 0; valid && i < (int)axes; i++) {
-    valid = ANHYST_NAME(anhyst_biquad_check)(&settings->pid[i]) == ANHYST_OK;
+    valid = settings->reach[i] > R(0.0) &&
+            ANHYST_NAME(anhyst_biquad_check)(&settings->pid[i]) == ANHYST_OK;
   }
   if (!valid) {
     return ANHYST_BAD_PARAMETER;
@@ -48,36 +50,42 @@ static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int colum
   int i;
   int j;
   for (i = 0; i < rows; i++) {
-    found[i] = R(0.0);
+    ANHYST_REAL sum = R(0.0); /* apart: what is written through a pointer is read again each time */
     for (j = 0; j < columns; j++) {
-      found[i] += matrix[i * columns + j] * values[j];
+      sum += *matrix++ * values[j];
     }
+    found[i] = sum;
   }
 }
 
-/* The wrench that errors and feedforward ask for. */
-static void ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
-                                 const ANHYST_NAME(anhyst_axes_sample) *sample, ANHYST_REAL *wrench)
+/* The wrench that errors and feedforward ask for; flags. */
+static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
+                                     const ANHYST_NAME(anhyst_axes_sample) *sample,
+                                     ANHYST_REAL *wrench)
 {
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
   const int axes = (int)settings->layout.axes;
   ANHYST_REAL error[ANHYST_WRENCH_AXES];
   ANHYST_REAL apart[ANHYST_WRENCH_AXES];
+  int plausible = 1;
   int k;
   ANHYST_NAME(multiply)(settings->see, axes, (int)settings->heads, sample->head, error);
   for (k = 0; k < axes; k++) {
     error[k] = sample->target[k] - error[k];
+    plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
-  ANHYST_NAME(multiply)(settings->decouple, axes, axes, error, apart);
+  for (k = 0; plausible && k < axes; k++) {
+    c->error[k] = error[k];
+  }
+  ANHYST_NAME(multiply)(settings->decouple, axes, axes, c->error, apart);
   for (k = 0; k < axes; k++) {
-    if (ANHYST_NAME(is_number)(apart[k])) { /* what is none must not stay in the filter */
-      apart[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
-    }
+    apart[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
   }
   ANHYST_NAME(multiply)(settings->weigh, axes, axes, apart, wrench);
   for (k = 0; k < axes; k++) {
     wrench[k] += sample->forward[k];
   }
+  return plausible ? 0U : ANHYST_SAMPLE_IMPLAUSIBLE;
 }
 
 /* The nearest of the converter's currents within the limits; the lowest for what is no number. */
@@ -101,8 +109,7 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
   ANHYST_REAL force[ANHYST_WRENCH_DRIVES];
   int i;
-  ANHYST_NAME(control)(c, sample, out->demand);
-  out->flags = 0;
+  out->flags = ANHYST_NAME(control)(c, sample, out->demand);
   if (!ANHYST_NAME(anhyst_wrench_share)(&c->share, out->demand, force)) {
     out->flags |= ANHYST_DEMAND_LIMITED;
   }

@@ -31,11 +31,15 @@ anhyst_status ANHYST_NAME(anhyst_tracking_init)(
   return ANHYST_OK;
 }
 
-/* The net force that error and feedforward ask for. */
+/* The net force that error and feedforward ask for; an error that is no number must not stay in a
+   filter. */
 static ANHYST_REAL ANHYST_NAME(control)(ANHYST_NAME(anhyst_tracking) *c, ANHYST_REAL error,
                                         ANHYST_REAL forward)
 {
   const ANHYST_NAME(anhyst_tracking_settings) *settings = c->settings;
+  if (!ANHYST_NAME(is_number)(error)) {
+    return error;
+  }
   for (uint16_t i = 0; i < settings->filters; i++) {
     error = ANHYST_NAME(anhyst_biquad_step)(&settings->filter[i], &c->filtered[i], error);
   }
@@ -59,6 +63,9 @@ void ANHYST_NAME(anhyst_tracking_tick)(ANHYST_NAME(anhyst_tracking) *c,
   ANHYST_REAL force[2];
   out->demand = ANHYST_NAME(control)(c, sample->error, sample->forward);
   out->flags = 0;
+  if (!ANHYST_NAME(is_number)(out->demand)) {
+    out->flags |= ANHYST_DEMAND_LIMITED;
+  }
   ANHYST_NAME(anhyst_allocate)(&settings->allocation, out->demand, force);
   for (uint16_t i = 0; i < c->drives; i++) {
     ANHYST_NAME(anhyst_force_controller) *drive = c->drive[i];

@@ -106,7 +106,8 @@ static int ANHYST_NAME(worst)(const ANHYST_NAME(anhyst_wrench_layout) *layout,
                               const ANHYST_NAME(search) *s, const ANHYST_REAL *force,
                               const unsigned char *tried)
 {
-  ANHYST_REAL low = layout->least * (R(1.0) - ROUNDING);
+  const ANHYST_REAL missed = layout->least < R(0.0) ? -ROUNDING : ROUNDING;
+  ANHYST_REAL low = layout->least * (R(1.0) - missed);
   int found = -1;
   int j;
   for (j = 0; j < (int)layout->drives; j++) {
@@ -155,13 +156,13 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
   const ANHYST_NAME(anhyst_wrench) fresh = {.layout = layout};
   ANHYST_NAME(search) s;
   int valid = layout->axes > 0U && layout->axes <= AXES && layout->drives > 0U &&
-              layout->drives <= DRIVES && layout->least >= R(0.0) && layout->least < R(1e30) &&
-              layout->pair.kind != ANHYST_ALLOCATE_SINGLE &&
+              layout->drives <= DRIVES && layout->least > R(-1e30) && layout->least < R(1e30) &&
               ANHYST_NAME(anhyst_allocation_is_valid)(&layout->pair);
   int i;
   for (i = 0; valid && i < (int)layout->drives; i++) {
-    valid =
-        layout->against[i] < layout->drives && layout->against[layout->against[i]] == (uint16_t)i;
+    valid = layout->against[i] < layout->drives &&
+            layout->against[layout->against[i]] == (uint16_t)i &&
+            (ANHYST_NAME(is_alone)(layout, i) || layout->pair.kind != ANHYST_ALLOCATE_SINGLE);
   }
   *w = fresh;
   if (!valid || !ANHYST_NAME(weigh)(w)) {
@@ -192,7 +193,10 @@ int ANHYST_NAME(anhyst_wrench_share)(const ANHYST_NAME(anhyst_wrench) *w, const 
   made = ANHYST_NAME(worst)(layout, &s, force, none) < 0;
   for (j = 0; j < (int)layout->drives; j++) {
     const int other = (int)layout->against[j];
-    made = made && force[j] > R(-1e30) && force[j] < R(1e30); /* of no number nothing is made */
+    if (!(force[j] > R(-1e30) && force[j] < R(1e30))) { /* of no number nothing is made */
+      made = 0;
+      force[j] = R(0.0);
+    }
     if (other > j) {
       ANHYST_REAL both[2];
       ANHYST_NAME(anhyst_allocate)(&layout->pair, force[j], both);

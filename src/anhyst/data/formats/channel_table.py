@@ -79,12 +79,12 @@ class ChannelTable:
             channel for channel in self.file.channels if channel.clock is not None
         ][: 1 if shift else 0]
         clock, notes = shared_clock(self.place, clocked, self.seconds)
-        found: dict[int, FloatArray] = {}
+        columns: dict[int, FloatArray] = {}
         for index in wanted:
             values = self._numbers(index, channels[index])
-            found[index] = self._placed(channels[index], values, clock)
+            columns[index] = self._placed(channels[index], values, clock)
         if shift and 0 in numbers:
-            found[0] = self._times(clock, [channels[index] for index in wanted])
+            columns[0] = self._times(clock, [channels[index] for index in wanted])
         named = {
             index: _texts(held(self._own_clock(channel), self._values(channel), clock))
             for index, channel in channels.items()
@@ -92,7 +92,7 @@ class ChannelTable:
         }
         if shift and 0 in texts:
             named[0] = _texts(self._times(clock, []))
-        return RawColumns(hash_of(self.file.path), found, named, (*self.file.notes, *notes))
+        return RawColumns(hash_of(self.file.path), columns, named, (*self.file.notes, *notes))
 
     def where(self, row: int) -> str:
         """Return the place of a row."""

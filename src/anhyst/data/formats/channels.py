@@ -63,8 +63,8 @@ class ChannelFile:
     def read(self, wanted: Sequence[Channel], count: int | None = None) -> list[Values]:
         """Read channels whole, or so many of their first samples."""
         with one_line_if_damaged(self.path):
-            found = [plain(values) for values in self.samples(wanted, count)]
-        for channel, values in zip(wanted, found, strict=True):
+            arrays = [plain(values) for values in self.samples(wanted, count)]
+        for channel, values in zip(wanted, arrays, strict=True):
             expected = channel.length if count is None else min(count, channel.length)
             if values.shape != (expected,):
                 raise InputError(
@@ -73,7 +73,7 @@ class ChannelFile:
                     code="damaged-file",
                     key=channel.full_name,
                 )
-        return found
+        return arrays
 
     def clocks(self) -> list[Channel]:
         """Return the clocks of all channels, in their order."""
@@ -101,11 +101,11 @@ class ChannelGroup:
 
 def sections(file: ChannelFile) -> list[ChannelGroup]:
     """Read everything, in the order of the file; in a group each channel gets a name of its own."""
-    found: dict[tuple[str, Channel | None], list[Channel]] = {}
+    groups: dict[tuple[str, Channel | None], list[Channel]] = {}
     for channel in file.channels:
-        found.setdefault((channel.group, channel.clock), []).append(channel)
+        groups.setdefault((channel.group, channel.clock), []).append(channel)
     read, used = [], set[tuple[str, str]]()
-    for (group, clock), channels in found.items():
+    for (group, clock), channels in groups.items():
         values = file.read([*([clock] if clock else []), *channels])
         times = Series(clock.name or "t", clock.unit, values.pop(0)) if clock else None
         taken = {(group, times.name)} if times else set()
@@ -135,7 +135,7 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         is_time = header.quantity is not None and header.quantity.name == "time"
         if channel.clock is None and not channel.is_text and is_time and header.problem is None:
             times.setdefault((channel.group, channel.length), []).append(channel)
-    clocks = {place: found[0] for place, found in times.items() if len(found) == 1}
+    clocks = {place: unique[0] for place, unique in times.items() if len(unique) == 1}
     given = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))

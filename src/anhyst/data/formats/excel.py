@@ -69,11 +69,11 @@ def _find_data(rows: Rows) -> int | None:
     """Find the first of some rows with values in the same columns, below names for them all."""
     for start in range(1, min(_LAST_HEADER, len(rows) - _LEAST_ROWS + 1)):
         held = [
-            {place for place, cell in enumerate(row) if isinstance(cell, _VALUES)}
+            {column for column, cell in enumerate(row) if isinstance(cell, _VALUES)}
             for row in rows[start : start + _LEAST_ROWS]
         ]
         common = set.intersection(*held)
-        if common and all(_name_above(rows, start, place) for place in common):
+        if common and all(_name_above(rows, start, column) for column in common):
             return start
     return None
 
@@ -89,26 +89,26 @@ def _name_above(rows: Rows, start: int, place: int) -> str:
 
 def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
     width = range(len(rows[start]))
-    names, units = [_name_above(rows, start, place) for place in width], [""] * len(width)
-    above = [_name_above(rows, start - 1, place) for place in width] if start > 1 else names
+    names, units = [_name_above(rows, start, column) for column in width], [""] * len(width)
+    above = [_name_above(rows, start - 1, column) for column in width] if start > 1 else names
     stated = [find_unit(name.strip("[]() ")) is not None for name in names]
     # A row of units has names above it; a row of names may have a title.
-    if any(stated) and all(above[place] for place in width if stated[place]):
+    if any(stated) and all(above[column] for column in width if stated[column]):
         units = [
             name.strip("[]() ") if one else "" for name, one in zip(names, stated, strict=True)
         ]
         names = [up or name for up, name in zip(above, names, strict=True)]
-    last = max(place for place, row in enumerate(rows) if any(cell != "" for cell in row))
-    found = []
-    for place in width:
-        if not names[place]:
+    last = max(column for column, row in enumerate(rows) if any(cell != "" for cell in row))
+    channels = []
+    for column in width:
+        if not names[column]:
             continue
-        cells = [row[place] for row in rows[start : last + 1]]
-        values, is_date = _values(f"{path}: sheet '{sheet}', column '{names[place]}'", cells)
-        unit = "s" if is_date else units[place]
+        cells = [row[column] for row in rows[start : last + 1]]
+        values, is_date = _values(f"{path}: sheet '{sheet}', column '{names[column]}'", cells)
+        unit = "s" if is_date else units[column]
         is_text = values.dtype.kind == "U"
-        found.append(Channel(names[place], len(cells), values, unit, "", None, is_text))
-    return found
+        channels.append(Channel(names[column], len(cells), values, unit, "", None, is_text))
+    return channels
 
 
 def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
@@ -122,10 +122,10 @@ def _values(where: str, cells: Sequence[Any]) -> tuple[Values, bool]:
         return np.array([_seconds(cell) for cell in cells]), True
     if isinstance(cells[0], str):
         return np.array([str(cell) for cell in cells]), False
-    row = next(place for place, cell in enumerate(cells) if type(cell) is not type(cells[0]))
-    said = f"'{str(cells[row])[:30]}' is no number" if cells[row] != "" else "is empty"
+    row = next(row_of for row_of, cell in enumerate(cells) if type(cell) is not type(cells[0]))
+    fault = f"'{str(cells[row])[:30]}' is no number" if cells[row] != "" else "is empty"
     raise InputError(
-        f"{where}, row {row + 1} below the header: {said}; correct or remove it", code="bad-cell"
+        f"{where}, row {row + 1} below the header: {fault}; correct or remove it", code="bad-cell"
     )
 
 

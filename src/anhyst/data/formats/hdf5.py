@@ -61,8 +61,8 @@ def open_hdf5(path: Path, least: int) -> ChannelTable:
                 channels.append(channel)
         used = {scales[name] for name in clocks.values() if name in scales}
         given = [
-            _clocked(channel, scales.get(clocks.get(place, "")))
-            for place, channel in enumerate(channels)
+            _clocked(channel, scales.get(clocks.get(index, "")))
+            for index, channel in enumerate(channels)
             if channel not in used
         ]
     return open_channels(ChannelFile(path, clocks_by_name(given), _reader(path)), least)
@@ -84,26 +84,26 @@ def datasets(path: Path, group: Any) -> Iterator[Any]:
             )
         for name in here:
             link = here.get(name, getlink=True)
-            place = f"{here.name.rstrip('/')}/{name}"
+            member_path = f"{here.name.rstrip('/')}/{name}"
             if isinstance(link, h5py.ExternalLink):
                 raise InputError(
-                    f"{path}: '{place}' is a link to the file '{link.filename}', which is not "
+                    f"{path}: '{member_path}' is a link to the file '{link.filename}', which is not "
                     "followed; copy its data into this file",
                     code="external-link",
-                    key=place,
+                    key=member_path,
                 )
             if isinstance(link, h5py.SoftLink):
                 continue  # what it leads to is found in its own place
-            found = here[name]
-            info = h5py.h5o.get_info(found.id)
+            member = here[name]
+            info = h5py.h5o.get_info(member.id)
             if info.addr in seen:
                 continue
             seen.add(info.addr)
-            if isinstance(found, h5py.Group):
-                waiting.append((found, depth + 1))
-            elif isinstance(found, h5py.Dataset):
-                check_dataset(path, found)
-                yield found
+            if isinstance(member, h5py.Group):
+                waiting.append((member, depth + 1))
+            elif isinstance(member, h5py.Dataset):
+                check_dataset(path, member)
+                yield member
 
 
 def check_dataset(path: Path, dataset: Any) -> None:

@@ -120,9 +120,9 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
         _ask_for_more(complete)
         raise InputError(f"{path}: has a header but no data; nothing to read", code="no-data")
     offset = start + lines[after][1]
-    found = tuple(notes + more)
+    remarks = tuple(notes + more)
     return Layout(
-        path, size, encoding, eol, delimiter, tuple(header), units, found, offset, after + 1
+        path, size, encoding, eol, delimiter, tuple(header), units, remarks, offset, after + 1
     )
 
 
@@ -144,12 +144,12 @@ def _skip_preamble(
 ) -> tuple[int, str | None]:
     """Find header and delimiter above the first long run of numbers; else they are the first line's."""
     runs = [(_find_run(lines, first, sign, least), sign) for sign in _DELIMITERS]
-    found = [(run, sign) for run, sign in runs if run is not None]
-    if not found and not last:
+    signed = [(run, sign) for run, sign in runs if run is not None]
+    if not signed and not last:
         raise _HeadTooShortError
-    if not found or any(run.start == first for run, _ in found):
+    if not signed or any(run.start == first for run, _ in signed):
         return first, _delimiter(lines[first][0])
-    for run, sign in found:
+    for run, sign in signed:
         above = _text_above(lines, first, run.start)
         header = _header_fields(lines[above][0], sign)
         if header is None or not run.used <= len(header) <= run.width:
@@ -160,7 +160,7 @@ def _skip_preamble(
             if names is not None and len(names) == len(header):
                 above = higher
         return above, sign
-    run, _ = max(found, key=lambda one: one[0].width)
+    run, _ = max(signed, key=lambda one: one[0].width)
     above = _text_above(lines, first, run.start)
     raise InputError(
         f"{path}: line {above + 1}: '{_short(lines[above][0].strip())}' stands where the header of "
@@ -179,9 +179,9 @@ def _header_fields(text: str, delimiter: str | None) -> list[str] | None:
 def _text_above(lines: list[tuple[str, int]], first: int, start: int) -> int:
     """Index of the last line above another that is neither blank nor a comment."""
     return next(
-        place
-        for place in range(start - 1, first - 1, -1)
-        if lines[place][0].strip() and not lines[place][0].lstrip().startswith("#")
+        line
+        for line in range(start - 1, first - 1, -1)
+        if lines[line][0].strip() and not lines[line][0].lstrip().startswith("#")
     )
 
 
@@ -201,20 +201,20 @@ def _find_run(
 ) -> _Run | None:
     """Find the first run of at least `_RUN` rows, else the longest of three or more."""
     run, best = _Run(first, 0, set()), None
-    for place in range(first, len(lines)):
-        text = lines[place][0]
+    for line in range(first, len(lines)):
+        text = lines[line][0]
         if not text.strip() or text.lstrip().startswith("#"):
             continue
         fields = split_line(text, delimiter)
         numbers = {index for index, field in enumerate(fields) if is_number(field)}
         common = numbers & run.numbers if len(fields) == run.width else set()
         if not _are_enough(common, run.used, least):
-            run, common = _Run(place, len(fields), numbers), numbers
+            run, common = _Run(line, len(fields), numbers), numbers
         run.numbers = common
         run.used = max(run.used, *(index + 1 for index, field in enumerate(fields) if field), 0)
         run.rows += 1
         if not _are_enough(run.numbers, run.used, least):
-            run = _Run(place, 0, set())
+            run = _Run(line, 0, set())
         elif run.rows >= _RUN:
             return run
         elif run.rows >= 3 and (best is None or run.rows > best.rows):

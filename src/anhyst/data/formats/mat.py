@@ -62,10 +62,10 @@ def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
     content = path.read_bytes()
     guard = MatGuard(path)
     guard.check(content)
-    found = loadmat(io.BytesIO(content), simplify_cells=True, mat_dtype=True)
+    variables = loadmat(io.BytesIO(content), simplify_cells=True, mat_dtype=True)
     hidden = {"None", "__function_workspace__", "__header__", "__version__", "__globals__"}
     return {
-        name: _node(value) for name, value in found.items() if name not in hidden
+        name: _node(value) for name, value in variables.items() if name not in hidden
     }, guard.objects
 
 
@@ -130,7 +130,7 @@ def _row(values: Any) -> Any:
 
 def _structs(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Any:
     table = np.empty((1, len(rows)), dtype=[(name, object) for name in names])
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         for name in names:
-            table[0, place][name] = row[name]
+            table[0, index][name] = row[name]
     return table

@@ -36,15 +36,15 @@ class MatGuard:
     def check(self, content: bytes) -> None:
         """Check a whole file."""
         self._order = "<" if content[126:128] == b"IM" else ">"
-        place, expanded = _HEADER, 0
+        offset, expanded = _HEADER, 0
         view = memoryview(content)
-        while place + 8 <= len(view):
-            kind, size = struct.unpack_from(f"{self._order}2I", view, place)
-            place += 8
-            if size > len(view) - place:
+        while offset + 8 <= len(view):
+            kind, size = struct.unpack_from(f"{self._order}2I", view, offset)
+            offset += 8
+            if size > len(view) - offset:
                 raise self._fault(f"is cut off after {len(view)} bytes")
-            body = view[place : place + size]
-            place += size
+            body = view[offset : offset + size]
+            offset += size
             if kind == _COMPRESSED:
                 body = memoryview(self._expand(body, MOST_BYTES - expanded))
                 expanded += len(body)
@@ -77,24 +77,24 @@ class MatGuard:
 
     def _elements(self, body: memoryview) -> Iterator[tuple[int, memoryview]]:
         """Yield the parts of a variable, one after the other: type and content."""
-        place = 0
-        while place < len(body):
-            if len(body) - place < 8:
+        offset = 0
+        while offset < len(body):
+            if len(body) - offset < 8:
                 raise self._fault("ends within a variable")
-            kind, size = struct.unpack_from(f"{self._order}2I", body, place)
+            kind, size = struct.unpack_from(f"{self._order}2I", body, offset)
             if kind >> 16:  # a small one, all in 8 bytes
-                kind, size, begin, step = kind & 0xFFFF, kind >> 16, place + 4, 8
+                kind, size, begin, step = kind & 0xFFFF, kind >> 16, offset + 4, 8
                 if size > 4:
                     raise self._fault("has a small part of more than 4 bytes")
             else:
-                begin, step = place + 8, 8 + size + (-size % 8)
+                begin, step = offset + 8, 8 + size + (-size % 8)
             if begin + size > len(body):
                 raise self._fault("has a part that is larger than what holds it")
             self._parts += 1
             if self._parts > _MOST_PARTS:
                 raise self._fault(f"holds more than {_MOST_PARTS} parts")
             yield kind, body[begin : begin + size]
-            place += step
+            offset += step
 
     def _matrix(self, body: memoryview, depth: int, *, is_variable: bool = False) -> None:
         if not len(body):
@@ -152,10 +152,10 @@ class MatGuard:
         return struct.unpack_from(f"{self._order}{len(content) // 4}{code}", content)
 
     def _next(self, parts: Iterator[tuple[int, memoryview]]) -> memoryview:
-        found = next(parts, None)
-        if found is None:
+        part = next(parts, None)
+        if part is None:
             raise self._fault("ends within a variable")
-        return found[1]
+        return part[1]
 
     def _fault(self, what: str) -> InputError:
         return InputError(

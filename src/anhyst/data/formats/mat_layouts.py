@@ -62,7 +62,7 @@ class _Column:
 def read_arrays(wanted: Sequence[Channel], count: int | None) -> list[Values]:
     """Read channels; an array that holds several is read once."""
     read: dict[int, Values] = {}
-    found = []
+    arrays = []
     for channel in wanted:
         column: _Column = channel.key
         whole = read.get(id(column.array))
@@ -70,8 +70,8 @@ def read_arrays(wanted: Sequence[Channel], count: int | None) -> list[Values]:
             whole = read[id(column.array)] = np.squeeze(column.array.read())
         if whole.ndim > 1:
             whole = np.moveaxis(whole, column.axis, 0).reshape(channel.length, -1)[:, column.place]
-        found.append(np.ascontiguousarray(whole.reshape(channel.length)[:count]))
-    return found
+        arrays.append(np.ascontiguousarray(whole.reshape(channel.length)[:count]))
+    return arrays
 
 
 def channels_of(tree: MatTree) -> tuple[Channel, ...]:
@@ -80,25 +80,25 @@ def channels_of(tree: MatTree) -> tuple[Channel, ...]:
 
 
 def _group(tree: MatTree, group: str) -> list[Channel]:
-    found: list[Channel] = []
+    channels: list[Channel] = []
     for name, node in tree.items():
         path = f"{group}/{name}" if group else name
         if _is_array(node):
-            found += _columns(name, node, group)
+            channels += _columns(name, node, group)
         elif isinstance(node, Mapping):
-            found += _structure(name, node, group, path)
+            channels += _structure(name, node, group, path)
         elif isinstance(node, list):
-            for place, one in enumerate(node, start=1):
+            for number, one in enumerate(node, start=1):
                 if isinstance(one, Mapping):
-                    found += _structure(f"{name}_{place}", one, group, f"{path}_{place}")
+                    channels += _structure(f"{name}_{number}", one, group, f"{path}_{number}")
                 elif _is_array(one):
-                    found += _columns(f"{name}_{place}", one, group)
-    return found
+                    channels += _columns(f"{name}_{number}", one, group)
+    return channels
 
 
 def _structure(name: str, node: MatTree, group: str, path: str) -> list[Channel]:
-    if "Y" in node and "X" in node and (found := _control_desk(node)):
-        return found
+    if "Y" in node and "X" in node and (channels := _control_desk(node)):
+        return channels
     if "signals" in node:
         return _with_time(name, node, path)
     by_case = {key.lower(): key for key in node}
@@ -117,7 +117,7 @@ def _control_desk(node: MatTree) -> list[Channel]:
             clock = replace(clock, unit=_text(one.get("Unit")) or "s")
             rasters[_text(one.get("Raster"))] = clock
         clocks.append(clock)
-    found: list[Channel] = []
+    channels: list[Channel] = []
     for one in _several(node["Y"]):
         data: Any = one.get("Data")
         name = _text(one.get("Name"))
@@ -133,8 +133,8 @@ def _control_desk(node: MatTree) -> list[Channel]:
             clock = rasters.get(_text(one["Raster"]))
         elif len(clocks) == 1:
             clock = clocks[0]
-        found += _columns(name, data, _text(one.get("Path")), _text(one.get("Unit")), clock)
-    return found
+        channels += _columns(name, data, _text(one.get("Path")), _text(one.get("Unit")), clock)
+    return channels
 
 
 def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
@@ -144,12 +144,12 @@ def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
     if _is_array(times) and np.prod(times.shape) > 0:
         (clock,) = _columns("time", times, path, "s")
     signals = _several(node["signals"])
-    found: list[Channel] = []
-    for place, one in enumerate(signals, start=1):
+    channels: list[Channel] = []
+    for number, one in enumerate(signals, start=1):
         values: Any = one.get("values")
         if not _is_array(values):
             continue
-        own = f"{name}_{place}" if len(signals) > 1 else name
+        own = f"{name}_{number}" if len(signals) > 1 else name
         labels: Any = one.get("label")
         block = _text(one.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
         columns = _columns(_text(labels) or block or own, values, path, "", clock)
@@ -159,8 +159,8 @@ def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
                 replace(column, name=text or column.name)
                 for column, text in zip(columns, texts, strict=True)
             ]
-        found += columns
-    return found
+        channels += columns
+    return channels
 
 
 def _time_series(name: str, node: MatTree, by_case: Mapping[str, str], group: str) -> list[Channel]:
@@ -203,10 +203,10 @@ def _columns(
     length, width = shape[axis], count // shape[axis]
     return [
         Channel(
-            f"{name}_{place + 1}", length, _Column(array, axis, place), unit, group, clock,
+            f"{name}_{column + 1}", length, _Column(array, axis, column), unit, group, clock,
             array.is_text,
         )
-        for place in range(width)
+        for column in range(width)
     ]  # fmt: skip
 
 

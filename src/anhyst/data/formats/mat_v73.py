@@ -53,7 +53,7 @@ class _Tree:
         """Return the members of a group; what belongs to MATLAB itself is left out."""
         import h5py
 
-        found = {}
+        tree = {}
         for name in group:
             link = group.get(name, getlink=True)
             if isinstance(link, h5py.ExternalLink):
@@ -65,8 +65,8 @@ class _Tree:
                 )
             if isinstance(link, h5py.SoftLink) or (depth == 0 and name.startswith("#")):
                 continue
-            found[name] = self.node(name, group[name], depth + 1)
-        return found
+            tree[name] = self.node(name, group[name], depth + 1)
+        return tree
 
     def node(self, name: str, item: Any, depth: int) -> Any:
         """Turn a dataset or a group into trees, texts and arrays."""
@@ -112,9 +112,9 @@ class _Tree:
                 key=name,
             )
         members = []
-        for place, reference in enumerate(np.ravel(item[()]), start=1):
+        for number, reference in enumerate(np.ravel(item[()]), start=1):
             target = self.file[reference] if reference else None
-            members.append(self.node(f"{name}_{place}", target, depth + 1) if target else None)
+            members.append(self.node(f"{name}_{number}", target, depth + 1) if target else None)
         if members and all(isinstance(one, str) for one in members):
             return ArrayInMemory(np.array(members))
         return members

@@ -48,19 +48,19 @@ def open_mdf(path: Path, least: int) -> ChannelTable:
 
 
 def _channels(path: Path, file: Any) -> list[Channel]:
-    found: list[Channel] = []
+    channels: list[Channel] = []
     size = path.stat().st_size
-    for place, group in enumerate(file.groups):
+    for group_index, group in enumerate(file.groups):
         count = int(group.channel_group.cycles_nr)
         if count == 0:
             continue
         name = str(group.channel_group.acq_name or "")
         row = int(group.channel_group.samples_byte_nr)
-        check_size(path, name or f"group {place + 1}", count, row)
+        check_size(path, name or f"group {group_index + 1}", count, row)
         stored = sum(int(block.original_size or 0) for block in group.get_data_blocks())
         if row and count * row > max(stored, size):
             raise InputError(
-                f"{path}: group '{name or place + 1}' says that it holds {count} samples, more "
+                f"{path}: group '{name or group_index + 1}' says that it holds {count} samples, more "
                 "than are there; the file is damaged, record or export it again",
                 code="damaged-file",
             )
@@ -70,13 +70,15 @@ def _channels(path: Path, file: Any) -> list[Channel]:
             is_text = one.data_type in _TEXTS or _gives_text(one.conversion)
             if not is_text and one.data_type > 5:
                 continue  # bytes, pictures, structures
-            channel = Channel(one.name, count, (place, index), str(unit), name, None, is_text)
+            channel = Channel(one.name, count, (group_index, index), str(unit), name, None, is_text)
             if one.channel_type in _MASTERS and one.sync_type == _OF_TIME:
-                clock = Channel(one.name, count, (place, index), str(unit) or "s", name)
+                clock = Channel(one.name, count, (group_index, index), str(unit) or "s", name)
             else:
                 own.append(channel)
-        found += [Channel(c.name, c.length, c.key, c.unit, c.group, clock, c.is_text) for c in own]
-    return found
+        channels += [
+            Channel(c.name, c.length, c.key, c.unit, c.group, clock, c.is_text) for c in own
+        ]
+    return channels
 
 
 def _gives_text(conversion: Any) -> bool:
@@ -88,13 +90,13 @@ def _reader(path: Path) -> Any:
     def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
         from asammdf import MDF
 
-        found = []
+        values = []
         with MDF(path) as file:
             for one in wanted:
                 group, index = one.key
                 signal = file.get(group=group, index=index, record_offset=0, record_count=count)
-                found.append(_values(signal, one))
-        return found
+                values.append(_values(signal, one))
+        return values
 
     return read
 

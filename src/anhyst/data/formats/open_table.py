@@ -65,16 +65,16 @@ class MemoryTable:
         self, numbers: Sequence[int], texts: Sequence[int] = (), progress: Progress | None = None
     ) -> RawColumns:
         """Take columns by their indices."""
-        found = {}
+        columns = {}
         for index in numbers:
             try:
-                found[index] = np.array(self.columns[index], dtype=np.float64)
+                columns[index] = np.array(self.columns[index], dtype=np.float64)
             except (TypeError, ValueError):
                 text = f"{self.place}: column '{self.header[index]}' holds text, not numbers"
                 raise TextInNumbersError(
                     text, column=index, code="text-in-numbers", key=self.header[index]
                 ) from None
-        return RawColumns(self.sha256, found, {index: self._text(index) for index in texts}, ())
+        return RawColumns(self.sha256, columns, {index: self._text(index) for index in texts}, ())
 
     def where(self, row: int) -> str:
         """Return the place of a row."""

@@ -36,8 +36,8 @@ def open_parquet(path: Path, least: int) -> ChannelTable:
         rows = int(file.metadata.num_rows)
         channels = [
             channel
-            for place, field in enumerate(file.schema_arrow)
-            if rows > 0 and (channel := _channel(path, place, field, rows)) is not None
+            for index, field in enumerate(file.schema_arrow)
+            if rows > 0 and (channel := _channel(path, index, field, rows)) is not None
         ]
     return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
 
@@ -67,7 +67,7 @@ def _reader(path: Path) -> Any:
 
         places = sorted({one.key for one in wanted})
         with parquet.ParquetFile(path) as file:
-            names = [file.schema_arrow.field(place).name for place in places]
+            names = [file.schema_arrow.field(column).name for column in places]
             if count is None:
                 table = file.read(columns=names, use_threads=False)
             else:

@@ -158,9 +158,9 @@ class _Reader:
             return np.array([known.setdefault(text, len(known)) for text in texts], np.int32)
         values, first, inverse = np.unique(texts, return_index=True, return_inverse=True)
         codes = np.empty(values.size, np.int32)
-        for place in np.argsort(first):  # in order of appearance
-            text = values[place].decode(self.layout.encoding, "replace").strip()
-            codes[place] = known.setdefault(text, len(known))
+        for at in np.argsort(first):  # in order of appearance
+            text = values[at].decode(self.layout.encoding, "replace").strip()
+            codes[at] = known.setdefault(text, len(known))
         return codes[inverse.reshape(-1)]
 
     def _fast(self, chunk: bytes) -> Piece | None:
@@ -250,17 +250,17 @@ class _Reader:
     def _number(self, field: str, index: int, number: int) -> float:
         comma = self.layout.delimiter != "," and "." not in field
         key = self.layout.header[index]
-        place = f"{self.layout.path}: line {number}, column '{key}'"
+        where = f"{self.layout.path}: line {number}, column '{key}'"
         try:
             if "_" in field:
                 raise ValueError
             value = float(field.replace(",", ".", 1) if comma else field)
         except ValueError:
             what = f"'{shown(field)}' is not a number" if field else "is empty"
-            text = f"{place}: {what}; correct or remove the line"
+            text = f"{where}: {what}; correct or remove the line"
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
         if not math.isfinite(value):
-            text = f"{place}: {field} is no measured value; remove the line"
+            text = f"{where}: {field} is no measured value; remove the line"
             raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key)
         return value
 
@@ -296,9 +296,9 @@ def _cut(
     """Cut one column of text out, as fixed-width byte strings."""
     length = stops - starts
     width = max(1, int(length.max()))
-    place = starts[:, None] + np.arange(width)
+    byte = starts[:, None] + np.arange(width)
     inside = np.arange(width) < length[:, None]
-    padded = np.where(inside, data[np.minimum(place, data.size - 1)], 0).astype(np.uint8)
+    padded = np.where(inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
     texts: NDArray[np.bytes_] = padded.view(f"S{width}").reshape(-1)
     return texts
 

@@ -72,8 +72,8 @@ def _channel(path: Path, size: int, one: Any, clocks: dict[tuple[Any, ...], Chan
     clock = None
     if (step := _number(one.properties.get(_WAVEFORM))) is not None and step > 0.0:
         start = _number(one.properties.get("wf_start_offset")) or 0.0
-        place = (group, count, start, step)
-        clock = clocks.setdefault(place, Channel("t", count, (start, step), "s", group))
+        timing = (group, count, start, step)
+        clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
     unit = next((str(one.properties[key]) for key in _UNITS if one.properties.get(key)), "")
     unit = "s" if one.dtype.kind == "M" else unit
     key = (group, str(one.name))

@@ -85,11 +85,11 @@ def read_here() -> None:
     """Read the file that the command line names, within bounds, and end with what came of it."""
     path, opener, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
     stay_in_bounds(seconds, path.stat().st_size)
-    said = os.dup(1)
+    pipe = os.dup(1)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries print what they do not understand
     # Without the end of an interpreter, in which what a library left behind may crash.
     code, text = _read(path, opener)
-    os.write(said, text.encode())
+    os.write(pipe, text.encode())
     os._exit(code)
 
 

@@ -7,8 +7,8 @@
 #include "controller_numbers.h"
 #include "virtual_plant.h"
 
-/* From GAP on as show_plant has it. */
-enum { TARGET = 1, LOAD, COMMAND, GAP_READ, REFERENCE, DEMAND, STATE, FLAGS, GAP };
+/* From PLANT on as show_plant has it. */
+enum { TARGET = 1, LOAD, COMMAND, GAP_READ, REFERENCE, DEMAND, STATE, FLAGS, PLANT };
 
 typedef struct {
   virtual_plant plant;
@@ -40,7 +40,7 @@ static int start(const void *tables, void *state, double *values)
   if (!start_plant(&now->plant)) {
     return -1;
   }
-  show_plant(&now->plant.plant, values + GAP);
+  show_plant(&now->plant.plant, values + PLANT);
   return CONTROLLER_INIT(&now->controller) == ANHYST_OK ? 0 : -1;
 }
 
@@ -67,8 +67,8 @@ static const char *tick(const void *tables, void *state, double *values, double 
   values[DEMAND] = *recorded(record, ANHYST_LOOP_DEMAND);
   values[STATE] = *recorded(record, ANHYST_LOOP_STATE);
   values[FLAGS] = *recorded(record, ANHYST_LOOP_FLAGS);
-  show_commands(record, values + GAP);
-  show_plant(&now->plant.plant, values + GAP);
+  show_commands(record, values + PLANT);
+  show_plant(&now->plant.plant, values + PLANT);
   return isfinite(now->plant.plant.pose[0]) ? NULL : "the bearing has left all bounds; reset it";
 }
 

@@ -1,18 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A stage with its tracking controller: the virtual plant and the controller in lock-step, as
-   `anhyst simulate` runs them. */
+/* A stage of one or several coordinates with its tracking controller: the virtual plant and the
+   controller in lock-step, as `anhyst simulate` runs them. */
 #include <math.h>
+#include <string.h>
 
 #include "stage_controller.h"
 #include "virtual_plant.h"
 
-/* From GAP on as show_plant has it. */
-enum { REFERENCE = 1, FORWARD, FRAME, LOAD, NOISE, POSITION, POSITION_READ, GAP_READ, DEMAND, GAP };
+/* A number a coordinate, of GAP_READ one a gap sensor; from PLANT on as show_plant has it. */
+enum {
+  AXES = BEARING_COORDINATES,
+  REFERENCE = 1,
+  FORWARD = REFERENCE + AXES,
+  FRAME = FORWARD + AXES,
+  LOAD = FRAME + AXES,
+  NOISE,
+  POSITION = NOISE + AXES,
+  POSITION_READ = POSITION + AXES,
+  GAP_READ = POSITION_READ + AXES,
+  DEMAND = GAP_READ + BEARING_HEADS - STAGE_HEADS,
+  PLANT = DEMAND + AXES
+};
 
 typedef struct {
   virtual_plant plant;
   anhyst_stage_controller controller;
-  double frame; /* where the long stroke is, m */
+  double frame[AXES]; /* where the long stroke is, m and rad */
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -23,20 +36,45 @@ static void relink(const void *tables, void *state)
 
 static void show(const state_of *now, double *values)
 {
-  show_plant(&now->plant.plant, values + GAP);
-  values[POSITION] = values[GAP] + now->frame;
+  show_plant(&now->plant.plant, values + PLANT);
+  for (int i = 0; i < AXES; i++) {
+    values[POSITION + i] = now->plant.plant.pose[bearing.coordinate[i].axis] + now->frame[i];
+  }
+}
+
+/* As the controller had it: of one coordinate what an interferometer says, of several the pose that
+   the position heads behind the gap sensors tell. */
+static double position_read(const double *record, const double *values, const double *frame, int i)
+{
+#if STAGE_HEADS > 0
+  static const double see[] = STAGE_SEE;
+  const double *head = recorded(record, ANHYST_LOOP_GAP_READ) + BEARING_HEADS - STAGE_HEADS;
+  double pose = 0.0;
+  for (int j = 0; j < STAGE_HEADS; j++) {
+    pose += see[i * STAGE_HEADS + j] * head[j];
+  }
+  (void)values;
+  (void)frame;
+  return pose;
+#else
+  return recorded(record, ANHYST_LOOP_POSE)[i] + frame[i] + values[NOISE + i];
+#endif
 }
 
 static int start(const void *tables, void *state, double *values)
 {
-  const double middle = -values[FRAME]; /* where both magnets are in the middle of their gaps */
+  const double rest[AXES] = {0.0};
+  double middle[AXES]; /* position 0, where all magnets are in the middle of their gaps */
   state_of *now = (state_of *)state;
   relink(tables, state);
   if (!start_plant(&now->plant)) {
     return -1;
   }
-  anhyst_plant_place(&bearing, &now->plant.plant, &middle, &(const double){0.0});
-  now->frame = values[FRAME];
+  for (int i = 0; i < AXES; i++) {
+    now->frame[i] = values[FRAME + i];
+    middle[i] = 0.0 - now->frame[i];
+  }
+  anhyst_plant_place(&bearing, &now->plant.plant, middle, rest);
   show(now, values);
   return anhyst_stage_controller_start(now->controller);
 }
@@ -44,24 +82,35 @@ static int start(const void *tables, void *state, double *values)
 static const char *tick(const void *tables, void *state, double *values, double seconds)
 {
   state_of *now = (state_of *)state;
-  const double frame[] = {now->frame, values[FRAME]};
-  /* The first magnet pulls towards smaller positions: the force of the pair has the other sign. */
-  const double forward = -values[FORWARD];
+  double frame[2 * AXES];
+  double forward[AXES];
   const uint32_t command = 0;
-  const anhyst_plant_events events = {&values[REFERENCE], &values[LOAD], &values[NOISE],
-                                      &forward,           &command,      frame};
+  const anhyst_plant_events events = {values + REFERENCE, values + LOAD, values + NOISE, forward,
+                                      &command,           frame};
   const anhyst_loop_controller controller = {now->controller, anhyst_stage_controller_tick};
   double record[RECORDED];
+  double sum = 0.0;
+  int i;
   (void)tables;
   (void)seconds;
+  for (i = 0; i < AXES; i++) {
+    frame[i] = now->frame[i];
+    frame[AXES + i] = now->frame[i] = values[FRAME + i];
+    /* Of one coordinate the first magnet pulls towards smaller positions: the force of the pair has
+       the other sign. */
+    forward[i] = STAGE_HEADS > 0 ? values[FORWARD + i] : -values[FORWARD + i];
+  }
   run_plant(&now->plant, controller, &events, record);
-  values[POSITION_READ] = *recorded(record, ANHYST_LOOP_GAP) + frame[0] + values[NOISE];
-  now->frame = frame[1];
-  values[GAP_READ] = *recorded(record, ANHYST_LOOP_GAP_READ);
-  values[DEMAND] = *recorded(record, ANHYST_LOOP_DEMAND);
-  show_commands(record, values + GAP);
+  for (i = 0; i < AXES; i++) {
+    values[POSITION_READ + i] = position_read(record, values, frame, i);
+    values[DEMAND + i] = recorded(record, ANHYST_LOOP_DEMAND)[i];
+    sum += now->plant.plant.pose[bearing.coordinate[i].axis];
+  }
+  memcpy(values + GAP_READ, recorded(record, ANHYST_LOOP_GAP_READ),
+         (size_t)(BEARING_HEADS - STAGE_HEADS) * sizeof *values);
+  show_commands(record, values + PLANT);
   show(now, values);
-  return isfinite(now->plant.plant.pose[0]) ? NULL : "the stage has left all bounds; reset it";
+  return isfinite(sum) ? NULL : "the stage has left all bounds; reset it";
 }
 
 const anhyst_part anhyst_the_part = {0, sizeof(state_of), build, drop, relink, start, tick};

@@ -1,58 +1,164 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* PID, allocation and force controllers as `anhyst simulate` runs them: the first two in double
-   precision, the others in fixed point. Apart from the plant: both have a memory of a law, each of
-   its own kind. */
+   precision, the others in fixed point or in double precision too. Apart from the plant: both have
+   a memory of a law, each of its own kind. */
 #include "stage_controller.h"
 
 #include <stddef.h>
 
+#include "anhyst/compensator/force_coded_real.h"
+#include "anhyst/compensator/force_corrected_real.h"
+#include "anhyst/control/axes.h"
 #include "anhyst_plant/tracking.h"
-#include "stage_numbers.h"
+
+/* What calibration found of each; nothing: {1, 0, 1, 0}. */
+static const anhyst_correction_f64 corrections[STAGE_DRIVES] = STAGE_CORRECTIONS;
+
+#ifdef STAGE_WORDS
+
+/* Compensators in fixed point: the blocks of all magnets that differ, where that of each drive
+   stands, and what its codes are of. */
+static const int16_t words[] = STAGE_WORDS;
+static const struct {
+  uint16_t first;
+  uint16_t count;
+} blocks[STAGE_DRIVES] = STAGE_BLOCKS;
+static const anhyst_code_scales_f64 codes = STAGE_CODES;
+
+typedef anhyst_force_controller_q31 force_of;
+
+static anhyst_status start_force(force_of *force, int i)
+{
+  return anhyst_force_controller_init_compensator_q31(force, &STAGE_KERNEL, words + blocks[i].first,
+                                                      blocks[i].count);
+}
+
+/* Finds again what a force controller points to, and puts it behind SI units. */
+static void relink_force(force_of *force, int i, anhyst_coded_f64 *coded,
+                         anhyst_force_controller_f64 *in_si)
+{
+  force->method = &anhyst_force_by_compensator_q31;
+  force->compensator.kernel = &STAGE_KERNEL;
+  force->compensator.words = words + blocks[i].first;
+  (void)anhyst_force_controller_init_coded_f64(in_si, coded, &codes, force);
+}
+
+#else
+
+/* Compensators in double precision. */
+STAGE_DECLARED;
+static const anhyst_parameters_f64 *const parameters[STAGE_DRIVES] = STAGE_PARAMETERS;
+
+typedef anhyst_force_controller_f64 force_of;
+
+static anhyst_status start_force(force_of *force, int i)
+{
+  return anhyst_force_controller_init_compensator_f64(force, parameters[i]);
+}
+
+#endif
+
+#if STAGE_HEADS > 0
+
+/* Of several coordinates. */
+typedef anhyst_axes_f64 law_of;
+
+static const anhyst_axes_settings_f64 settings = STAGE_SETTINGS;
+
+static int start_law(law_of *law)
+{
+  return anhyst_axes_init_f64(law, &settings, NULL) == ANHYST_OK;
+}
+
+/* The gap sensors of the magnets stand before the position heads. */
+static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
+                    const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
+{
+  const anhyst_axes_sample_f64 in = {.head = sample->head + STAGE_DRIVES,
+                                     .target = sample->target,
+                                     .forward = sample->load,
+                                     .gap = sample->head,
+                                     .flux = sample->flux};
+  anhyst_axes_answer_f64 out = {.current = answer->current, .demand = answer->demand};
+  law->settings = &settings;
+  law->share.layout = &settings.layout;
+  law->drive = drive;
+  anhyst_axes_tick_f64(law, &in, &out);
+}
+
+#else
+
+typedef anhyst_pid_state_f64 law_of;
+
+static const anhyst_tracking_settings_f64 settings = STAGE_SETTINGS;
+
+static int start_law(law_of *law)
+{
+  const law_of rest = {{0.0, 0.0}};
+  *law = rest;
+  return 1;
+}
+
+static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
+                    const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
+{
+  anhyst_tracking_f64 tracking = {&settings, drive, NULL, *law, STAGE_DRIVES};
+  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES, STAGE_GAP_TOTAL};
+  anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
+  *law = tracking.state;
+}
+
+#endif
 
 typedef struct {
-  anhyst_force_controller_q31 force[STAGE_DRIVES];
-  anhyst_pid_state_f64 pid;
+  force_of force[STAGE_DRIVES];
+  anhyst_corrected_f64 corrected[STAGE_DRIVES];
+  law_of law;
 } controller_of;
 
 typedef char it_fits[sizeof(controller_of) <= sizeof(anhyst_stage_controller) ? 1 : -1];
 
-static const anhyst_tracking_settings_f64 settings = STAGE_SETTINGS;
-
 int anhyst_stage_controller_start(anhyst_stage_controller controller)
 {
   controller_of *now = (controller_of *)(void *)controller;
-  const anhyst_pid_state_f64 rest = {{0.0, 0.0}};
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
-    if (anhyst_force_controller_init_compensator_q31(&now->force[i], &STAGE_KERNEL, stage_words,
-                                                     sizeof stage_words / sizeof *stage_words) !=
-        ANHYST_OK) {
+    const anhyst_corrected_f64 rest = {corrections[i], NULL, 0.0, 0.0};
+    now->corrected[i] = rest;
+    if (start_force(&now->force[i], i) != ANHYST_OK) {
       return -1;
     }
   }
-  now->pid = rest;
-  return 0;
+  return start_law(&now->law) ? 0 : -1;
 }
 
 void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
                                   anhyst_loop_answer *answer)
 {
   controller_of *now = (controller_of *)self;
-  anhyst_tracking_drive_q31 fixed[STAGE_DRIVES];
+#ifdef STAGE_WORDS
+  anhyst_coded_f64 coded[STAGE_DRIVES];
   anhyst_force_controller_f64 in_si[STAGE_DRIVES];
+#else
+  anhyst_force_controller_f64 *in_si = now->force;
+#endif
+  anhyst_force_controller_f64 behind[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
-  anhyst_tracking_f64 tracking = {&settings, drive, NULL, now->pid, STAGE_DRIVES};
-  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES, STAGE_GAP_TOTAL};
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
-    const anhyst_tracking_drive_q31 one = {&now->force[i], STAGE_SCALES};
-    now->force[i].method = &anhyst_force_by_compensator_q31;
-    now->force[i].compensator.kernel = &STAGE_KERNEL;
-    now->force[i].compensator.words = stage_words;
-    fixed[i] = one;
-    anhyst_tracking_drive_init_q31(&in_si[i], &fixed[i]);
-    drive[i] = &in_si[i];
+    const double root = now->corrected[i].root;
+    const double before = now->corrected[i].before;
+#ifdef STAGE_WORDS
+    relink_force(&now->force[i], i, &coded[i], &in_si[i]);
+#else
+    now->force[i].method = &anhyst_force_by_compensator_f64;
+    now->force[i].compensator.parameters = parameters[i];
+#endif
+    (void)anhyst_force_controller_init_corrected_f64(&behind[i], &now->corrected[i],
+                                                     &corrections[i], &in_si[i]);
+    now->corrected[i].root = root;
+    now->corrected[i].before = before;
+    drive[i] = &behind[i];
   }
-  anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
-  now->pid = tracking.state;
+  run_law(&now->law, drive, sample, answer);
 }

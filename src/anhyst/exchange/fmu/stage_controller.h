@@ -4,9 +4,10 @@
 #define ANHYST_STAGE_CONTROLLER_H
 
 #include "anhyst_plant/controller.h"
+#include "stage_numbers.h"
 
-/* Force controllers and PID, as stage_controller.c alone knows them; no pointer in it must hold. */
-typedef double anhyst_stage_controller[256];
+/* Force controllers and law, as stage_controller.c alone knows them; no pointer in it must hold. */
+typedef double anhyst_stage_controller[256 + 128 * STAGE_DRIVES];
 
 /* At rest, the irons demagnetised. 0, or -1 for damaged parameters. */
 int anhyst_stage_controller_start(anhyst_stage_controller controller);

@@ -68,24 +68,31 @@ static const double *recorded(const double *record, anhyst_plant_signal signal)
   return record + anhyst_plant_signal_column(&bearing, signal);
 }
 
-/* What is true at the end of a tick: gap, velocity, force, then current and flux density of each
-   magnet, a third number between them left as it is. */
+/* What is true at the end of a tick: velocities, of several coordinates the wrench, the force, then
+   gap, current and flux density of each magnet, a fourth number behind them left as it is. */
 static void show_plant(const anhyst_plant_state *plant, double *values)
 {
-  values[0] = plant->actuator[0].gap;
-  values[1] = plant->velocity[0];
-  values[2] = plant->force;
-  for (int i = 0; i < BEARING_MAGNETS; i++) {
-    values[3 + 3 * i] = plant->actuator[i].coil.current;
-    values[4 + 3 * i] = plant->actuator[i].coil.density;
+  int i;
+  for (i = 0; i < bearing.coordinates; i++) {
+    *values++ = plant->velocity[bearing.coordinate[i].axis];
+  }
+  for (i = 0; i < bearing.coordinates && bearing.coordinates > 1; i++) {
+    *values++ = plant->wrench[bearing.coordinate[i].axis];
+  }
+  *values++ = plant->force;
+  for (i = 0; i < BEARING_MAGNETS; i++, values += 4) {
+    values[0] = plant->actuator[i].gap;
+    values[1] = plant->actuator[i].coil.current;
+    values[2] = plant->actuator[i].coil.density;
   }
 }
 
 /* What was wanted of each magnet, to the numbers that were left. */
 static void show_commands(const double *record, double *values)
 {
+  const int before = bearing.coordinates > 1 ? 2 * bearing.coordinates + 1 : 2;
   for (int i = 0; i < BEARING_MAGNETS; i++) {
-    values[5 + 3 * i] = recorded(record, ANHYST_LOOP_COMMAND)[i];
+    values[before + 4 * i + 3] = recorded(record, ANHYST_LOOP_COMMAND)[i];
   }
 }
 

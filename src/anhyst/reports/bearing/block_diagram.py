@@ -40,7 +40,7 @@ def figure_structure(rig: BearingRig, controller: ControllerTable) -> Figure:
     ax.set_xlim(0.0, _FIGURE[0])
     ax.set_ylim(0.0, _FIGURE[1])
     blocks = blocks_of(rig, controller)
-    columns = [_LEFT + 0.5 * _WIDE + place * (_WIDE + _APART) for place in range(4)]
+    columns = [_LEFT + 0.5 * _WIDE + index * (_WIDE + _APART) for index in range(4)]
     above = ("controller", "compensator", "output", "amplifier")
     below = ("sensors", "mechanics", "hysteresis", "electrical")
     for x, name in zip(columns, above, strict=True):
@@ -55,15 +55,15 @@ def figure_structure(rig: BearingRig, controller: ControllerTable) -> Figure:
 def _signals(ax: Axes, columns: Sequence[float], inputs: str) -> None:
     """Draw what goes from block to block."""
     half, lid = 0.5 * _WIDE, 0.5 * _HIGH
-    for place, name in enumerate(("F wanted", "i wanted", "i ref")):
-        x = columns[place] + half
+    for index, name in enumerate(("F wanted", "i wanted", "i ref")):
+        x = columns[index] + half
         _arrow(ax, [(x, _TOP), (x + _APART, _TOP)])
         _label(ax, (x + 0.5 * _APART, _TOP + 0.08), name.replace(" ", "\n"))
     _arrow(ax, [(columns[3], _TOP - lid), (columns[3], _MIDDLE + lid)])
     _label(ax, (columns[3] + 0.08, 0.5 * (_TOP + _MIDDLE)), "voltage u", "left", "center")
-    for place, name in ((3, "i, ψ"), (2, "force"), (1, "gap")):
-        x = columns[place] - half
-        _arrow(ax, [(x, _MIDDLE), (x - _APART, _MIDDLE)], FALLING if place == 2 else RISING)
+    for index, name in ((3, "i, ψ"), (2, "force"), (1, "gap")):
+        x = columns[index] - half
+        _arrow(ax, [(x, _MIDDLE), (x - _APART, _MIDDLE)], FALLING if index == 2 else RISING)
         _label(ax, (x - 0.5 * _APART, _MIDDLE + 0.08), name)
     # Reference from the left; the measured gap from below.
     _arrow(ax, [(0.06, _TOP), (_LEFT, _TOP)])

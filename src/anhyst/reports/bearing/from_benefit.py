@@ -21,7 +21,7 @@ _TITLES: dict[Measure, str] = {
 
 
 def subject_of_benefit(
-    rig: BearingRig, controller: ControllerFile, found: Benefit, command: str
+    rig: BearingRig, controller: ControllerFile, benefit_map: Benefit, command: str
 ) -> SimulationSubject:
     """Gather what the report of the map shows."""
     settings = controller.settings
@@ -29,15 +29,15 @@ def subject_of_benefit(
     return SimulationSubject(
         rig=rig,
         controller=settings.model_copy(update={"compensation": compensation}),
-        seeds=found.seeds,
-        benefit=tuple(_cells(found)),
-        blocks={"benefit": (_irons(found),)},
+        seeds=benefit_map.seeds,
+        benefit=tuple(_cells(benefit_map)),
+        blocks={"benefit": (_irons(benefit_map),)},
         notes=(
             Note(
                 "info",
                 "What is compared",
                 f"Every iron is measured and identified again, all variants are fitted to the same "
-                f"loops and run with the same gains, {found.seeds} noise seeds each. “{STRONGEST}” "
+                f"loops and run with the same gains, {benefit_map.seeds} noise seeds each. “{STRONGEST}” "
                 "is, cell by cell, the best of ratio, linearised and single-valued, which know no "
                 "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands "
                 "beside them: it needs no model, as it measures the flux density.",
@@ -51,11 +51,11 @@ def subject_of_benefit(
     )
 
 
-def _cells(found: Benefit) -> list[BenefitCell]:
+def _cells(benefit_map: Benefit) -> list[BenefitCell]:
     return [
-        _cell(found, cell, measure, against, comparison)
+        _cell(benefit_map, cell, measure, against, comparison)
         for measure in MEASURES
-        for cell in found.cells
+        for cell in benefit_map.cells
         for against, comparisons in (
             ("ratio", cell.ratio),
             (STRONGEST, cell.strongest),
@@ -67,14 +67,14 @@ def _cells(found: Benefit) -> list[BenefitCell]:
 
 
 def _cell(
-    found: Benefit, cell: MapCell, measure: Measure, against: str, comparison: Comparison
+    benefit_map: Benefit, cell: MapCell, measure: Measure, against: str, comparison: Comparison
 ) -> BenefitCell:
     quotient = comparison.quotient
     return BenefitCell(
         measure=_TITLES[measure],
         against=against,
         baseline=comparison.baseline or "",
-        loop_width=found.row_width(cell.iron.scale),
+        loop_width=benefit_map.row_width(cell.iron.scale),
         reversible=cell.iron.reversible_fraction,
         pathological=cell.iron.label == "pathological",
         height=cell.height,
@@ -83,9 +83,9 @@ def _cell(
     )
 
 
-def _irons(found: Benefit) -> PageTable:
+def _irons(benefit_map: Benefit) -> PageTable:
     """Describe every iron by what loops show of it."""
-    irons = list(dict.fromkeys(cell.iron for cell in found.cells))
+    irons = list(dict.fromkeys(cell.iron for cell in benefit_map.cells))
     rows = [
         [
             number(iron.scale, short=True),

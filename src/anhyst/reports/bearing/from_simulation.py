@@ -134,13 +134,13 @@ def _seen(
     setups: Mapping[MethodName, Setup], scenario: Scenario, begin: int
 ) -> Mapping[MethodName, Recording]:
     """Run a scenario under every variant, and keep what follows a tick; lost runs are left out."""
-    found = {}
+    shown = {}
     for name, setup in setups.items():
         recording = SimulatedLoop(setup).run(scenario)
         lost = lost_at(setup.rig, recording, scenario.lifted)
         if lost is None and len(recording) == scenario.ticks:
-            found[name] = recording.part(begin, len(recording))
-    return found
+            shown[name] = recording.part(begin, len(recording))
+    return shown
 
 
 def _tracked(setups: Mapping[MethodName, Setup], tried: RigFile) -> Iterator[Tracking]:

@@ -72,15 +72,15 @@ def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
         return rows
     starts = range(0, shape.size, every)
     kept = {
-        start + int(place(shape[start : start + every]))
+        start + int(extreme(shape[start : start + every]))
         for start in starts
-        for place in (np.argmin, np.argmax)
+        for extreme in (np.argmin, np.argmax)
     }
     index = np.array(sorted({0, *kept, shape.size - 1}))
     return tuple(row[index] for row in rows)
 
 
-def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -> str:
+def interval_text(interval: Interval | None, unit: str = "", factor: float = 1.0) -> str:
     """Write a mean with the half width of its confidence interval, rounded up.
 
     An infinite time is "never"; where levitation was lost, how often.
@@ -92,11 +92,11 @@ def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -
     >>> interval_text(Interval(3.6157, 0.00098, 20)), interval_text(Interval(2e-4, 0.01, 20))
     ('3.616 ± 0.001', '0.000 ± 0.010')
     """
-    if found is None:
+    if interval is None:
         return NOT_KNOWN
-    if found.lost:
-        return f"{found.lost} of {found.count} lost"
-    mean, width = factor * found.mean, abs(factor) * found.half_width
+    if interval.lost:
+        return f"{interval.lost} of {interval.count} lost"
+    mean, width = factor * interval.mean, abs(factor) * interval.half_width
     if not math.isfinite(mean):
         return NOT_KNOWN if math.isnan(mean) else "never"
     if not math.isfinite(width) or width <= 1e-9 * abs(mean):
@@ -114,17 +114,17 @@ def interval_text(found: Interval | None, unit: str = "", factor: float = 1.0) -
 
 def legend_below(figure: Figure, *axes: Axes, columns: int = 4) -> None:
     """Put one legend for several panels below them, each label once."""
-    found: dict[str, Any] = {}
+    labels: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            found.setdefault(str(label), handle)
-    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=columns)
+            labels.setdefault(str(label), handle)
+    figure.legend(list(labels.values()), list(labels), loc="outside lower center", ncols=columns)
 
 
 _TONES: Mapping[Level, Tone] = {"yes": "good", "mixed": "warn", "no": "warn", "unknown": "info"}
 
 
-def verdict_note(found: Judgement) -> Note:
+def verdict_note(judgement: Judgement) -> Note:
     """Return it as a box."""
-    text = f"{found.text[:1].upper()}{found.text[1:]}."
-    return Note(_TONES[found.level], TITLES[found.level], text)
+    text = f"{judgement.text[:1].upper()}{judgement.text[1:]}."
+    return Note(_TONES[judgement.level], TITLES[judgement.level], text)

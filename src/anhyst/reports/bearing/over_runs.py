@@ -174,9 +174,9 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
         values, peaks = [tuning.factor * one.reached for one in front], [one.peak for one in front]
         ax.plot(values, peaks, **line_of(name), drawstyle="steps-post", label=f"front, {name}")
         if (best := tuning.chosen.get(name)) is not None:
-            place = ([tuning.factor * best.reached], [best.peak])
+            point = ([tuning.factor * best.reached], [best.peak])
             label = f"chosen, {name}: {tuning.factor * best.reached:.2f} {tuning.unit}, peak {best.peak:.2f}"
-            ax.plot(*place, "*", ms=13.0, mfc=COLOURS[name], mec=INK, mew=0.7, label=label)
+            ax.plot(*point, "*", ms=13.0, mfc=COLOURS[name], mec=INK, mew=0.7, label=label)
     if tuning.limit is not None:
         ax.axvline(tuning.factor * tuning.limit, color=ALARM, lw=0.9, ls="--", label="aims")
     if tuning.peak_limit is not None:

@@ -98,9 +98,9 @@ def _off(ax: Axes, panel: StepPanel, shown: float) -> None:
 
 def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
     step, sign = panel.step, float(np.sign(panel.step.before - panel.step.after))
-    for place, name in enumerate(ordered(panel.recordings)):
+    for index, name in enumerate(ordered(panel.recordings)):
         time, part = _shown(panel, name, shown)
-        if not place:
+        if not index:
             wanted = 1e6 * (step.before - part["reference_m"])
             ax.plot(time, wanted, color=INK, lw=0.9, drawstyle="steps-post", label="reference")
             band = SETTLED * 1e6 * step.height
@@ -217,8 +217,8 @@ def _density(recording: Recording, away: FloatArray) -> tuple[FloatArray, FloatA
     frequency, power = frequency[1:], power[1:]
     # As many means as can be distinguished on a logarithmic axis.
     edges = np.geomspace(frequency[0], frequency[-1] * 1.001, _BINS + 1)
-    place = np.digitize(frequency, edges)
-    used = np.unique(place)
-    means = [(frequency[place == i].mean(), power[place == i].mean()) for i in used]
+    bin_of = np.digitize(frequency, edges)
+    used = np.unique(bin_of)
+    means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used]
     middle, mean = np.array(means).T
     return middle, np.sqrt(mean)

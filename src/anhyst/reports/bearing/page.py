@@ -239,11 +239,11 @@ def _loops(subject: SimulationSubject) -> Section | None:
 
 def _tracking(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
-    for place, tried in enumerate(subject.tracked):
+    for index, tried in enumerate(subject.tracked):
         blocks.append(
             _picture(
                 figure_tracking(tried.recordings, tried.title),
-                f"tracking{place}",
+                f"tracking{index}",
                 f"{_sentence(tried.title)}: position over time and its error, "
                 f"{', '.join(ordered(tried.recordings))}.",
                 f"{_sentence(tried.title)}. True position; one run of {subject.seeds}.",
@@ -323,7 +323,7 @@ def _frequency(subject: SimulationSubject) -> Section:
 
 def _benefit(subject: SimulationSubject) -> Section:
     blocks: list[Block] = []
-    for place, measure in enumerate(dict.fromkeys(cell.measure for cell in subject.benefit)):
+    for index, measure in enumerate(dict.fromkeys(cell.measure for cell in subject.benefit)):
         cells = [cell for cell in subject.benefit if cell.measure == measure]
         for against in dict.fromkeys(cell.against for cell in cells):
             mine = [cell for cell in cells if cell.against == against]
@@ -331,7 +331,7 @@ def _benefit(subject: SimulationSubject) -> Section:
         blocks.append(
             _picture(
                 figure_benefit(cells, subject.variant),
-                f"benefit{place}",
+                f"benefit{index}",
                 f"Maps of the ratio of {measure} over loop width and reversible fraction, one "
                 "column a step height, one row a baseline; hatched where no gain is certain.",
                 f"{_sentence(measure)} of {subject.variant} over that of the baseline, same gains; "

@@ -53,10 +53,10 @@ WITHIN_NOISE = "≤ noise"
 
 def grouped(cells: Iterable[StepCell]) -> tuple[Steps, ...]:
     """Put the cells of all variants beside each other."""
-    found: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
+    by_step: dict[tuple[float, float, float], dict[MethodName, StepCell]] = {}
     for cell in cells:
-        found.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
-    return tuple(Steps(*place, mine) for place, mine in found.items())
+        by_step.setdefault((cell.gap, cell.load, cell.height), {})[cell.variant] = cell
+    return tuple(Steps(*step, mine) for step, mine in by_step.items())
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,8 @@ class SimulationSubject:
     @property
     def baselines(self) -> list[MethodName]:
         """The other variants of the steps, in order."""
-        found = {name for step in self.steps for name in step.cells}
-        return [name for name in ordered(found) if name != self.variant]
+        methods = {name for step in self.steps for name in step.cells}
+        return [name for name in ordered(methods) if name != self.variant]
 
     @property
     def variants(self) -> list[MethodName]:
@@ -134,6 +134,6 @@ class SimulationSubject:
 
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""
-        place = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
+        where = f"{1e6 * step.height:g}{NBSP}µm at {1e3 * step.gap:g}{NBSP}mm"
         several = len({one.load for one in self.steps}) > 1
-        return f"{place}, {step.load:g}{NBSP}N" if several else place
+        return f"{where}, {step.load:g}{NBSP}N" if several else where

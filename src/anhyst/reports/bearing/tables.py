@@ -81,13 +81,13 @@ def step_difference(step: Steps, mine: MethodName, baseline: MethodName) -> Comp
     return compare("overshoot", baseline, overshoot[mine], overshoot[baseline], floor)
 
 
-def difference_text(found: ComparedFigure) -> str:
+def difference_text(figure: ComparedFigure) -> str:
     """Write such as "54 % less"."""
-    if found.less:
-        return f"{number(100.0 * (1.0 - found.ratio), 2)}{NBSP}% less"
-    if found.more:
-        return f"+{number(found.mine - found.its, 2)} points"
-    return "alike" if math.isfinite(found.mine + found.its) else NOT_KNOWN
+    if figure.less:
+        return f"{number(100.0 * (1.0 - figure.ratio), 2)}{NBSP}% less"
+    if figure.more:
+        return f"+{number(figure.mine - figure.its, 2)} points"
+    return "alike" if math.isfinite(figure.mine + figure.its) else NOT_KNOWN
 
 
 def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
@@ -97,15 +97,15 @@ def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
     mine = variant if variant in MODELS or not models else models[-1]
     if mine not in MODELS:
         return Judgement("unknown", "no variant with a hysteresis model was run")
-    found = []
+    compared = []
     for step in steps:
         other = strongest(step.of(OVERSHOOT))
         if other is not None and mine in step.cells:
             one = step_difference(step, mine, other)
-            found += [one] if math.isfinite(one.mine + one.its) else []
-    if not found:
+            compared += [one] if math.isfinite(one.mine + one.its) else []
+    if not compared:
         return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
-    judged = judge(mine, found, "steps", FEEDBACK)
+    judged = judge(mine, compared, "steps", FEEDBACK)
     return replace(judged, text=f"{judged.text}{_beside_flux(steps, mine)}")
 
 
@@ -137,9 +137,9 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
         row: list[str | Cell] = [subject.situation(step), overshoot_text(step, subject.variant)]
         for name in baselines:
             known = name in step.cells
-            found = step_difference(step, subject.variant, name) if known else None
-            text = NOT_KNOWN if found is None else difference_text(found)
-            row.append(Cell(text, strong=found is not None and found.less))
+            difference = step_difference(step, subject.variant, name) if known else None
+            text = NOT_KNOWN if difference is None else difference_text(difference)
+            row.append(Cell(text, strong=difference is not None and difference.less))
         rows.append(row)
     head = ["step", "overshoot", *baselines]
     return table(

@@ -60,9 +60,9 @@ def figure_hardware(rig: Rig, board: str) -> Figure:
             f"{force.noise_N:g} N rms, {force.bandwidth_Hz:g} Hz",
         ),
     }
-    for place, title, text in boxes.values():
-        _box(ax, place, title, text)
-    centre = {name: place for name, (place, _, _) in boxes.items()}
+    for spot, title, text in boxes.values():
+        _box(ax, spot, title, text)
+    centre = {name: spot for name, (spot, _, _) in boxes.items()}
     _arrow(ax, centre["pc"], centre["controller"], "serial link\nforce out, status back", both=True)
     _arrow(ax, centre["controller"], centre["amplifier"], "current")
     _arrow(ax, centre["amplifier"], centre["solenoid"], "")

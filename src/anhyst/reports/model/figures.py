@@ -81,29 +81,29 @@ def groups_of(loopset: Loops) -> list[Group]:
     """Group loops by scheduling value, ascending; loops along which it moves come last."""
     if loopset.schedule is None:
         return [Group("", tuple(range(len(loopset))))]
-    found: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
-    for place, loop in enumerate(loopset.loops):
-        found.setdefault(loop.schedule_value, []).append(place)
+    indices: dict[float | None, list[int]] = {value: [] for value in loopset.schedule_values}
+    for index, loop in enumerate(loopset.loops):
+        indices.setdefault(loop.schedule_value, []).append(index)
     schedule = loopset.schedule
     return [
         Group(
             f"{name_of(schedule)} moving" if at is None else shown_at(schedule, at), tuple(places)
         )
-        for at, places in found.items()
+        for at, places in indices.items()
     ]
 
 
 def small_loops(loopset: Loops) -> list[Group]:
     """Loops that are too small to be seen among the others of their group, each by itself."""
-    found = []
+    groups = []
     for group in groups_of(loopset):
-        spans = {place: float(np.ptp(loopset.loops[place].input)) for place in group.places}
-        found += [
-            Group(", ".join(filter(None, (group.title, _name(loopset.loops[place])))), (place,))
-            for place, span in spans.items()
+        spans = {index: float(np.ptp(loopset.loops[index].input)) for index in group.places}
+        groups += [
+            Group(", ".join(filter(None, (group.title, _name(loopset.loops[index])))), (index,))
+            for index, span in spans.items()
             if span < SMALL * max(spans.values())
         ]
-    return found
+    return groups
 
 
 def _name(loop: Loop) -> str:
@@ -115,7 +115,7 @@ def shown(groups: list[Group]) -> list[Group]:
     if len(groups) <= MOST_PANELS:
         return groups
     places = np.unique(np.linspace(0, len(groups) - 1, MOST_PANELS).round().astype(int))
-    return [groups[place] for place in places]
+    return [groups[index] for index in places]
 
 
 @styled
@@ -127,7 +127,7 @@ def figure_loops(loopset: Loops, fitted: Fitted) -> Figure:
 @styled
 def figure_speeds(loopset: Loops, fitted: Fitted, speeds: Speeds) -> Figure:
     """Draw measured and modelled loops, one panel for each speed, slow ones first."""
-    places = {id(loop): place for place, loop in enumerate(loopset.loops)}
+    places = {id(loop): index for index, loop in enumerate(loopset.loops)}
     groups = [
         Group(speed_text(group), tuple(places[id(loop)] for loop in group))
         for group in (speeds.slow.loops, *speeds.fast)
@@ -156,9 +156,9 @@ def figure_differences(
     up = scale_for(loopset.output, [_largest(over) for over in single_valued])
     for ax, group in zip(axes, groups, strict=True):
         ax.axhline(0.0, color="#555555", lw=0.7)
-        curve = _curve([(loopset.loops[place], single_valued[place]) for place in group.places])
-        for place in group.places:
-            loop, output = loopset.loops[place], fitted[place]
+        curve = _curve([(loopset.loops[index], single_valued[index]) for index in group.places])
+        for index in group.places:
+            loop, output = loopset.loops[index], fitted[index]
             x, without = across.factor * loop.input, np.interp(loop.input, *curve)
             ax.plot(x, up.factor * (loop.output - without), rasterized=True, **_dots(loop.n))
             if output is not None:
@@ -205,12 +205,12 @@ def _loops(
     everything = _scales(loopset, range(len(loopset)))
     for ax, group in zip(axes, groups, strict=True):
         across, up = _scales(loopset, group.places) if own_units else everything
-        loops = [loopset.loops[place] for place in group.places]
+        loops = [loopset.loops[index] for index in group.places]
         x = across.factor * np.concatenate([loop.input for loop in loops])
         y = up.factor * np.concatenate([loop.output for loop in loops])
         ax.plot(x, y, rasterized=True, **_dots(x.size))
-        for loop, place in zip(loops, group.places, strict=True):
-            output = fitted[place]
+        for loop, index in zip(loops, group.places, strict=True):
+            output = fitted[index]
             if output is not None:
                 ax.plot(across.factor * loop.input, up.factor * output, color=MODEL, lw=0.9)
         ax.set_title(group.title)
@@ -232,7 +232,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
     across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
     up = scale_for(loopset.output, largest)
     for ax, group in zip(axes, groups, strict=True):
-        loops = [loopset.loops[place] for place in group.places]
+        loops = [loopset.loops[index] for index in group.places]
         sigma = np.average([noise(o.output) for o in loops], weights=[o.n for o in loops])
         ax.axhspan(-2.0 * up.factor * sigma, 2.0 * up.factor * sigma, color=FAINT, lw=0.0)
         ax.axhline(0.0, color="#555555", lw=0.7)
@@ -265,10 +265,10 @@ def _percent_axis(ax: Axes, whole: float) -> None:
 
 def rising(loop: Loop) -> NDArray[np.bool_]:
     """Return which samples lie on rising branches of the input, shape (n,)."""
-    found = np.zeros(loop.n, dtype=np.bool_)
+    rises = np.zeros(loop.n, dtype=np.bool_)
     for part in branches(loop.input):
-        found[part.rows] = part.rising
-    return found
+        rises[part.rows] = part.rising
+    return rises
 
 
 def _residuals(
@@ -281,8 +281,8 @@ def _residuals(
 ) -> None:
     for upwards, colour in ((True, RISING), (False, FALLING)):
         x, y = [np.empty(0)], [np.empty(0)]
-        for place in group.places:
-            loop, over = loopset.loops[place], left_over[place]
+        for index in group.places:
+            loop, over = loopset.loops[index], left_over[index]
             if over is None:
                 continue
             rows = rising(loop) == upwards
@@ -304,15 +304,15 @@ def figure_reduction(
     costs = 100.0 * np.array([steps[0].cost_before, *(step.cost_after for step in steps)])
     frozen = [names.get(step.frozen, step.frozen) for step in steps]
     ax.bar(range(costs.size), costs, width=0.55, color=[MEASURED, *([MODEL] * len(steps))])
-    for place, cost in enumerate(costs.tolist()):
+    for index, cost in enumerate(costs.tolist()):
         text = f"{number(cost, 2)} %"
-        ax.annotate(text, (place, cost), (0, 3), textcoords="offset points", ha="center")
+        ax.annotate(text, (index, cost), (0, 3), textcoords="offset points", ha="center")
     others = [cost for step in steps for cost, _ in _not_taken(step)]
     bars = max(float(costs.max()), 1e-9)
     top = max([bars, *(cost for cost in others if cost <= MOST_ABOVE * bars)])
     ax.set_ylim(0.0, 1.2 * top)
-    for place, step in enumerate(steps, start=1):
-        _draw_candidates(ax, place + 0.36, _not_taken(step), top, names)
+    for index, step in enumerate(steps, start=1):
+        _draw_candidates(ax, index + 0.36, _not_taken(step), top, names)
     ax.set_xticks(range(costs.size), ["all free", *(f"freeze {name}" for name in frozen)])
     ax.set_xlim(-0.5, costs.size - 0.2)
     ax.grid(visible=False, axis="x")
@@ -370,7 +370,7 @@ def figure_correlation(unsure: Uncertainty) -> Figure:
             text = f"{value:.2f}".replace("-", "\N{MINUS SIGN}")
             middle = (column + 0.5, row + 0.5)
             ax.annotate(text, middle, ha="center", va="center", fontsize=7.0, color=ink)
-    numbers = [str(place + 1) for place in range(count)]
+    numbers = [str(index + 1) for index in range(count)]
     labels = [
         f"{written(name)}{2 * NBSP}{n}" for n, name in zip(numbers, unsure.names, strict=True)
     ]
@@ -409,15 +409,15 @@ def _label(
 ) -> None:
     """Label the outer axes, or every one where units differ."""
     columns = columns_of(len(axes))
-    place = axes.index(ax)
-    if every or place + columns >= len(axes):
+    index = axes.index(ax)
+    if every or index + columns >= len(axes):
         ax.set_xlabel(label(loopset.input, across))
-    if every or place % columns == 0:
+    if every or index % columns == 0:
         ax.set_ylabel(up.head(what) if what else label(loopset.output, up))
 
 
 def _scales(loopset: Loops, places: Sequence[int]) -> tuple[Scale, Scale]:
-    loops = [loopset.loops[place] for place in places]
+    loops = [loopset.loops[index] for index in places]
     return (
         scale_for(loopset.input, [_largest(loop.input) for loop in loops]),
         scale_for(loopset.output, [_largest(loop.output) for loop in loops]),

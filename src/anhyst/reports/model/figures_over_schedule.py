@@ -106,10 +106,10 @@ def sweep(model: Model, check: GapCheck | None) -> Sweep:
     drive = np.concatenate([half, half[-2::-1]])
     at = np.unique([*np.linspace(model.nodes[0], model.nodes[-1], GRID), *model.nodes])
     output = np.full((at.size, drive.size), np.nan)
-    for place, value in enumerate(at.tolist()):
-        found = settled_loop(model, drive, value)
-        if found is not None:
-            output[place] = found
+    for index, value in enumerate(at.tolist()):
+        loop = settled_loop(model, drive, value)
+        if loop is not None:
+            output[index] = loop
     return Sweep(at, drive, output)
 
 
@@ -177,11 +177,11 @@ def _over_schedule(
     known = np.isin(swept.at, model.nodes)
     handles = []
     for share, colour in zip(SHARES, _colours(len(SHARES)), strict=True):
-        place = round(share * swept.top)
-        ax.plot(x, up.factor * swept.output[:, place], color=colour, lw=1.2)
-        ax.plot(x, up.factor * swept.output[:, -1 - place], color=colour, lw=1.2, ls=(0, (1, 1.5)))
-        ax.plot(x[known], up.factor * swept.output[known, place], "o", color=colour, ms=3.5)
-        name = across.show(float(swept.drive[place]), 3)
+        row = round(share * swept.top)
+        ax.plot(x, up.factor * swept.output[:, row], color=colour, lw=1.2)
+        ax.plot(x, up.factor * swept.output[:, -1 - row], color=colour, lw=1.2, ls=(0, (1, 1.5)))
+        ax.plot(x[known], up.factor * swept.output[known, row], "o", color=colour, ms=3.5)
+        name = across.show(float(swept.drive[row]), 3)
         handles.append(Line2D([], [], color=colour, label=name))
     handles.append(Line2D([], [], color="#333333", label="rising"))
     handles.append(Line2D([], [], color="#333333", ls=(0, (1, 1.5)), label="falling"))

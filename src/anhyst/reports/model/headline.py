@@ -32,12 +32,12 @@ def headline(subject: ModelSubject) -> Headline:
             "the file keeps."
         )
         notes.append(Note("warn", "Without measurements", text))
-    found = (*verdict(subject), acceptance(subject), *notes)
+    judged = (*verdict(subject), acceptance(subject), *notes)
     return Headline(
         title=model.name,
         what=what,
         basis=_basis(subject),
-        notes=tuple(sorted(found, key=lambda note: note.tone != "bad")),
+        notes=tuple(sorted(judged, key=lambda note: note.tone != "bad")),
         tiles=_tiles(subject),
         comparison=_comparison(subject),
         holds=_holds(subject),

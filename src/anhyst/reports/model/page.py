@@ -96,7 +96,7 @@ def subject_of(model: Model, folder: PathLike) -> ModelSubject:
 
 def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     """Return the text of the report."""
-    found: list[Section | None] = [
+    sections: list[Section | None] = [
         section_loops(subject),
         section_rate(subject),
         section_residuals(subject),
@@ -111,7 +111,7 @@ def render(subject: ModelSubject, file_name: str, file_hash: str) -> str:
     ]
     return render_page(
         headline(subject),
-        [section for section in found if section is not None],
+        [section for section in sections if section is not None],
         subject.model.provenance.version,
         kind="Hysteresis model",
         source="the model file",

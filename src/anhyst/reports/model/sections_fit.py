@@ -146,8 +146,8 @@ def _corner_text(model: Model) -> str:
     )
     if unsure is None or GAMMA not in unsure.names:
         return f"{text}."
-    place = unsure.names.index(GAMMA)
-    by = math.exp(2.0 * unsure.std[place] / unsure.values[place])
+    index = unsure.names.index(GAMMA)
+    by = math.exp(2.0 * unsure.std[index] / unsure.values[index])
     ends = f"{corner / by:.3g} to {corner * by:.3g}{NBSP}Hz"
     return f"{text} ({ends}: two standard deviations of gamma)."
 
@@ -201,13 +201,13 @@ def section_residuals(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = []
     evidence = subject.evidence
     if evidence is not None and any(output is not None for output in evidence.fitted):
-        place = _worst_place(subject, evidence)
+        index = _worst_place(subject, evidence)
         noise = subject.deviation.show(evidence.verdict.noise_mean)
         svg = svg_text(figure_residuals(evidence.loops, evidence.fitted), subject.next_prefix())
         panels = _panels(subject, evidence)
         alt = (
             f"Modelled minus measured {subject.answer} over {subject.drive}, {panels}; samples on "
-            f"rising branches blue, on falling branches orange, noise as a grey band. {place}"
+            f"rising branches blue, on falling branches orange, noise as a grey band. {index}"
         )
         caption = (
             f"Model minus measurement. The grey band holds {percent(0.95)} of the noise of the "
@@ -216,7 +216,7 @@ def section_residuals(subject: ModelSubject) -> Section | None:
         if subject.fit is not None and subject.fit.left_over:
             line = subject.fit.left_over
             caption += f" {line[0].upper()}{line[1:]}."
-        blocks += [Text(place), Picture(svg, alt, caption + _left_out(evidence))]
+        blocks += [Text(index), Picture(svg, alt, caption + _left_out(evidence))]
         blocks += _by_group(subject, evidence)
     if subject.fit is not None and subject.fit.loops:
         blocks.append(_loop_table(subject, subject.fit.loops))
@@ -227,13 +227,13 @@ def _worst_place(subject: ModelSubject, evidence: Evidence) -> str:
     """Say where the model is farthest from the measurement."""
     best: tuple[float, int, int] = (-1.0, 0, 0)
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    for place, (loop, output) in enumerate(pairs):
+    for index, (loop, output) in enumerate(pairs):
         if output is None:
             continue
         off = np.abs(output - loop.output)
-        best = max(best, (float(off.max()), place, int(np.argmax(off))))
-    size, place, sample = best
-    loop = evidence.loops.loops[place]
+        best = max(best, (float(off.max()), index, int(np.argmax(off))))
+    size, index, sample = best
+    loop = evidence.loops.loops[index]
     branch = "rising" if rising(loop)[sample] else "falling"
     at = loop.schedule_value
     where = "" if at is None or evidence.loops.schedule is None else (
@@ -254,8 +254,8 @@ def _by_group(subject: ModelSubject, evidence: Evidence) -> list[Block]:
     rows = []
     for group in groups:
         over, up = [], []
-        for place in group.places:
-            loop, output = evidence.loops.loops[place], evidence.fitted[place]
+        for index in group.places:
+            loop, output = evidence.loops.loops[index], evidence.fitted[index]
             if output is not None:
                 over.append(output - loop.output)
                 up.append(rising(loop))
@@ -295,8 +295,8 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
     baseline = dict(enumerate(subject.evidence.baseline)) if subject.evidence else {}
     worst, most = max(loop.worst for loop in loops), max(loop.mean_abs for loop in loops)
     rows = []
-    for place in sorted(range(len(loops)), key=lambda at: _order(loops[at].schedule)):
-        loop = loops[place]
+    for index in sorted(range(len(loops)), key=lambda at: _order(loops[at].schedule)):
+        loop = loops[index]
         row = [Cell(loop.label)]
         if model.schedule is not None:
             row.append(Cell(subject.schedule_scale.number(loop.schedule, 4, short=True)))
@@ -310,7 +310,7 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
             Cell(scale.number(loop.worst), strong=loop.worst == worst),
         ]
         if baseline:
-            row.append(Cell(scale.number(float(np.mean(np.abs(baseline[place]))))))
+            row.append(Cell(scale.number(float(np.mean(np.abs(baseline[index]))))))
         rows.append(row)
     head = ["loop", *([_over(subject)] if model.schedule is not None else []),
             size.head("largest"), scale.head("mean"), "of largest", "of own", scale.head("rms"),
@@ -339,8 +339,8 @@ def section_measurement(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = []
     inspection = evidence.inspection
     if inspection is not None:
-        said = " ".join(inspection.verdict.sentences)
-        blocks += [Text(written(re.sub(r"(?<=\d)%", " %", said)))]
+        verdict = " ".join(inspection.verdict.sentences)
+        blocks += [Text(written(re.sub(r"(?<=\d)%", " %", verdict)))]
         blocks += [_recorded(subject, inspection), _dirt(subject, inspection)]
     if not evidence.loops.repairs:
         blocks.append(Text("Nothing was repaired: the samples were fitted as they were read."))

@@ -109,8 +109,8 @@ def _node_table(subject: ModelSubject) -> PageTable:
         head.append(Markup("{}{}").format(symbol(names[name][0]), unit))
         columns.append([scale.number(value, 5) for value in values])
     rows = [
-        [subject.schedule_scale.number(node, 5, short=True), *(column[place] for column in columns)]
-        for place, node in enumerate(model.nodes)
+        [subject.schedule_scale.number(node, 5, short=True), *(column[index] for column in columns)]
+        for index, node in enumerate(model.nodes)
     ]
     return table("At the nodes", head, rows, texts=0)
 
@@ -277,20 +277,20 @@ def section_laws(subject: ModelSubject) -> Section | None:
     )
 
 
-def _expected(subject: ModelSubject, found: CrossValidation) -> str:
+def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
     """Say what to expect between the nodes, where the least error of a choice promises too much."""
-    each = ", ".join(percent(error) for error in found.folds)
-    if found.left_out == "block":
+    each = ", ".join(percent(error) for error in validation.folds)
+    if validation.left_out == "block":
         return (
-            f"Expected at other samples of such loops: mean deviation {percent(found.error)} of the "
-            f"largest {subject.answer}, in nine of ten cases {percent(found.low)} to "
-            f"{percent(found.high)}. Found ({each}) where blocks of samples were left out of the fit "
+            f"Expected at other samples of such loops: mean deviation {percent(validation.error)} of the "
+            f"largest {subject.answer}, in nine of ten cases {percent(validation.low)} to "
+            f"{percent(validation.high)}. Found ({each}) where blocks of samples were left out of the fit "
             "and of the choice of the law; it says nothing of loops of other sizes."
         )
     return (
         f"Expected at a {subject.over} between those measured: mean deviation "
-        f"{percent(found.error)} of the largest {subject.answer}, in nine of ten cases "
-        f"{percent(found.low)} to {percent(found.high)}. Found ({each}) where the {subject.over} "
+        f"{percent(validation.error)} of the largest {subject.answer}, in nine of ten cases "
+        f"{percent(validation.low)} to {percent(validation.high)}. Found ({each}) where the {subject.over} "
         "was left out of the fit, of the choice of the map and of the decision about offsets; "
         "noise of the sensor is taken off."
     )
@@ -378,7 +378,7 @@ def symbol(name: str) -> Markup:
 
 def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
     rows, last = [], ""
-    for place, (name, value, deviation) in enumerate(
+    for index, (name, value, deviation) in enumerate(
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
     ):
         part = deviation / abs(value) if value and "offset" not in name else None
@@ -387,7 +387,7 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         )
         rows.append(
             [
-                Cell(str(place)),
+                Cell(str(index)),
                 Cell(written(name)),
                 Cell("" if meaning == last else meaning),
                 Cell(with_deviation(value, deviation)),
@@ -411,8 +411,8 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         )
         blocks.append(Picture(svg, _correlated(unsure), caption))
     if unsure.statements:
-        said = (written(text) for text in unsure.statements)
-        blocks.append(Items("What the data leave open", tuple(said)))
+        statements = (written(text) for text in unsure.statements)
+        blocks.append(Items("What the data leave open", tuple(statements)))
     return blocks
 
 

@@ -13,7 +13,7 @@ from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, fit_figures
-from anhyst.model.left_over import left_of, told
+from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.sources import read_sources
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -152,7 +152,7 @@ def own_figures(model: Model, evidence: Evidence) -> tuple[FitFigures | None, st
     fresh = replace(
         fit_figures(evidence.loops, fitted),
         not_noise=left.beyond,
-        left_over=told(left, evidence.loops, model),
+        left_over=left_over_text(left, evidence.loops, model),
     )
     if model.fit is None:
         return fresh, ""

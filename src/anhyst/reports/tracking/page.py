@@ -146,8 +146,8 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
 
 def _headline(study: TrackingStudy) -> Headline:
     plant, tracking = study.rig.settings, study.rig.settings.tracking
-    found = verdict_note(verdict(study))
-    notes = [replace(found, tone="bad") if study.lost_in else found]
+    note = verdict_note(verdict(study))
+    notes = [replace(note, tone="bad") if study.lost_in else note]
     notes += [verdict_note(one) for one in verdicts(study).values()]
     notes += [Note("warn", "Left out", f"{name}: {why}.") for name, why in study.left_out.items()]
     return Headline(
@@ -182,13 +182,13 @@ def _cross_talk(study: TrackingStudy) -> Section:
         [name] + [interval_text(one.cross_talk(axis), factor=1e9) for axis in crossed]
         for name, one in study.tried.items()
     ]
-    found = table(
+    section = table(
         "Largest error of every coordinate that the set-point does not move",
         ["variant", *(f"{axis} [n{unit_of(axis)}]" for axis in crossed)],
         rows,
         "On the test set-point, the first scan left out.",
     )
-    return Section("cross-talk", "Cross-talk", (found,))
+    return Section("cross-talk", "Cross-talk", (section,))
 
 
 def _tiles(study: TrackingStudy) -> tuple[Tile, ...]:

@@ -36,18 +36,18 @@ def verdict(study: TrackingStudy) -> Judgement:
 
 def _compared(study: TrackingStudy, names: Sequence[MethodName]) -> list[ComparedFigure]:
     """Compare every measure with the lowest one of some variants."""
-    found = []
+    compared = []
     for measure, title in _NAMES.items():
         of = {name: study.tried[name].of(measure) for name in names}
         best = min(of, key=lambda name: of[name].mean)
-        found.append(compare(title, best, study.tried[OWN].of(measure), of[best]))
-    return found
+        compared.append(compare(title, best, study.tried[OWN].of(measure), of[best]))
+    return compared
 
 
 def memoryless(study: TrackingStudy) -> MethodName:
     """Return the variant without memory whose peak is the lowest."""
-    found: list[MethodName] = [*AT_BIAS, "single-valued"]
-    tried = [name for name in found if name in study.tried]
+    methods: list[MethodName] = [*AT_BIAS, "single-valued"]
+    tried = [name for name in methods if name in study.tried]
     held = [name for name in tried if name in _held(study)]
     return min(held or tried, key=lambda name: study.tried[name].of("peak_m").mean)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst._core import Plant
+from anhyst._core import POSITION_MAGNETS, Plant
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import StatusAnswer, TargetRequest
@@ -19,7 +19,7 @@ from anhyst.link.process import VIRTUAL_BOARDS
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.scenario import DROP, Scenario
-from anhyst.rig.recording import MAGNETS, of_magnets
+from anhyst.rig.recording import of_magnets
 from anhyst.support.arrays import FloatArray
 from anhyst.support.progress import Progress
 
@@ -28,7 +28,7 @@ COLUMNS = (
     "gap_m",
     "velocity_m_per_s",
     "command_A",
-    *of_magnets((("command", "A"),), 2, MAGNETS),
+    *of_magnets((("command", "A"),), 2, POSITION_MAGNETS),
     "state",
     "fault",
 )

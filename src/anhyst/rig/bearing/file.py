@@ -184,6 +184,10 @@ def plant_faults(file: RigFile) -> list[FileFault]:
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must hold that of the amplifier; widen low_A or high_A"
         faults.append(FileFault(file.place(shunt), text, code="range-too-narrow"))
+    lowest = min(turn for record in file.measurement.records for turn in record.turns)
+    if min(lowest, 0.0) * file.measurement.current_max_A < min(amplifier.current_low_A, 0.0):
+        text = f"the amplifier begins at {amplifier.current_low_A:g} A; raise the turning points"
+        faults.append(FileFault(("measurement", "records"), text, code="beyond-amplifier"))
     if file.measurement.current_max_A > amplifier.current_high_A:
         text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
         faults.append(FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier"))

@@ -196,7 +196,8 @@ def calibrate_probe(rig: BearingRig) -> FluxCalibration | None:
     hall = rig.settings.hall_probe
     if hall is None:
         return None
-    current = np.linspace(0.0, rig.settings.measurement.current_max_A, 60)
+    high = rig.settings.measurement.current_max_A
+    current = np.linspace(-rig.settings.magnet.both_ways * high, high, 60)
     gaps = np.asarray(rig.settings.measurement.gaps_m)
     forces, densities = [], []
     for gap in gaps:

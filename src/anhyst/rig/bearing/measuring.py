@@ -81,7 +81,7 @@ def loop_texts(loops: Loops, notes: str) -> dict[str, str]:
             columns.insert(0, loop.time)
             form = f"%.7g,{form}"
         rows += [form % row for row in zip(*(one.tolist() for one in columns), strict=True)]
-    header = "t_s,I_A,F_N,gap_m,loop\n" if timed else "I_A,F_N,gap_m,loop\n"
+    header = f"{'t_s,' * timed}I_A,{loops.output.symbol}_N,gap_m,loop\n"
     return {
         "loops.csv": notes + header + "".join(rows),
         "loops.toml": f'history = "{loops.loops[0].history}"\n',
@@ -98,4 +98,5 @@ def measure_loops(rig: BearingRig) -> Loops:
     places = range(len(campaign.gaps_m))
     measure = _measure_in_time if campaign.fast_A_per_s else measure_place
     loops = [loop for place in places for loop in measure(held, campaign, place)]
-    return Loops(tuple(loops), QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"])
+    output = QUANTITIES[rig.settings.magnet.output]
+    return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

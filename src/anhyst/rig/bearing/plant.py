@@ -15,6 +15,7 @@ from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig, travel_m
+from anhyst.rig.magnet_table import LAW
 from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
 from anhyst.rig.sensor_table import PositionSensor
 from anhyst.rig.tables import AXES
@@ -135,7 +136,7 @@ ROWS = 129
 def make_magnet(rig: BearingRig, law: Model | None = None) -> Magnet:
     """Return the magnet of a rig."""
     settings, middle = rig.settings.magnet, rig.settings.gap_m
-    if settings.kind == "electromagnet":
+    if settings.kind != LAW:
         steel = rig.settings.steel.steel()
         return iron_magnet(settings.poles, steel, settings.eddy_time_s, middle, settings.solid_iron)
     table = flux_table(rig)

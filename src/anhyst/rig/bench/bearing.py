@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import BusController, Plant, PlantLoop
+from anhyst._core import POSITION_MAGNETS, BusController, Plant, PlantLoop
 from anhyst.control.states import Command
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
@@ -23,9 +23,9 @@ from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bench.lock_step import LockStepBench
 from anhyst.rig.bench.pace import Heartbeat
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
-from anhyst.rig.recording import COLUMNS, MAGNETS, column, in_columns
+from anhyst.rig.recording import COLUMNS, in_columns
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import sine
 from anhyst.support.errors import InputError
@@ -100,19 +100,12 @@ _OF_PLANT = {
     "demand_N": Signal("demand", "N", "net force that the controller wants"),
     "force_N": Signal("force", "N", "true net force of the magnets"),
     "load_N": Signal("load", "N", "true force of the load drive"),
-    "command_A": Signal("command", "A", "current asked for, of the first magnet"),
-    "current_A": Signal("current", "A", "true current of the first magnet"),
+    **currents_of(1, 1),
     "current_read_A": Signal("current_read", "A", "the same as its sensor says"),
     "voltage_V": Signal("voltage", "V", "at the first winding"),
     "flux_Wb": Signal("flux", "Wb", "linked with the first winding"),
     "flux_density_T": Signal("flux_density", "T", "in the gap of the first magnet"),
-    **{
-        column(name, "A", number): Signal(
-            column(name, "", number), "A", f"{doc} of magnet {number}"
-        )
-        for number in range(2, MAGNETS + 1)
-        for name, doc in (("command", "current asked for,"), ("current", "true current"))
-    },
+    **currents_of(2, POSITION_MAGNETS),
 }
 """Columns of a simulated loop, and what they are called here."""
 

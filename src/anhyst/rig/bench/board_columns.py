@@ -17,6 +17,7 @@ from anhyst.rig.bench.settings import (
     heartbeat_setting,
     position_settings,
 )
+from anhyst.rig.recording import column
 from anhyst.support.arrays import FloatArray
 
 _RESERVED = -(1 << 31)
@@ -95,25 +96,22 @@ def _position_columns(manifest: Mapping[str, Any]) -> tuple[_Column, ...]:
     position, force = controller["signals"]["position"], controller["signals"]["demand"]["scale"]
     current = controller["signals"]["current"]["scale"]
     slope, zero = -position["scale"] / Q31, position["zero_gap"]
-    second = (
-        _Column(Signal("current_2", "A", "of the second magnet"), "current_2", current / Q30),
-        _Column(Signal("command_2", "A", "asked for, likewise"), "drive_2", current / Q31),
-    )
     return (
         _Column(Signal("gap", "m", "as its sensor says"), "position", slope, zero),
         _Column(Signal("reference", "m", "gap controlled to"), "reference", slope, zero),
         _Column(Signal("demand", "N", "force that the controller wants"), "demand", force / Q31),
-        *_currents(current),
-        *(second if controller["magnets"] == 2 else ()),
+        *(one for number in range(controller["magnets"]) for one in _currents(current, number + 1)),
         *_of_any(manifest["signals"]["demand"]["scale"]),
         _Column(Signal("phase", "", "what the currents do: Phase"), "phase", 1.0),
     )
 
 
-def _currents(full: float) -> tuple[_Column, ...]:
+def _currents(full: float, number: int = 1) -> tuple[_Column, ...]:
+    of = f", of magnet {number}" if number > 1 else ""
+    read, asked, driven = (column(name, "", number) for name in ("current", "command", "drive"))
     return (
-        _Column(Signal("current", "A", "as its sensor says"), "current", full / Q30),
-        _Column(Signal("command", "A", "current asked for"), "drive", full / Q31),
+        _Column(Signal(read, "A", f"as its sensor says{of}"), read, full / Q30),
+        _Column(Signal(asked, "A", f"current asked for{of}"), driven, full / Q31),
     )
 
 

@@ -137,18 +137,18 @@ class HardwareBench:
         )
         passed = ahead if goes_on else max(1, round(away * self.rate))
         ticks = "its ticks went on" if goes_on else f"it began anew and is at its tick {newest}"
-        said = [f"back after {away:.1f} s, {_standing(found)}", ticks]
+        parts = [f"back after {away:.1f} s, {_standing(found)}", ticks]
         if found.block != self._block:
-            said.append("another parameter block is in force than before")
+            parts.append("another parameter block is in force than before")
         before = {one.name: one.value for one in self.parameters()}
         self._search, self.lost = None, ""
         self._take_up(found, self.tick + passed - newest)
-        said += [
+        parts += [
             f"{one.name} is {one.value:g} and was {before[one.name]:g}"
             for one in self.parameters()
             if one.value != before[one.name]
         ]
-        self._news.append("; ".join(said))
+        self._news.append("; ".join(parts))
 
     def news(self) -> Sequence[str]:
         """Return what happened to the controller since this was last asked."""

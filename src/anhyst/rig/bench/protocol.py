@@ -8,15 +8,26 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from anhyst.control.states import Command
+from anhyst.rig.recording import column
 from anhyst.support.arrays import FloatArray
 
 
 class Signal(NamedTuple):
     """A column of what a bench measures."""
 
-    name: str  # in lower case, without its unit: ``gap``, ``command_2``
+    name: str  # in lower case, without its unit: ``gap``, ``current_read``
     unit: str  # SI; empty for what is counted or named
     doc: str  # what it is
+
+
+def currents_of(first: int, last: int) -> dict[str, Signal]:
+    """Return what is measured of the currents of some magnets, by the columns of a simulated loop."""
+    texts = {"command": "current asked for, of magnet", "current": "true current of magnet"}
+    return {
+        column(name, "A", number): Signal(column(name, "", number), "A", f"{text} {number}")
+        for number in range(first, last + 1)
+        for name, text in texts.items()
+    }
 
 
 class Aim(NamedTuple):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anhyst._core import PlantLoop
+from anhyst._core import POSITION_MAGNETS, PlantLoop
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.control.permitted import Standing, refusal
@@ -22,12 +22,12 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import check_values
 from anhyst.rig.recording import Loss, Recording, column
 from anhyst.rig.stage.file import axes_of, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
-    STRAY_LATE,
+    COMMANDS,
     WRENCH,
     Feedforward,
     StageSetup,
@@ -38,9 +38,16 @@ from anhyst.rig.stage.loop import (
     of_axes,
     pid,
     stage_loss,
+)
+from anhyst.rig.stage.setpoint import (
+    STRAY_LATE,
+    Course,
+    SetPoint,
+    braking,
+    course_of,
+    motion_of,
     strayed,
 )
-from anhyst.rig.stage.setpoint import Course, SetPoint, braking, course_of, motion_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -65,10 +72,7 @@ _READ = {
     "load_N": Signal("load", "N", "true force of the load drive"),
     "gap_m": Signal("gap", "m", "true gap of the first magnet"),
     "gap_read_m": Signal("gap_read", "m", "the same as its sensor says"),
-    "command_A": Signal("command", "A", "current asked for, of the first magnet"),
-    "current_A": Signal("current", "A", "true current of the first magnet"),
-    "command_2_A": Signal("command_2", "A", "current asked for, of the second magnet"),
-    "current_2_A": Signal("current_2", "A", "true current of the second magnet"),
+    **currents_of(1, POSITION_MAGNETS),
 }
 """Columns of a simulated loop, and what they are called here."""
 
@@ -339,14 +343,14 @@ class StageBench:
         ]
         gap = read["gap_read_m"]
         gaps = [gap, (settings.gap_total_m or 0.0) - gap]
-        seen = [read["command_A"], read["command_2_A"], *gaps, read["demand_N"]]
+        seen = [*(read[name] for name in COMMANDS), *gaps, read["demand_N"]]
         return of_loop, np.column_stack([*seen, -forward[:kept]]), loss
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        said = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
+        states = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *said])
+        return np.column_stack([numbers, *of_loop, *states])
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""

@@ -15,12 +15,23 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import power
 from anhyst.support.errors import InputError
 
+CURVE = {
+    "sharp": "saturation_sharp",
+    "knee_sharp": "knee_sharp",
+    "slow": "saturation_slow",
+    "knee_slow": "knee_slow",
+}
+"""Of the numbers of a steel those of the curve that nothing pins, by ``anhyst_plant/curve.h``."""
 MOST_CELLS = 64
 """Of an iron, the unpinned one included."""
 
 
 class AnySteel(Protocol):
     """A steel of any family."""
+
+    def numbers(self) -> dict[str, float]:
+        """Return its numbers by the names of ``plant/include/anhyst_plant``, without its arrays."""
+        ...
 
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
@@ -29,6 +40,11 @@ class AnySteel(Protocol):
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, the same steel without what makes its loops wide."""
         ...
+
+
+def curve_numbers(steel: AnySteel) -> dict[str, float]:
+    """Return the curve of a steel that nothing pins by the names of ``anhyst_plant/curve.h``."""
+    return {name: getattr(steel, attribute) for name, attribute in CURVE.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +88,11 @@ class CellSteel:
                 code="too-many-cells",
                 key="cells",
             )
-        return Steel(self.curve(), self.thresholds, self.weights)
+        return Steel(self.numbers(), self.thresholds, self.weights)
 
-    def curve(self) -> dict[str, float]:
-        """Return the curve that nothing pins by the names of ``anhyst_plant/curve.h``."""
-        return {
-            "sharp": self.saturation_sharp,
-            "knee_sharp": self.knee_sharp,
-            "slow": self.saturation_slow,
-            "knee_slow": self.knee_slow,
-        }
+    def numbers(self) -> dict[str, float]:
+        """Return the curve that nothing pins."""
+        return curve_numbers(self)
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""
@@ -113,17 +124,16 @@ class DuhemSteel:
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
         self._check()
-        return Steel(
-            {
-                "coercivity": self.coercivity,
-                "rate": 1.0 / self.turning,
-                "fading": self.fading,
-                "sharp": self.saturation_sharp,
-                "knee_sharp": self.knee_sharp,
-                "slow": self.saturation_slow,
-                "knee_slow": self.knee_slow,
-            }
-        )
+        return Steel(self.numbers())
+
+    def numbers(self) -> dict[str, float]:
+        """Return its numbers by the names of ``anhyst_plant/duhem.h``."""
+        return {
+            "coercivity": self.coercivity,
+            "rate": 1.0 / self.turning,
+            "fading": self.fading,
+            **curve_numbers(self),
+        }
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel that follows the same curve without a loop."""

@@ -1,4 +1,4 @@
-"""Electromagnets of the virtual bearing: an iron in a circuit, or an identified law.
+"""Magnets of a virtual rig: an iron in a circuit, or an identified law.
 
 The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their numbers.
 """
@@ -6,6 +6,7 @@ The equations stand in ``plant/include/anhyst_plant/magnet.h``; here are their n
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,11 @@ class Poles:
     leakage: float  # permeance between the legs, parallel to the gaps, H
     iron_length: float  # mean length of the flux path in the iron, m
     joints: float = 0.0  # air in the joints of the core, all of them together, m
+    # of an actuator that goes both ways: what its flux passes outside the iron, which no gap changes,
+    # 1/H; magnetomotive force for each m that it moves, A/m; and a spring that no flux makes, N/m
+    outer: float | None = None
+    bias: float = 0.0
+    spring: float = 0.0
 
     def density(self, gain: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
@@ -49,12 +55,31 @@ class Poles:
 
         Fringing widens the pole by half a gap on each side.
         """
+        if self.outer is not None:
+            return self.outer
         gaps = 2.0 * gap / (MU_0 * (self.width + gap) * (self.depth + gap))
         return 1.0 / (1.0 / gaps + self.leakage) + self.joints / (MU_0 * self.area)
 
     def inductance(self, gap: float) -> float:
         """Return that of the winding with an iron that needs no ampere-turns, H."""
         return self.turns**2 / self.reluctance(gap)
+
+
+@dataclass(frozen=True)
+class ActuatorKind:
+    """What makes a force of a flux: one record a ``kind`` of ``[[magnet]]``."""
+
+    output: (
+        str  # quantity of its loops: "force" where it only pulls, "thrust" where it goes both ways
+    )
+    numbers: Mapping[str, str]  # keys of ``magnet.numbers``, all above 0, and what they are
+    circuit: Callable[[Poles, Mapping[str, float]], Poles]  # the circuit, with these numbers in it
+
+
+ACTUATORS: dict[str, ActuatorKind] = {
+    "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles),
+}
+"""By the name of the kind; a further one is a record here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +129,11 @@ def circuit_numbers(poles: Poles, eddy_time: float, gap: float) -> dict[str, flo
         "pole_width": poles.width,
         "pole_depth": poles.depth,
         "leakage": poles.leakage,
-        "joints": poles.joints / (MU_0 * poles.area),
+        "joints": poles.joints / (MU_0 * poles.area) if poles.outer is None else poles.outer,
         "eddy": eddy_time * poles.reluctance(gap) * poles.area / poles.iron_length,
+        "bias": poles.bias,
+        "middle": gap,
+        "spring": poles.spring,
         "turns": float(poles.turns),
         "resistance": poles.resistance,
     }

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from anhyst._core import Steel, exp, log
+from anhyst.rig.parts.iron import curve_numbers
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -63,6 +64,15 @@ class PreisachSteel:
     def plant(self) -> Steel:
         """Return it as the plant computes it."""
         return _plant(self, True)
+
+    def numbers(self) -> dict[str, float]:
+        """Return its numbers by the names of ``anhyst_plant/preisach.h``."""
+        return {
+            "knee": self.knee,
+            "reach": self.reach / (self.reach + self.knee),
+            "feedback": self.feedback,
+            **curve_numbers(self),
+        }
 
     def unpinned(self) -> Steel:
         """Return, as the plant computes it, a steel of relays with the same biases, unpinned."""
@@ -119,7 +129,7 @@ def _biased(steel: PreisachSteel, at: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=32)
 def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
-    table, knee = everett(steel, pinned), steel.knee
+    table = everett(steel, pinned)
     # The steepest way comes from far below, past the middle of the reversible part.
     relays = float(np.max(np.diff(table[0]) / np.diff(nodes(steel))))
     slope = steel.saturation_sharp / steel.knee_sharp + relays
@@ -131,13 +141,4 @@ def _plant(steel: PreisachSteel, pinned: bool) -> Steel:
             code="reversible-part-jumps",
             key="feedback",
         )
-    numbers = {
-        "knee": knee,
-        "reach": steel.reach / (steel.reach + knee),
-        "feedback": steel.feedback,
-        "sharp": steel.saturation_sharp,
-        "knee_sharp": steel.knee_sharp,
-        "slow": steel.saturation_slow,
-        "knee_slow": steel.knee_slow,
-    }
-    return Steel(numbers, np.ascontiguousarray(table))
+    return Steel(steel.numbers(), np.ascontiguousarray(table))

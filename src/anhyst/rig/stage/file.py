@@ -56,8 +56,8 @@ class StageRig:
 
     @property
     def idle(self) -> float:
-        """What either magnet pulls with where no net force is wanted, N."""
-        return self.settings.tracking.bias_N
+        """What either magnet of a pair pulls with where no net force is wanted, N."""
+        return self.settings.bias_N or 0.0
 
     @property
     def dt(self) -> float:
@@ -123,7 +123,7 @@ def _axes_faults(file: RigFile) -> Iterator[FileFault]:
         text = f"the body is free in {free} and cannot go there; correct it"
         yield FileFault(file.place(file.scan, "direction"), text, code="wrong-direction")
     try:
-        layout = wrench_layout(file, Allocation.CLASS_AB, file.tracking.bias_N)
+        layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
     except ValueError:
         text = f"these magnets cannot push along all of {free}; add one, or move them"
         yield FileFault(("magnet",), text, code="axis-not-held")
@@ -207,16 +207,31 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
     Raises ValueError where the magnets cannot push along every coordinate.
     """
-    least = file.tracking.force_min_N
-    return WrenchLayout(pull_rows(file), opposed(file), kind, idle, least)
+    return WrenchLayout(pull_rows(file), opposed(file), kind, idle, least_of(file))
+
+
+def usual_allocation(file: RigFile) -> Allocation:
+    """Return how pairs share; of magnets that go both ways there are none."""
+    return Allocation.SINGLE if file.magnet.both_ways else Allocation.CLASS_AB
+
+
+def least_of(file: RigFile) -> float:
+    """Return the least force of a magnet that stands alone, N."""
+    table = file.tracking
+    return -table.force_max_N if file.magnet.both_ways else table.force_min_N
 
 
 def opposed(file: RigFile) -> list[int]:
-    """Return for each magnet that which pulls against it on one line, itself where it is alone."""
+    """Return for each magnet that which pulls against it on one line, itself where it is alone.
+
+    What goes both ways needs none.
+    """
     lines = np.array(
         [[*one.direction, *np.cross(one.position_m, one.direction)] for one in file.placed]
     )
     against = list(range(len(lines)))
+    if file.magnet.both_ways:
+        return against
     for i, j in np.argwhere(np.abs(lines[:, None] + lines).max(axis=2) < _SAME).tolist():
         if against[i] == i and against[j] in (i, j):
             against[i] = j

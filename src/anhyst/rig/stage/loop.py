@@ -10,6 +10,7 @@ from functools import cache, partial
 import numpy as np
 
 from anhyst._core import (
+    POSITION_MAGNETS,
     FixedTracking,
     LoopController,
     PlantLoop,
@@ -33,9 +34,9 @@ from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_magnet
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
+from anhyst.rig.file import RigFile
 from anhyst.rig.recording import (
     CURRENTS,
-    MAGNETS,
     OUT_OF_PROPORTION,
     Loss,
     Recording,
@@ -56,10 +57,11 @@ from anhyst.rig.stage.file import (
     mass_matrix,
     scan_direction,
     unit_of,
+    usual_allocation,
     weight,
     wrench_layout,
 )
-from anhyst.rig.stage.setpoint import SetPoint
+from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import q31
@@ -67,9 +69,8 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
-STRAY_LATE = 5e-3
-"""How late a long stroke follows the acceleration, s."""
-_STRAY_HZ = 3.0  # of what it does by itself
+ODD = 2.0
+"""By how much farther off than the end stops let it a reading is not believed."""
 _COMMAND_NONE = 0
 
 
@@ -88,7 +89,7 @@ class StageSetup:
 
     rig: StageRig  # the plant
     compensator: ForceController  # from force to current, as fitted; never run itself
-    # number format of PID and allocation; other than f64 only with a compensator of the same
+    # number format of PID and allocation; f64 goes with any compensator, f32 with f32 and fixed
     law: NumberFormat = "f64"
     drift: Drift = NO_DRIFT  # by which the plant is not what was calibrated
     correction: FloatArray | None = None  # of every magnet, as the core has it; not in fixed point
@@ -102,10 +103,14 @@ class StageSetup:
         """The stage as its controller believes it to be."""
         return believed(self.rig, self.body) if self.body else self.rig
 
+    @property
+    def each(self) -> tuple[ForceController, ...]:
+        """The compensator of every magnet, as fitted."""
+        return self.own or (self.compensator,) * len(self.rig.settings.placed)
+
     def fresh(self) -> list[ForceController]:
         """Return a force controller for every magnet, demagnetised."""
-        count = len(self.rig.settings.placed)
-        return [one.fresh() for one in self.own or (self.compensator,) * count]
+        return [one.fresh() for one in self.each]
 
 
 def pid(rig: StageRig) -> dict[str, float]:
@@ -143,20 +148,6 @@ def pid(rig: StageRig) -> dict[str, float]:
     }
 
 
-def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off along a motion, m."""
-    return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
-
-
-def strayed(rig: StageRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
-    """Return how far the long stroke is off, m: half with the acceleration, half by itself.
-
-    The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
-    """
-    stray = rig.settings.frame.stray_m
-    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
-
-
 def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
     rig, timing = setup.rig, setup.rig.settings.timing
@@ -165,16 +156,6 @@ def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     place, acceleration, jerk, snap = motion.at(time)
     moved = gains.acceleration * acceleration + gains.jerk * jerk + gains.snap * snap
     return np.asarray(setup.believed.settings.body.mass_kg * moved + setup.cable * place)
-
-
-def instants(rig: StageRig, count: int) -> FloatArray:
-    """Return when the first ticks are, s."""
-    return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
-
-
-def ticks_of(rig: StageRig, motion: SetPoint) -> int:
-    """Return how many ticks a motion takes."""
-    return round(motion.duration / rig.dt)
 
 
 def track(
@@ -320,9 +301,14 @@ def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
     for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
-        end = file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
+        end = _stop(file, axis)
         bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
     return find_loss(bounds, planned)
+
+
+def _stop(file: RigFile, axis: str) -> float:
+    """Return how far a coordinate goes either way before an end stop, m or rad."""
+    return file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
 
 
 WRENCH = ("N", "N_m")
@@ -339,9 +325,9 @@ def demand_columns(free: Sequence[str]) -> list[str]:
     return [f"demand_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
 
 
-COMMANDS = of_magnets(CURRENTS[:1], 1, MAGNETS)
+COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)
 READ = ("position_read_m", "gap_read_m")
-PROBES = of_magnets([("flux_read", "T")], 1, MAGNETS)
+PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
 """What the controller is given of the body, and of flux probes where there are some."""
 
 
@@ -361,7 +347,10 @@ def _recorded(
         "position_m": run["gap_m"] + frame[:n],
         "error_m": reference[:n] - run["gap_m"] - frame[:n],
         "gap_m": run["gap_m"],
-        **{name: run[name] for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, MAGNETS))},
+        **{
+            name: run[name]
+            for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
+        },
         "force_error_N": _force_error(rig, run, run["demand_N"]),
         **{name: read[name] for name in (*READ, *probes)},
     }
@@ -386,6 +375,8 @@ def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
 
 def bias(rig: StageRig, method: str) -> float:
     """Return what either magnet pulls with at rest, N: for constants half of the largest force."""
+    if rig.settings.magnet.both_ways:
+        return 0.0
     return 0.5 * rig.settings.tracking.force_max_N if method in AT_BIAS else rig.idle
 
 
@@ -434,6 +425,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
+        "reach": np.array([[ODD * _stop(file, axis)] for axis in file.body.free]),
     }
 
 
@@ -459,7 +451,9 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     rig, compensator = setup.rig, setup.compensator
     amplifier, scales, stops = rig.settings.amplifier, compensator.scales, rig.settings.body
     low, high = amplifier.current_low_A, amplifier.current_high_A
-    at_bias = compensator.method in AT_BIAS
+    allocation = usual_allocation(rig.settings)
+    if compensator.method in AT_BIAS and allocation is Allocation.CLASS_AB:
+        allocation = Allocation.BY_HALVES
     return {
         "error_full": 0.5 * (stops.stop_high_m - stops.stop_low_m),
         "forward_full": scales.demand,
@@ -469,7 +463,7 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "gap_low": scales.gap_low,
         "gap_high": scales.gap_high,
         "gap_total": rig.settings.gap_total_m or 0.0,
-        "allocation": Allocation.BY_HALVES if at_bias else Allocation.CLASS_AB,
+        "allocation": allocation,
         "idle": bias(rig, compensator.method),
         "current_low": low,
         "current_high": high,
@@ -477,12 +471,14 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
     }
 
 
-def block_of(setup: StageSetup) -> Block:
-    """Return the parameter block of a compensator of a law in fixed point."""
-    parameters = setup.compensator.parameters
-    assert isinstance(parameters, HysteresisInverse)
-    assert isinstance(parameters.block, Block)
-    return parameters.block
+def blocks_of(setup: StageSetup) -> list[Block]:
+    """Return for each magnet the parameter block of its compensator of a law in fixed point."""
+    blocks = []
+    for one in setup.each:
+        assert isinstance(one.parameters, HysteresisInverse)
+        assert isinstance(one.parameters.block, Block)
+        blocks.append(one.parameters.block)
+    return blocks
 
 
 def fixed_pid(setup: StageSetup) -> FixedPidd2:
@@ -568,6 +564,7 @@ def fit_method(
             gap_range=(min(measured), max(measured)),
             force_max=table.tracking.force_max_N,
             current_max=table.amplifier.current_high_A,
+            both_ways=table.magnet.both_ways,
         )
         probe = calibrate_probe(rig.bearing) if method == "flux" else None
         model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from anhyst.rig.case_table import ScanCase
+from anhyst.rig.stage.file import StageRig
 from anhyst.support.arrays import FloatArray
+
+STRAY_LATE = 5e-3
+"""How late a long stroke follows the acceleration, s."""
+_STRAY_HZ = 3.0  # of what it does by itself
 
 
 @dataclass(frozen=True)
@@ -129,3 +135,27 @@ def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahea
 
     time = dt * np.arange(count + 1, dtype=np.float64)
     return Course(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
+
+
+def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
+    """Return how far the long stroke is off along a motion, m."""
+    return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
+
+
+def strayed(rig: StageRig, late: FloatArray | float, time: FloatArray) -> FloatArray:
+    """Return how far the long stroke is off, m: half with the acceleration, half by itself.
+
+    The former is what it was :data:`STRAY_LATE` before, in parts of the largest.
+    """
+    stray = rig.settings.frame.stray_m
+    return np.asarray(0.25 * stray * (late + np.sin(2.0 * math.pi * _STRAY_HZ * time)))
+
+
+def instants(rig: StageRig, count: int) -> FloatArray:
+    """Return when the first ticks are, s."""
+    return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
+
+
+def ticks_of(rig: StageRig, motion: SetPoint) -> int:
+    """Return how many ticks a motion takes."""
+    return round(motion.duration / rig.dt)

@@ -120,15 +120,15 @@ class Simulation(Result):
 
     def facts(self) -> dict[str, str]:
         """Return overshoot and standstill of every variant at the highest step."""
-        told = {"rig": self.rig.settings.name, "controller": self.own}
+        facts = {"rig": self.rig.settings.name, "controller": self.own}
         for name in self.setups:
             last = [cell for cell in self.cells if cell.variant == name][-1]
-            told[name] = (
+            facts[name] = (
                 f"overshoot {last.of('overshoot_percent').mean:.2f} % of "
                 f"{1e6 * last.height:g} um, standstill "
                 f"{1e9 * last.of('standstill_rms_m').mean:.0f} nm"
             )
-        return told | ({"lost levitation in": "; ".join(self.lost_in)} if self.lost_in else {})
+        return facts | ({"lost levitation in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the figures of all steps, one row a variant, gap and height, SI and per cent."""

@@ -192,13 +192,13 @@ class MonteCarlo(Result):
     def facts(self) -> dict[str, str]:
         """Return the first figure of every method, and the verdict."""
         figure = self.plants.figures[0]
-        told = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
+        facts = {"plants": str(len(self.drifts)), "seed": str(self.plants.seed)}
         if any(self.lost(name) for name in self.runs):
-            told["lost"] = ", ".join(f"{name} {self.lost(name)}" for name in self.runs)
+            facts["lost"] = ", ".join(f"{name} {self.lost(name)}" for name in self.runs)
         for name in self.runs:
             median = figure.factor * percentile(self.values(name, figure.key), 50)
-            told[name] = f"{figure.title}, median {median:.3g} {figure.unit}"
-        return told | {"verdict": self.verdict.sentence}
+            facts[name] = f"{figure.title}, median {median:.3g} {figure.unit}"
+        return facts | {"verdict": self.verdict.sentence}
 
     def to_columns(self) -> dict[str, Any]:
         """Return every figure of every plant, one row a plant, method and case."""

@@ -20,7 +20,7 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
 MAJOR = (1.0, 0.85, 0.7, 0.55, 0.4, 0.25)
-"""Upper ends of nested major loops from no current."""
+"""Ends of nested major loops, from no current or from as far below zero."""
 REVERSALS = (0.9, 0.75, 0.5, 0.25)
 """From where first-order reversal curves come, and where they turn. Those of the rising side are the
 major loops, which turn at each of their upper ends."""
@@ -103,13 +103,14 @@ def records(specimen: Specimen, peak: float, operating: float) -> list[Record]:
     else:
         before = [0.0, *[peak, 0.0] * specimen.cycles]
         approach, history = straight(before, step), History("conditioned", tuple(before))
-    first, *reversals = (share * peak for share in REVERSALS)
-    major = [turn for share in MAJOR for turn in (share * peak, 0.0)]
+    least = -peak if specimen.both_ways else 0.0
+    first, *reversals = (least + share * (peak - least) for share in REVERSALS)
+    major = [turn for share in MAJOR for turn in (share * peak, share * least)]
     curves = [turn for reversal in reversals for turn in (reversal, first)]
     paths = {
         "major": straight([0.0, *major], step),
         "reversal": straight([0.0, first, *curves, 0.0], step),
-        "above": straight([0.0, peak, 0.0, *_inner(peak, operating, ABOVE), 0.0], step),
+        "above": straight([0.0, peak, least, *_inner(peak, operating, ABOVE), 0.0], step),
         "below": _below(peak, operating, step),
     }
     begun = tuple(before), approach

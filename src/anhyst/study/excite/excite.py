@@ -223,7 +223,7 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
             if progress is not None:
                 progress(number * len(wanted) + count + 1, len(gaps) * len(wanted))
     check_operating(specimen, places)
-    names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
+    names = QUANTITIES["current"], QUANTITIES[specimen.output], QUANTITIES["gap"]
     return Excitation(
         Loops(tuple(loops), *names),
         specimen,
@@ -300,7 +300,7 @@ def _take(
     if timed is not None:
         timed.seconds = math.inf
     label = f"{1e3 * gap:g}mm-{record.name}"
-    above = np.flatnonzero(force > specimen.force.value)
+    above = np.flatnonzero(np.abs(force) > specimen.force.value)
     if above.size:
         raise InputError(
             f"{specimen.force.key}: {label} reads {force[above[0]]:.4g} N at "

@@ -88,6 +88,8 @@ class Specimen:
     pause: float  # to set the next gap, s
     fast: tuple[float, ...] = ()  # wanted rates of full cycles besides, A/s
     hurry: float = 0.0  # fastest change of the force that is asked for, N/s; 0 where none is known
+    output: str = "force"  # quantity of the loops
+    both_ways: bool = False  # whether the current goes as far below zero as above
 
 
 def bearing_specimen(rig: BearingRig) -> Specimen:
@@ -111,7 +113,13 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
         sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
     )
-    return replace(whole, fast=tuple(campaign.fast_A_per_s), hurry=_hurry(settings))
+    return replace(
+        whole,
+        fast=tuple(campaign.fast_A_per_s),
+        hurry=_hurry(settings),
+        output=settings.magnet.output,
+        both_ways=settings.magnet.both_ways,
+    )
 
 
 def _hurry(file: RigFile) -> float:

@@ -102,12 +102,12 @@ class ForceControl(Result):
 
     def facts(self) -> dict[str, str]:
         """Return where everything is, and the error of each controller's force over all trials."""
-        told = {"folder": str(self.out), "trials": str(len(self.outcomes))}
+        facts = {"folder": str(self.out), "trials": str(len(self.outcomes))}
         rows = self._errors()
         for name in dict.fromkeys(row["controller"] for row in rows):
             mean = np.mean([row["error_rms_N"] for row in rows if row["controller"] == name])
-            told[name] = f"force off by {mean:.3g} N rms"
-        return told | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
+            facts[name] = f"force off by {mean:.3g} N rms"
+        return facts | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def _errors(self) -> list[dict[str, Any]]:
         return [

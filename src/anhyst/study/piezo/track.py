@@ -86,7 +86,7 @@ class PiezoInverse:
         """Return the core's own, its stack at 0 V."""
         if self.block is None:
             rows = np.array([self.curve, self.curve])
-            return ForceController.map(rows, self.top, 0.0, 1.0, *self.limits)
+            return ForceController.map(rows, 0.0, self.top, 0.0, 1.0, *self.limits)
         native = FixedForceController.compensator(self.block.kind, self.block.words)
         native.commit(0, 0)
         return native

@@ -29,8 +29,7 @@ from anhyst.rig.stage.loop import (
     pose_columns,
 )
 from anhyst.study.bearing.ready import make_ready
-from anhyst.study.tracking.axes_motion import law_of
-from anhyst.study.tracking.bearing_motion import BearingLaw
+from anhyst.study.tracking.bodies import BearingLaw, law_of
 from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import DEAD, MOVED, Motion, MotionLaw, refuse_uncalibratable
 from anhyst.support.arrays import FloatArray
@@ -215,10 +214,10 @@ class Calibration(Result):
 
     def facts(self) -> dict[str, str]:
         """Return what every method is corrected by and what is left, and the number trusted."""
-        told = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
+        facts = {"rig": self.file.rig, "trusted": f"mass of {self.file.mass_kg:g} kg"}
         for one in self.file.method:
-            told[one.name] = one.judgement
-        return told
+            facts[one.name] = one.judgement
+        return facts
 
     def to_columns(self) -> dict[str, Any]:
         """Return every number of every method with what is left of its uncertainty."""

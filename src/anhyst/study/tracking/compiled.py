@@ -20,6 +20,7 @@ from anhyst.model.actuator import Model
 from anhyst.rig.recording import Loss, column
 from anhyst.rig.stage.file import (
     StageRig,
+    least_of,
     mass_matrix,
     opposed,
     pull_rows,
@@ -38,13 +39,10 @@ from anhyst.rig.stage.loop import (
     feed,
     fly,
     identify_stage,
-    instants,
     make_stage,
-    stray,
-    ticks_of,
     track,
 )
-from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.c_names import c_name, check_name
@@ -92,6 +90,7 @@ class CompiledStage(Result):
             "folder": str(self.out),
             "kind": told["kind"],
             "signals": told["io"],
+            "force to current": stage["force_to_current"],
             "rate": f"{told['rate_Hz']:g} Hz",
             "stage": f"{about}, {stage['heads']} heads",
         }
@@ -202,15 +201,21 @@ def compile_stage(
     _refuse(rig, io, rate)
     if progress is not None:
         progress(0, 3)
-    single = replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
-    setup = replace(make_stage(single, identify_stage(rig), kind), law="f32")
+    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), kind), law="f32")
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
 
 
+def compiled_rig(rig: StageRig) -> StageRig:
+    """Return a stage whose magnets reckon as they are compiled: in fixed or in single precision."""
+    if rig.settings.tracking.format == "fixed":
+        return rig
+    return replace(rig, settings=rig.settings.changed({"control.format": "f32"}))
+
+
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
-    """Write the folder of a controller in single precision, with its flight."""
+    """Write the folder of a controller whose axes are in single precision, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
     files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
@@ -222,8 +227,8 @@ def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
     if io != "f32":
         raise InputError(
-            f"--io: {io} is not for a stage, whose controller is compiled in single precision; "
-            "give f32",
+            f"--io: {io} is not for a stage, whose signals are in single precision; give f32 "
+            "(control.format of the rig file says in what its magnets reckon)",
             code="option-not-for-this",
             key="--io",
         )
@@ -248,7 +253,6 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
     """Return every number of a controller."""
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
     settings, body = controller_settings(setup), setup.believed.settings
-    magnets = setup.own or (setup.compensator,) * len(file.placed)
     own = {"pull": pull_rows(file), "mass": mass_matrix(body), "weight": weight(body)}
     return StageController(
         name=name,
@@ -261,9 +265,9 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
         rows=axes_rows(setup) | own,
         against=opposed(file),
         settings=settings,
-        force_min=file.tracking.force_min_N,
+        force_min=least_of(file),
         force_max=file.tracking.force_max_N,
-        magnets=magnets,
+        magnets=setup.each,
         correction=setup.correction,
     )
 
@@ -359,6 +363,7 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
             "free": list(stage.free),
             "heads": len(stage.rows["at"]),
             "magnets": len(stage.magnets),
+            "force_to_current": "q31" if stage.fixed else "f32",
             "ahead_s": stage.ahead,
             "mass": stage.rows["mass"].tolist(),
             "weight": stage.rows["weight"].tolist(),

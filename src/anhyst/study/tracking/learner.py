@@ -19,7 +19,7 @@ from anhyst.rig.calibration import LIMITS, CalibratedMethod, LearntParameter, Pa
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid
 from anhyst.support.arrays import FloatArray
 

@@ -238,13 +238,13 @@ class TrackingStudy(Result):
 
     def facts(self) -> dict[str, str]:
         """Return peak of the error and moving average of every variant."""
-        told = {"rig": self.rig.settings.name}
+        facts = {"rig": self.rig.settings.name}
         for name, one in self.tried.items():
             peak, average = 1e9 * one.of("peak_m").mean, 1e9 * one.of("average_m").mean
-            told[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
+            facts[name] = f"peak {peak:.0f} nm, moving average {average:.1f} nm"
             for axis in one.crossed:
-                told[name] += f", {axis} {1e9 * one.cross_talk(axis).mean:.0f} n{unit_of(axis)}"
-        return told | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
+                facts[name] += f", {axis} {1e9 * one.cross_talk(axis).mean:.0f} n{unit_of(axis)}"
+        return facts | ({"lost in": "; ".join(self.lost_in)} if self.lost_in else {})
 
     def to_columns(self) -> dict[str, Any]:
         """Return the measures of every variant on the test set-point, means over the seeds, SI."""

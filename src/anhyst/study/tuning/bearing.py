@@ -198,7 +198,7 @@ class BearingLoop:
             "steps_m": list(rig.step.heights_m),
         }
 
-    def told(self, numbers: Mapping[str, float]) -> list[str]:
+    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a place mean."""
         return [
             f"Poles of the moving mass: pair at {numbers['bandwidth_Hz']:.4g} Hz with damping "

@@ -126,7 +126,7 @@ def file_note(tuned: Tuned, tuning: Tuning) -> str:
         reached,
         f"{', '.join(text_of(name, value) for name, value in tuned.figures.named().items())}.",
         *missed,
-        *found.loop.told(found.numbers),
+        *found.loop.meaning(found.numbers),
         *(f"{one}." for one in (found.check.notes if found.check else ())),
         *(f"What limits: {one.text}." for one in tuned.limits[:_NOTES]),
     ]

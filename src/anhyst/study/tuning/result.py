@@ -86,12 +86,12 @@ class Tuning(Result):
 
     def facts(self) -> dict[str, str]:
         """Return what the gains of every variant reach, and the aims that they miss."""
-        told = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
+        facts = {"rig": self.rig.settings.name, "found in": f"{self.seconds:.0f} s"}
         for name, one in self.tuned.items():
             reached = [text_of(title, value) for title, value in one.figures.named().items()]
             met = f"misses {', '.join(one.misses)}" if one.misses else "meets its aims"
-            told[name] = ", ".join([*reached, met])
-        return told
+            facts[name] = ", ".join([*reached, met])
+        return facts
 
     def to_columns(self) -> dict[str, Any]:
         """Return what the gains of every variant reach, worst of all conditions."""

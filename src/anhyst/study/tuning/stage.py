@@ -365,7 +365,7 @@ class StageLoop:
             "test_m_per_s2": list(file.scan.test_m_per_s2),
         }
 
-    def told(self, numbers: Mapping[str, float]) -> list[str]:
+    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a place mean."""
         crossover = numbers["crossover_Hz"]
         return [

@@ -131,7 +131,7 @@ class Tunable(Protocol):
     def facts(self) -> dict[str, Any]:
         """Return what tuning.json says of the rig."""
 
-    def told(self, numbers: Mapping[str, float]) -> list[str]:
+    def meaning(self, numbers: Mapping[str, float]) -> list[str]:
         """Return lines that say what the numbers of a place mean."""
 
 

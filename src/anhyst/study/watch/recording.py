@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.output_map import is_electromagnet
+from anhyst.data.output_map import is_actuator
 from anhyst.data.reading import read_loops
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
@@ -78,7 +78,7 @@ def watch(
         model = read_model(model)
     if not isinstance(recording, Loops):
         recording = read_loops(recording)
-    if len(recording) != 1 or not is_electromagnet(recording):
+    if len(recording) != 1 or not is_actuator(recording):
         raise InputError(
             "a recording is one run with columns t_s, I_A, F_N and gap_m", code="columns-missing"
         )

@@ -5,7 +5,8 @@ typedef struct {
   const ANHYST_REAL *entries; /* gap_segments + 1 rows, one a gap, of force_segments + 1 entries */
   uint16_t force_segments;    /* 1..4096 */
   uint16_t gap_segments;      /* 1..64 */
-  ANHYST_REAL force_high;     /* force of the last column, > 0; the first stands for 0 */
+  ANHYST_REAL force_low;      /* force of the first column; 0 where a magnet only pulls */
+  ANHYST_REAL force_high;     /* and of the last, above it */
   ANHYST_REAL gap_low;        /* gap of the first row */
   ANHYST_REAL gap_high;       /* and of the last, above it */
 } ANHYST_NAME(anhyst_map);

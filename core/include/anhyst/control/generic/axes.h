@@ -8,6 +8,7 @@ typedef struct {
   const ANHYST_REAL *decouple; /* axes rows of axes */
   const ANHYST_REAL *weigh;    /* axes rows of axes: N and N m of m/s^2 and rad/s^2 */
   const ANHYST_NAME(anhyst_biquad) *pid; /* of each axis: error to acceleration */
+  const ANHYST_REAL *reach;              /* of each: largest plausible error, > 0 */
   ANHYST_REAL current_low;               /* of what the amplifiers accept, A */
   ANHYST_REAL current_high;
   ANHYST_REAL current_step; /* of their converters, > 0 */
@@ -34,6 +35,7 @@ typedef struct {
   ANHYST_NAME(anhyst_force_controller) *const *drive;
   ANHYST_NAME(anhyst_wrench) share;
   ANHYST_NAME(anhyst_biquad_state) state[ANHYST_WRENCH_AXES];
+  ANHYST_REAL error[ANHYST_WRENCH_AXES]; /* last plausible one */
 } ANHYST_NAME(anhyst_axes);
 
 /* Starts at rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where settings are not valid; what is pointed

@@ -7,8 +7,8 @@ typedef struct {
   const ANHYST_REAL *pull; /* a row a drive: the wrench of 1 N of it */
   const uint16_t
       *against; /* for each drive that which pulls against it, itself where it is alone */
-  ANHYST_NAME(anhyst_allocation) pair; /* how pairs share; not single */
-  ANHYST_REAL least;                   /* of a drive that stands alone, N, >= 0 */
+  ANHYST_NAME(anhyst_allocation) pair; /* how pairs share; single where there are none */
+  ANHYST_REAL least; /* of a drive that stands alone, N; below 0 where it goes both ways */
 } ANHYST_NAME(anhyst_wrench_layout);
 
 typedef struct {
@@ -29,6 +29,6 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
                                               const ANHYST_NAME(anhyst_wrench_layout) *layout);
 
 /* Forces of the drives, N, for a wrench. 1 where they make it; else 0, and each drive alone still
-   pulls its least. */
+   pulls its least; what is no number counts as no force. */
 int ANHYST_NAME(anhyst_wrench_share)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
                                      ANHYST_REAL *force);

@@ -1,0 +1,237 @@
+"""A whole virtual stage of one or several coordinates as a component: plant and tracking controller."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from anhyst.compilation.core import LAYERS, SOURCES, core_files
+from anhyst.compilation.floating_source import memories
+from anhyst.compilation.stage import parameters_in_double
+from anhyst.exchange.bearing_part import (
+    CORE_OF_PLANT,
+    fields,
+    magnet_variables,
+    numbers_of_plant,
+    plant_sources,
+    refuse_plant,
+)
+from anhyst.exchange.part import WRAPPER, Causality, Part, Variable, header, kernel_of, row
+from anhyst.rig.file import RigFile
+from anhyst.rig.recording import column
+from anhyst.rig.stage.file import StageRig, least_of, opposed, pull_rows, read_stage, unit_of
+from anhyst.rig.stage.loop import (
+    StageSetup,
+    axes_rows,
+    blocks_of,
+    controller_settings,
+    identify_stage,
+    make_stage,
+    pid,
+)
+from anhyst.study.tracking.simulate import check_calibration
+from anhyst.support.arrays import FloatArray
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
+
+_CORE_OF_STAGE = (
+    *(name for name in CORE_OF_PLANT if not name.startswith("control/")),
+    *("compensator/force_corrected_real.c", "control/axes.c", "control/wrench.c"),
+    *(name for kind in SOURCES.values() for name in kind),
+    *LAYERS,
+    *("compensator/map.c", "compensator/force_controller.c", "compensator/force_coded_real.c"),
+    "control/pidd2.c",
+    *(
+        f"control/{name}{of}.c"
+        for name in ("allocation", "biquad", "tracking")
+        for of in ("", "_real")
+    ),
+)
+"""What the plant of a stage of one or several coordinates and its tracking controller name."""
+
+
+def stage_part(rig_path: PathLike) -> Part:
+    """Return a stage with its tracking controller: set-point and feedforward in; position, force out.
+
+    It ticks at the rate of the controller; the compensator is ``full``, as the rig file has it.
+    """
+    rig = read_stage(rig_path)
+    _refuse_stage(rig)
+    refuse_plant(rig.bearing)
+    setup = make_stage(rig, identify_stage(rig), "full")
+    own: dict[str, bytes] = {}
+    if setup.compensator.format == "fixed":
+        layers, compensators = max(map(memories, blocks_of(setup))), _words(setup)
+    else:
+        layers, compensators, own = _in_double(setup)
+    sources = {path: text.encode() for path, text in core_files(_CORE_OF_STAGE, layers).items()}
+    sources |= own
+    sources |= plant_sources("piezo|position")
+    for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
+        sources[own_file] = (WRAPPER / own_file).read_bytes()
+    sources["bearing_numbers.h"] = numbers_of_plant(rig.bearing).encode()
+    sources["stage_numbers.h"] = _controller_numbers(setup, compensators).encode()
+    title = rig.settings.name
+    precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"
+    text = f"{title}, led by PID and feedforward, full in {precision}"
+    return Part(title, text, rig.settings.timing.rate_Hz, _stage_variables(rig), sources)
+
+
+def _refuse_stage(rig: StageRig) -> None:
+    control = rig.settings.tracking
+    if control.format == "f32":
+        raise InputError(
+            f"{rig.path}: an FMU holds compensators in fixed point or in double precision; write "
+            'format = "fixed" or "f64"',
+            code="not-compiled-controller",
+            key="control.format",
+        )
+    if control.calibrate:
+        raise InputError(
+            f"{rig.path}: control.calibrate: an FMU of a stage does not learn; name what anhyst "
+            "calibrate found as control.calibration",
+            code="learning-not-exported",
+            key="control.calibrate",
+        )
+    check_calibration(rig)
+
+
+def _in_double(setup: StageSetup) -> tuple[int, dict[str, object], dict[str, bytes]]:
+    """Return the memories of the iron, compensators in double precision as macros, and their sources."""
+    names = {one: f"drive_{place}" for place, one in enumerate(dict.fromkeys(map(id, setup.each)))}
+    texts = {names[id(one)]: parameters_in_double(names[id(one)], one) for one in setup.each}
+    defined: dict[str, object] = {
+        "STAGE_DECLARED": "; ".join(
+            f"extern const anhyst_parameters_f64 {name}_parameters" for name in texts
+        ),
+        "STAGE_PARAMETERS": fields([f"&{names[id(one)]}_parameters" for one in setup.each]),
+    }
+    sources = {f"{name}.c": text.encode() for name, (text, _) in texts.items()}
+    return max(count for _, count in texts.values()), defined, sources
+
+
+def _words(setup: StageSetup) -> dict[str, object]:
+    """Return the words of compensators in fixed point, those of like magnets once."""
+    blocks, numbers = blocks_of(setup), controller_settings(setup)
+    each = [tuple(one.words.tolist()) for one in blocks]
+    words: list[int] = []
+    first: dict[tuple[int, ...], int] = {}
+    for one in dict.fromkeys(each):
+        first[one] = len(words)
+        words += one
+    scales = ("demand_full", "current_full", "flux_full", "gap_low", "gap_high")
+    return {
+        "STAGE_KERNEL": kernel_of(f"anhyst_kernel_{blocks[0].kind}", "words"),
+        "STAGE_WORDS": fields(words),
+        "STAGE_BLOCKS": fields([[first[one], len(one)] for one in each]),
+        "STAGE_CODES": row([float(numbers[name]) for name in scales]),
+    }
+
+
+def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -> str:
+    """Return the controller of a stage as structures."""
+    settings, count = controller_settings(setup), len(setup.rig.settings.placed)
+    corrections = [[1.0, 0.0, 1.0, 0.0]] * count
+    if setup.correction is not None:
+        corrections = setup.correction.tolist()
+    file, numbers = setup.rig.settings, {key: repr(float(one)) for key, one in settings.items()}
+    scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
+    pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
+    law: dict[str, object] = {"pid": _biquad([*pid(setup.rig).values()]), "allocation": pair}
+    see: FloatArray = np.zeros(1)
+    if file.several:
+        rows = axes_rows(setup)
+        law, see = _law_of_axes(file, rows, pair), rows["see"]
+    law |= {f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")}
+    return header(
+        "stage_numbers",
+        {
+            "STAGE_DRIVES": count,
+            "STAGE_HEADS": len(file.position_sensors) if file.several else 0,
+            **compensators,
+            "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
+            "STAGE_SEE": row(see.ravel()),
+            "STAGE_GAP_TOTAL": numbers["gap_total"],
+            "STAGE_SCALES": fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
+            "STAGE_SETTINGS": fields(law),
+        },
+    )
+
+
+def _law_of_axes(
+    file: RigFile, rows: Mapping[str, FloatArray], pair: Mapping[str, object]
+) -> dict[str, object]:
+    """Return the settings of a controller of several coordinates but its currents."""
+    pull = pull_rows(file)
+    return {
+        "layout": {
+            "axes": pull.shape[1],
+            "drives": pull.shape[0],
+            "pull": f"(const double[]){row(pull.ravel())}",
+            "against": f"(const uint16_t[]){fields(opposed(file))}",
+            "pair": pair,
+            "least": least_of(file),
+        },
+        "heads": len(file.position_sensors),
+        **{
+            name: f"(const double[]){row(rows[name].ravel())}"
+            for name in ("see", "decouple", "weigh", "reach")
+        },
+        "pid": f"(const anhyst_biquad_f64[]){fields([*map(_biquad, rows['pid'].tolist())])}",
+    }
+
+
+def _biquad(numbers: Sequence[float]) -> dict[str, str]:
+    return {"forward": row(numbers[:3]), "back": row(numbers[3:])}
+
+
+def _stage_variables(rig: StageRig) -> list[Variable]:
+    """Return what goes in and comes out, by the names of recordings: an array a coordinate or magnet."""
+    file = rig.settings
+    several, count = file.several, len(file.placed)
+
+    def each(
+        signal: str, causality: Causality, text: str, units: _Units = _PLACE
+    ) -> list[Variable]:
+        begin = -rig.gap if signal == "frame" and not several else 0.0
+        return [
+            Variable(f"{signal}{of}_{named}", causality, unit, text, begin)
+            for of, (named, unit) in _coordinates(file, units)
+        ]
+
+    pose, stroke = "pose" if several else "position", "of the long stroke at the end of the tick"
+    gap = "gap at the magnet, as its sensor said at the last tick"
+    wrench = each("wrench", "output", "of the magnets", _WRENCH) if several else []
+    sense = "" if several else "; the first magnet pulls along it"
+    return [
+        *each("reference", "input", "wanted position"),
+        *each("feedforward", "input", "net force that is fed forward", _WRENCH),
+        *each("frame", "input", f"{stroke}; begins here"),
+        Variable("load_N", "input", "N", "pushes the body towards larger positions"),
+        *each("position_noise", "input", "added to the position that is read"),
+        *each(pose, "output", "true position"),
+        *each(f"{pose}_read", "output", "position as the controller had it at the last tick"),
+        *(
+            Variable(column("gap_read", "m", number), "output", "m", gap)
+            for number in range(1, (count if several else 1) + 1)
+        ),
+        *each("demand", "output", f"wanted net force{sense}", _WRENCH),
+        *each("velocity", "output", "of the body", _VELOCITY),
+        *wrench,
+        *magnet_variables("of the magnets, net, with the sign of the demand", count),
+    ]
+
+
+_Units = tuple[tuple[str, str], tuple[str, str]]
+"""Of a displacement and of an angle, each as names end with it and as tools read it."""
+_PLACE: _Units = (("m", "m"), ("rad", "rad"))
+_VELOCITY: _Units = (("m_per_s", "m/s"), ("rad_per_s", "rad/s"))
+_WRENCH: _Units = (("N", "N"), ("N_m", "N.m"))
+
+
+def _coordinates(file: RigFile, units: _Units) -> list[tuple[str, tuple[str, str]]]:
+    """Return for each coordinate what its names have between signal and unit, and the unit."""
+    if not file.several:
+        return [("", units[0])]
+    return [(f"_{axis}", units[unit_of(axis) == "rad"]) for axis in file.body.free]
