@@ -19,7 +19,7 @@ from anhyst.rig.bearing.drift import changed, draw_plant
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.support.arrays import FloatArray

@@ -24,11 +24,12 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import CalibratedMethod, StageRig, read_stage
+from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.motion import Motion, MotionLaw

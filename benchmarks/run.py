@@ -32,7 +32,7 @@ from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
-           "families", "tracking", "calibration", "planar", "balancing", "solenoids",
+           "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
            "actuators", "fleet")  # fmt: skip
 ALONE = ("search", "solid")

@@ -63,7 +63,7 @@ WORKS = {
     "export": {"model", "bearing", *STAGES},
     "verify": {"compiled"},
     "simulate": RIGS,
-    "calibrate": STAGES,
+    "calibrate": {"bearing", *STAGES},
     "tune": {"bearing", *STAGES},
     "force-control": {"force"},
     "excite": {"bearing", *STAGES, "force"},

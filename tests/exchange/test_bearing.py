@@ -17,8 +17,9 @@ from anhyst.exchange.fmu_file import export_fmu
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.calibration import CENTRE
 from anhyst.rig.recording import Recording, of_magnets
-from anhyst.rig.stage.file import CENTRE, error_columns, read_stage, scan_direction, unit_of
+from anhyst.rig.stage.file import error_columns, read_stage, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
     Feedforward,
     demand_columns,

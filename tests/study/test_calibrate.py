@@ -16,8 +16,9 @@ from scipy.signal import lfilter
 from anhyst import Calibration, InputError, calibrate
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
+from anhyst.rig.calibration import CalibratedMethod, ParameterName
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import CalibratedMethod, ParameterName, calibration_of
+from anhyst.rig.stage.file import calibration_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import explore_stage

@@ -11,8 +11,9 @@ import pytest
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import Drift, changed
+from anhyst.rig.calibration import LearntParameter
 from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import LearntParameter, read_stage
+from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.learner import FORGET_S, RATE, Learner

@@ -176,7 +176,10 @@ def _show(found: Tuning, out: Path) -> None:
 
 def calibrate(
     rig: Annotated[
-        Path, typer.Argument(metavar="RIG", help="Rig file of a stage.", callback=of_its_kind)
+        Path,
+        typer.Argument(
+            metavar="RIG", help="Rig file of a bearing or a stage.", callback=of_its_kind
+        ),
     ],
     recordings: Annotated[
         list[Path], typer.Argument(metavar="RUNS", help="Recordings of its motion.")
@@ -185,17 +188,27 @@ def calibrate(
         Path | None,
         typer.Option("--out", "-o", metavar="FILE", help="Calibration to write, TOML."),
     ] = None,
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Controller file of a bearing; 'controller.toml' beside the rig file if left out.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Learn from the motion of a stage what its magnets are off by.
+    """Learn from the motion of a stage or a bearing what its magnets are off by.
 
-    Mass times acceleration is held against the force that each method expects of the currents. The
-    mass of the rig file is trusted; [spread] says how far the other numbers may be off. Name the
-    file as control.calibration in the rig file, and the next simulate uses it.
+    Mass times acceleration, of a bearing with its load, is held against the force that each method
+    expects of the currents. The mass of the rig file is trusted; [spread] says how far the other
+    numbers may be off. Name the file as control.calibration in the rig file, and the next simulate
+    uses it.
 
     Example: anhyst calibrate examples/stage/rig.toml run.csv --out calibration.toml
+
+    Example: anhyst calibrate examples/bearing/rig.toml run.csv --out calibration.toml
     """
-    found = anhyst.calibrate(rig, recordings, out)
+    found = anhyst.calibrate(rig, recordings, out, controller=controller)
     facts = found.facts()
     for one in found.file.method:
         if one.name == "full" and one.force_N > 0.0 and not one.fits:
@@ -213,6 +226,6 @@ def calibrate(
         show(drawn, *(f"{name}: {text}" for name, text in facts.items()), *written)
     if not found.learnt:
         raise NegativeResult(
-            "nothing was learnt: too little force was asked for, or no law explains the motion",
+            "nothing was learnt: too little motion or force was asked for, or no law explains the motion",
             code="nothing-learnt",
         )

@@ -22,6 +22,7 @@ from anhyst.exchange.part import (
     row,
 )
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.make_setup import compiled_model
 from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers
 from anhyst.rig.parts.iron import CURVE, CellSteel
 from anhyst.rig.parts.magnet import circuit_numbers
@@ -66,7 +67,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
-            ready.knowledge().model,
+            compiled_model(ready.rig, ready.knowledge(), wanted.variant),
             folder,
             kind="full" if wanted.variant == "full" else "simplified",
             io="q31",

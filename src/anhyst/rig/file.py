@@ -183,6 +183,12 @@ class RigFile(Table):
         return control.bias_N if isinstance(control, LevitationTable | TrackingTable) else None
 
     @property
+    def calibration(self) -> str | None:
+        """File of what motion taught of the magnets."""
+        control = self.control
+        return control.calibration if isinstance(control, LevitationTable | TrackingTable) else None
+
+    @property
     def load(self) -> LoadTable:
         """What pulls at the body."""
         return self.given_load or NO_LOAD

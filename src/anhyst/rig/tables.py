@@ -292,6 +292,7 @@ class LevitationTable(Table):
 
     kind: Literal["levitation"]
     bias_N: Positive | None = None  # what each magnet of a pair pulls with without a net force
+    calibration: str | None = None  # file of anhyst calibrate
 
 
 class TrackingTable(Table):

@@ -97,6 +97,7 @@ def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
     else:
         rig, controller = read_files(rig_path, controller_path)
         own = [rig.path, rig.model, rig.flux_table, controller.path, controller.model]
+        own += [rig.calibration]
         files = rig.measured.files
     return [one for one in own if one is not None] + list(files)
 

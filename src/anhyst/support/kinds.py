@@ -59,7 +59,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "export": (FileKind.MODEL, FileKind.BEARING, FileKind.STAGE),
     "verify": (FileKind.COMPILED,),
     "simulate": RIGS,
-    "calibrate": (FileKind.STAGE,),
+    "calibrate": (FileKind.BEARING, FileKind.STAGE),
     "tune": (FileKind.BEARING, FileKind.STAGE),
     "force-control": (FileKind.FORCE,),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),

@@ -252,7 +252,7 @@ def changed(rig: AnyRig, changes: Mapping[str, Any]) -> AnyRig:
 def with_iron(
     rig: BearingRig, reversible_fraction: float | None = None, width: float = 1.0
 ) -> BearingRig:
-    """Return a rig with another iron of the same family."""
+    """Return a rig with another iron of the same family, of which motion taught nothing."""
     if rig.settings.magnet.kind == "law":
         raise InputError(
             f"{rig.path}: magnet.kind: other irons are tried with a magnet that has one; write "
@@ -271,4 +271,9 @@ def with_iron(
                 key="iron.family",
             )
         keys["reversible_fraction"] = reversible_fraction
-    return changed(rig, {f"iron.{key}": value for key, value in keys.items()})
+    return changed(untaught(rig), {f"iron.{key}": value for key, value in keys.items()})
+
+
+def untaught(rig: BearingRig) -> BearingRig:
+    """Return a rig that names nothing that motion taught."""
+    return rig if rig.calibration is None else changed(rig, {"control.calibration": None})

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.calibration import CalibratedMethod, ParameterName, read_calibration
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
@@ -70,6 +72,26 @@ class BearingRig:
         """All that pull the armature; the first one closes the gap."""
         total = self.settings.gap_total_m
         return (PlacedMagnet(),) if total is None else (PlacedMagnet(), PlacedMagnet(total))
+
+    @property
+    def numbers(self) -> tuple[ParameterName, ...]:
+        """All that its motion may teach."""
+        if len(self.magnets) == 1:
+            return ("scale_1", "gap_zero_m", "width", "bias_N")
+        return ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N")
+
+    def learnt(self, method: MethodName) -> CalibratedMethod | None:
+        """Return what the calibration that it names says of a method; None where it says nothing."""
+        file = self.calibration
+        if file is None:
+            return None
+        return read_calibration(file, self.path, self.settings, self.numbers).of(method)
+
+    @property
+    def calibration(self) -> Path | None:
+        """File of what motion taught of its magnets."""
+        named = self.settings.calibration
+        return None if named is None else self.path.parent / named
 
     @property
     def model(self) -> Path | None:

@@ -25,6 +25,7 @@ class Setup:
     rig: BearingRig  # the plant
     controller: ControllerTable  # gains, limits, lift-off
     compensator: ForceController  # from force to current, as fitted; never run itself
+    own: tuple[ForceController, ...] = ()  # of each magnet, where they are not all the same
 
     @property
     def name(self) -> MethodName:
@@ -44,7 +45,8 @@ def make_position(setup: Setup) -> LoopController:
     """Return the controller of a setup, just switched on, with compensators that remember nothing."""
     number_format = setup.compensator.format
     control = position_control(setup)
-    natives = [setup.compensator.fresh().native for _ in setup.rig.magnets]
+    each = setup.own or (setup.compensator,) * len(setup.rig.magnets)
+    natives = [one.fresh().native for one in each]
     controller: LoopController = _CLASSES[number_format](
         control.gains(number_format), natives, dict(control.settings(number_format))
     )

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from anhyst.compensate.flux import FluxCalibration
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import MODELS, make_compensator
+from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
+from anhyst.model.parameters import Parameter
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
+from anhyst.rig.bearing.drift import Drift, drifted_law
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, check_position
 from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
@@ -32,6 +36,8 @@ class IdentifiedMagnet:
 
     loops: Loops  # force over current at several gaps
     model: Model  # identified from them
+    # part by which the loop of a map with one play is wider; that of the model is so already
+    wider: float = 0.0
 
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
@@ -47,18 +53,103 @@ def make_setup(
     variant: MethodName,
     number_format: NumberFormat,
 ) -> Setup:
-    """Fit one variant to what is known and put it behind the controller."""
-    sources = Sources(
-        operating_point(rig, controller, magnet.loops),
-        magnet.loops,
-        magnet.model,
-        calibrate_probe(rig) if variant == "flux" else None,
-    )
-    compensator = make_compensator(variant, sources, number_format)
+    """Fit one variant to what is known, and to what motion taught of it, behind the controller."""
+    magnets = calibrated_magnets(rig, magnet, variant)
+    each = fit_magnets(rig, controller, magnets, variant, number_format)
     chosen = controller.compensation.model_copy(
         update={"variant": variant, "format": number_format}
     )
-    return Setup(rig, controller.model_copy(update={"compensation": chosen}), compensator)
+    behind = controller.model_copy(update={"compensation": chosen})
+    return Setup(rig, behind, each[0], tuple(each) if len(each) > 1 else ())
+
+
+def fit_magnets(
+    rig: BearingRig,
+    controller: ControllerTable,
+    magnets: Sequence[IdentifiedMagnet],
+    variant: MethodName,
+    number_format: NumberFormat,
+) -> list[ForceController]:
+    """Fit one variant to what is known of each magnet."""
+    where = operating_point(rig, controller, *(one.loops for one in magnets))
+    probe = calibrate_probe(rig) if variant == "flux" else None
+    fitted = []
+    for one in magnets:
+        sources = Sources(where, one.loops, one.model, probe)
+        compensator = make_compensator(variant, sources, number_format)
+        if one.wider and isinstance(compensator.parameters, PlayMap):
+            wider = compensator.parameters.widened(one.wider)
+            compensator = replace(compensator, parameters=wider)
+        fitted.append(compensator)
+    return fitted
+
+
+def calibrated_magnets(
+    rig: BearingRig, magnet: IdentifiedMagnet, variant: MethodName
+) -> list[IdentifiedMagnet]:
+    """Return what is known of each magnet by what motion taught of a variant, or of all at once.
+
+    The second magnet's gap is what is left of both: it is read too small by what the first one's is
+    read too large.
+    """
+    found = rig.learnt(variant)
+    if found is None or not found.taken:
+        return [magnet]
+    widths, zero = found.widths(len(rig.magnets)), found.value("gap_zero_m")
+    # one range of gaps for both of a pair
+    over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
+    return [
+        calibrated(magnet, found.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over)
+        for number, wider in enumerate(widths)
+    ]
+
+
+def calibrated(
+    magnet: IdentifiedMagnet,
+    scale: float = 0.0,
+    zero: float = 0.0,
+    wider: float = 0.0,
+    over: float = 0.0,
+) -> IdentifiedMagnet:
+    """Return what is known of a magnet in the currents and gaps of its controller.
+
+    The loops and the model are those that would have been measured there: every format, block and
+    firmware that is made of them is calibrated. Scale and width are parts, the gap zero is in m, as
+    is how far over the gaps that were seen the model is believed.
+    """
+    more, known = 1.0 + scale, magnet.loops
+    loops = [
+        replace(one, input=one.input / more, schedule=one.schedule + zero)
+        for one in known.loops
+        if one.schedule is not None
+    ]
+    model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
+    given, valid = model.parameters, model.valid
+    moved = {"c_H": _times(given["c_H"], more), "in_0": _times(given["in_0"], 1.0 / more)}
+    if valid is not None and valid.schedule is not None:
+        (low, high), (near, far) = valid.input, valid.schedule
+        ends = near + zero - over, far + zero + over
+        valid = replace(valid, input=(low / more, high / more), schedule=ends)
+    nodes = tuple(node + zero for node in model.nodes)
+    model = replace(model, nodes=nodes, parameters={**given, **moved}, valid=valid)
+    return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
+
+
+def _times(value: Parameter, factor: float) -> Parameter:
+    return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
+
+
+def compiled_model(rig: BearingRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
+    """Return the model of which a block is compiled: with what motion taught of it."""
+    magnets = calibrated_magnets(rig, magnet, variant)
+    if len(magnets) > 1:
+        raise InputError(
+            f"{rig.path}: control.calibration: both magnets of a pair share one block, and each was "
+            "calibrated for itself; leave it out",
+            code="calibration-not-compiled",
+            key="control.calibration",
+        )
+    return magnets[0].model
 
 
 def make_setups(
@@ -82,10 +173,10 @@ def make_setups(
     return found
 
 
-def operating_point(rig: BearingRig, controller: ControllerTable, loops: Loops) -> Operating:
-    """Return where a bearing works: each magnet of a pair around its bias."""
+def operating_point(rig: BearingRig, controller: ControllerTable, *loops: Loops) -> Operating:
+    """Return where a bearing works, over all loops: each magnet of a pair around its bias."""
     pair = pair_of(rig)
-    measured = [gap for gap in loops.by_schedule() if gap is not None]
+    measured = [gap for one in loops for gap in one.by_schedule() if gap is not None]
     return Operating(
         gap=rig.settings.gap_m,
         force=rig.load if pair is None else pair.bias_force_N,

@@ -1,26 +1,27 @@
 """A short-stroke stage, from its files: a body between magnets that ride on a long stroke."""
 
-# ruff: noqa: N815 - keys of the file carry units
-
 from __future__ import annotations
 
-import math
-import re
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from anhyst._core import WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults
+from anhyst.rig.calibration import (
+    CENTRE,
+    OF_ONE,
+    CalibratedMethod,
+    CalibrationFile,
+    ParameterName,
+    read_calibration,
+)
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
@@ -33,11 +34,6 @@ from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import (
     FileFault,
-    NotNegative,
-    Number,
-    Positive,
-    Table,
-    read_toml,
 )
 
 _SAME = 1e-9
@@ -95,34 +91,7 @@ class StageRig:
                 key="control.calibration",
             )
         place = self.path.parent / named
-        file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
-        if file.rig != self.settings.name:
-            raise InputError(
-                f"{place}: rig: is that of '{file.rig}', and {self.path} is "
-                f"'{self.settings.name}'; calibrate this one",
-                code="rig-differs",
-                key="rig",
-            )
-        if file.mass_kg != self.settings.body.mass_kg:
-            raise InputError(
-                f"{place}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
-                f"{self.settings.body.mass_kg:g} kg in {self.path}; calibrate again",
-                code="mass-differs",
-                key="mass_kg",
-            )
-        known = {*numbers_of(self.settings)}
-        for one in file.method:
-            names = {number.name for number in one.parameter}
-            kinds = {kind_of(name) for name in names}
-            missing = {name for name in known - names if kind_of(name) in kinds}
-            for name in sorted(names - known) or sorted(missing):
-                raise InputError(
-                    f"{place}: {name}: {self.path} has other magnets or coordinates; calibrate "
-                    "this one",
-                    code="unknown-name",
-                    key=name,
-                )
-        return file
+        return read_calibration(place, self.path, self.settings, numbers_of(self.settings))
 
 
 def read_stage(path: PathLike) -> StageRig:
@@ -269,37 +238,7 @@ def opposed(file: RigFile) -> list[int]:
     return against
 
 
-# What motion taught of the magnets: the file that a rig names, and how a controller uses it.
-
-ParameterName = str
-"""Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` its probe) does
-more than it says. Of one coordinate both magnets together, of several each by its number: ``gap_zero``,
-what the gap reads too much, ``width``, the part by which the loop is wider; of one, ``lag_s`` of the
-flux behind the current. Of the body: ``bias_N``, a force that no magnet makes, ``payload``, the part
-by which it is heavier, ``centre``, by which its centre of mass is off, and ``cable_N_per_m``, the
-stiffness that pulls it back to where a motion begins."""
-CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
-OF_ONE: tuple[ParameterName, ...] = (
-    *("scale_1", "scale_2", "gap_zero_m", "width", "lag_s"),
-    *("bias_N", "payload", "cable_N_per_m"),
-)
-"""All numbers of a stage of one coordinate, in the order of files."""
-LIMITS: Mapping[str, float] = {
-    "scale": 0.3,
-    "gap_zero_m": 1e-4,
-    "width": 0.8,
-    "lag_s": 1e-3,
-    "bias_N": math.inf,
-    "payload": 0.5,
-    "cable_N_per_m": math.inf,
-    **dict.fromkeys(CENTRE, 0.1),
-}
-"""Beyond which no number of a stage is: what is farther off is no calibration."""
-
-
-def kind_of(name: ParameterName) -> str:
-    """Return what a number is, whichever magnet it is of."""
-    return re.sub(r"_\d+", "", name)
+# How a controller uses what motion taught of the magnets.
 
 
 def numbers_of(file: RigFile) -> tuple[ParameterName, ...]:
@@ -320,117 +259,26 @@ def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
     return replace(rig, settings=rig.settings.changed(changes))
 
 
-class LearntParameter(Table):
-    """One number that a method was corrected by."""
+def correction(found: CalibratedMethod, compensator: ForceController, rig: StageRig) -> FloatArray:
+    """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
 
-    name: ParameterName
-    value: Number  # 0: as it was fitted
-    sigma: NotNegative  # standard deviation that is left of it
-    prior: NotNegative  # the one that the rig file states
-    frozen: bool  # nothing moved it
-
-    @model_validator(mode="after")
-    def _within(self) -> Self:
-        if (kind := kind_of(self.name)) not in LIMITS:
-            raise InputError(
-                f"{self.name} is no number of a stage; calibrate again", code="unknown-name"
-            )
-        if abs(self.value) > (most := LIMITS[kind]):
-            raise InputError(
-                f"{self.name} must be within {most:g} of 0; calibrate again",
-                code="beyond-any-calibration",
-            )
-        return self
-
-
-def _once(names: Iterable[str]) -> None:
-    for name, count in Counter(names).items():
-        if count > 1:
-            raise InputError(f"{name} stands {count} times; keep one", code="name-twice")
-
-
-class CalibratedMethod(Table):
-    """What one method is corrected by, and how well the motion then agrees with it."""
-
-    name: MethodName
-    residual_N: NotNegative  # force of the motion less that of the law, root mean square
-    force_N: NotNegative  # of the motion, the same; 0 where it was too small to learn from
-    fits: bool  # whether what is left is of the size that a law of the right kind leaves
-    refused: Annotated[int, Field(ge=0)] = (
-        0  # motions that taught nothing, since the law did not explain them
-    )
-    mass_kg: Positive | None = None  # of the body, with which the law explains the last of these
-    parameter: list[LearntParameter]
-
-    @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        _once(one.name for one in self.parameter)
-        return self
-
-    @property
-    def taken(self) -> bool:
-        """Whether anything corrects the method."""
-        return any(not one.frozen for one in self.parameter)
-
-    @property
-    def judgement(self) -> str:
-        """What is left of the force, and what that means."""
-        if self.force_N == 0.0:
-            left = "too little force was asked for"
-        else:
-            left = f"{self.residual_N:.2g} of {self.force_N:.3g} N not explained"
-            if not self.fits:
-                left += ": more than a law of the right kind leaves"
-        if self.refused and self.taken:
-            left += f"; {self.refused} motions taught nothing, for they were not explained"
-        if self.mass_kg is not None:
-            left += f"; a body of {self.mass_kg:.4g} kg explains it: correct body.mass_kg"
-        return left if self.taken else f"{left}; nothing is taken"
-
-    def value(self, name: ParameterName) -> float:
-        """Return a number of it."""
-        return next((one.value for one in self.parameter if one.name == name), 0.0)
-
-    def widths(self, count: int) -> list[float]:
-        """Return by how much the loop of each magnet is wider."""
-        both = self.value("width")
-        return [self.value(f"width_{number}") or both for number in range(1, count + 1)]
-
-    def correction(self, compensator: ForceController, rig: StageRig) -> FloatArray:
-        """Return the rows of the controller: scale, gap zero, flux density, lead, a magnet each.
-
-        On one axis the second magnet's gap is what is left of both: it is read too small by what the
-        first one's is read too large.
-        """
-        count = range(1, len(rig.settings.placed) + 1)
-        scales = np.array([1.0 + self.value(f"scale_{number}") for number in count])
-        zeros = [self.value(f"gap_zero_{number}_m") for number in count]
-        if not rig.settings.several:
-            zeros = [self.value("gap_zero_m"), -self.value("gap_zero_m")]
-        ones = np.ones(scales.size)
-        rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
-        if self.name == "flux":
-            rows[:, 2] = scales
-        else:
-            rows[:, 0] = scales
-            if lag := self.value("lag_s"):
-                rows[:, 3] = lag / rig.dt * per_root(compensator, rig)
-        return rows
-
-
-class CalibrationFile(Table):
-    """The whole file."""
-
-    format: Literal["anhyst-calibration"]
-    version: Literal[1]
-    rig: str  # name of the rig
-    mass_kg: Positive  # by which forces were measured: their scale is as good as this number
-    method: Annotated[list[CalibratedMethod], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _each_once(self) -> Self:
-        _once(one.name for one in self.method)
-        return self
+    On one axis the second magnet's gap is what is left of both: it is read too small by what the
+    first one's is read too large.
+    """
+    count = range(1, len(rig.settings.placed) + 1)
+    scales = np.array([1.0 + found.value(f"scale_{number}") for number in count])
+    zeros = [found.value(f"gap_zero_{number}_m") for number in count]
+    if not rig.settings.several:
+        zeros = [found.value("gap_zero_m"), -found.value("gap_zero_m")]
+    ones = np.ones(scales.size)
+    rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
+    if found.name == "flux":
+        rows[:, 2] = scales
+    else:
+        rows[:, 0] = scales
+        if lag := found.value("lag_s"):
+            rows[:, 3] = lag / rig.dt * per_root(compensator, rig)
+    return rows
 
 
 def per_root(compensator: ForceController, rig: StageRig) -> float:
@@ -446,5 +294,4 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
 
 def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
     """Return what the file that a rig names says of a method; None where it says nothing."""
-    methods = [] if rig.calibration is None else rig.calibration.method
-    return next((one for one in methods if one.name == method), None)
+    return None if rig.calibration is None else rig.calibration.of(method)

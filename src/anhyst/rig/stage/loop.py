@@ -33,6 +33,7 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_magnet
 from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import (
     CURRENTS,
@@ -46,12 +47,10 @@ from anhyst.rig.recording import (
     of_magnets,
 )
 from anhyst.rig.stage.file import (
-    CENTRE,
-    CalibratedMethod,
-    ParameterName,
     StageRig,
     believed,
     calibration_of,
+    correction,
     decoupling,
     error_columns,
     head_rows,
@@ -545,7 +544,7 @@ def corrected(
         rig,
         each[0],
         drift=drift,
-        correction=found.correction(each[0], rig),
+        correction=correction(found, each[0], rig),
         own=each,
         body={name: found.value(name) for name in ("payload", *CENTRE)},
         cable=found.value("cable_N_per_m"),

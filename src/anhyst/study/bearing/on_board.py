@@ -21,7 +21,7 @@ from anhyst.rig.bearing.board import COLUMNS, BearingPlant, firmware_run
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import parts_of_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, compiled_model, make_setups
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.ready import make_ready, read_files
@@ -191,12 +191,12 @@ def build_firmware(
 ) -> tuple[Setup, Path]:
     """Compile what a rig is simulated with, and build a firmware around it."""
     model = place / "model.toml"
-    if controller.model is None:
-        write_model(knowledge.model, model)
-    else:
-        model = controller.model
     table = controller.settings
     kind = table.compensation.variant
+    if controller.model is None or rig.learnt(kind) is not None:
+        write_model(compiled_model(rig, knowledge, kind), model)
+    else:
+        model = controller.model
     asked = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
     compiled = compile_model(model, place / "c", asked, controller.path)
     setup = make_setups(rig, controller, knowledge, (kind,))[kind]

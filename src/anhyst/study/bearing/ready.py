@@ -56,6 +56,7 @@ def make_ready(
         check_writable(path, reads=reads)
     at = None if rig.settings.magnet.from_loops else find_operating_point(rig)
     check_controller(controller, rig)
+    _check_calibration(rig, controller)
     if rig.flux_table is not None:
         flux_table(rig)
     model = _controller_model(controller, rig)
@@ -72,6 +73,17 @@ def make_ready(
         )
     whole = complete_rig(rig, loops)
     return Ready(whole, controller, loops, model, at or find_operating_point(whole))
+
+
+def _check_calibration(rig: BearingRig, controller: ControllerFile) -> None:
+    own = controller.settings.compensation.variant
+    if rig.calibration is not None and rig.learnt(own) is None:
+        raise InputError(
+            f"{rig.path}: control.calibration: {rig.calibration} says nothing of '{own}', and others "
+            "would be calibrated alone; calibrate again, with all methods",
+            code="method-missing",
+            key="control.calibration",
+        )
 
 
 def _controller_model(controller: ControllerFile, rig: BearingRig) -> Model | None:

@@ -16,7 +16,12 @@ from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, check_plant, make_setups
+from anhyst.rig.bearing.make_setup import (
+    IdentifiedMagnet,
+    calibrated_magnets,
+    check_plant,
+    make_setups,
+)
 from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.recording import Recording
@@ -196,7 +201,7 @@ def explore(
         raise NegativeResult(fault, code="levitation-lost")
     if fault and out is not None:
         (Path(out).parent / FIGURES).unlink(missing_ok=True)  # of another recording
-        _write_recording(out, run.recording, controller, knowledge)
+        _write_recording(out, run.recording, rig, controller, knowledge)
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
@@ -217,17 +222,24 @@ def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike,
 
 def write_simulation(found: Simulation, out: PathLike) -> None:
     """Write recording, identified model and ``figures.json``."""
-    _write_recording(out, found.recording, found.controller, found.knowledge)
+    _write_recording(out, found.recording, found.rig, found.controller, found.knowledge)
     with atomic_writer(Path(out).parent / FIGURES) as stream:
         stream.write(json_text(found.figures))
 
 
 def _write_recording(
-    out: PathLike, recording: Recording, controller: ControllerFile, knowledge: IdentifiedMagnet
+    out: PathLike,
+    recording: Recording,
+    rig: BearingRig,
+    controller: ControllerFile,
+    knowledge: IdentifiedMagnet,
 ) -> None:
     recording.save(out)
     if controller.model is None:
-        write_model(knowledge.model, _model_file(out))
+        magnets = calibrated_magnets(rig, knowledge, controller.settings.compensation.variant)
+        # each of a calibrated pair has one of its own
+        known = knowledge if len(magnets) > 1 else magnets[0]
+        write_model(known.model, _model_file(out))
 
 
 def _model_file(out: PathLike) -> Path:

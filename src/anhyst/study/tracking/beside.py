@@ -14,8 +14,9 @@ from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.protocol import Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
+from anhyst.rig.calibration import ParameterName
 from anhyst.rig.recording import column, peak
-from anhyst.rig.stage.file import ParameterName, StageRig
+from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import COMMANDS, READ, StageSetup
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures

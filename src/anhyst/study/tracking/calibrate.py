@@ -1,21 +1,26 @@
-"""Calibration from recorded motion of a stage: what a recording must hold, and what was found."""
+"""Calibration from recorded motion: what a recording must hold, and what was found."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
+from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.table import read_columns
 from anhyst.model.compilable import has_layers
+from anhyst.rig.bearing.drift import untaught
+from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.calibration import CalibrationFile
 from anhyst.rig.recording import CURRENTS, Recording, of_magnets
-from anhyst.rig.stage.file import CalibrationFile, StageRig, read_stage
+from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import (
     COMMANDS,
     READ,
@@ -23,12 +28,14 @@ from anhyst.rig.stage.loop import (
     identify_stage,
     pose_columns,
 )
-from anhyst.study.tracking.axes_motion import law_of
+from anhyst.study.bearing.ready import make_ready
+from anhyst.study.tracking.bodies import BearingLaw, law_of
 from anhyst.study.tracking.learner import fit
 from anhyst.study.tracking.motion import DEAD, MOVED, Motion, MotionLaw, refuse_uncalibratable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import FileKind, kind_of
 from anhyst.support.result import Result, columns_of
 from anhyst.support.toml_text import toml_value
 from anhyst.support.units import parse_header
@@ -36,18 +43,22 @@ from anhyst.support.units import parse_header
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+BEARING = ("t_s", "reference_m", "gap_read_m")
+"""What is read of a bearing, beside the commands of its magnets and the state of its controller."""
 LEAST = 100
 """Rows of a recording."""
 STILL = 20
 """Ticks over which a speed is taken, to see whether a recording begins at rest."""
 HEAD = """\
-# What motion taught of the magnets of a stage. Written by anhyst calibrate; a rig file names it as
+# What motion taught of the magnets of a rig. Written by anhyst calibrate; a rig file names it as
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
 
 
 def _needed(rig: StageRig) -> list[str]:
     """Return the columns without which nothing is learnt."""
     file = rig.settings
+    if file.kind is FileKind.BEARING:
+        return [*BEARING, *of_magnets(CURRENTS[:1], 1, len(file.magnets)), "state"]
     if not file.several:
         return ["t_s", "demand_N", *READ, *COMMANDS]
     free, read = file.body.free, [("gap_read", "m"), *CURRENTS[:1]]
@@ -55,8 +66,13 @@ def _needed(rig: StageRig) -> list[str]:
     return ["t_s", "demand_N", *of_body, *of_magnets(read, 1, len(file.placed))]
 
 
-def _probes(rig: StageRig) -> tuple[str, ...]:
-    """Return the columns that are needed of flux probes, where there are some."""
+def _beside(rig: StageRig) -> tuple[str, ...]:
+    """Return the columns that help: of flux probes, where there are some; of a bearing its load.
+
+    The live page writes the phase of a controller beside its state.
+    """
+    if rig.settings.kind is FileKind.BEARING:
+        return ("load_N", "phase")
     has = rig.settings.hall_probe is not None
     return of_magnets([("flux_read", "T")], 1, len(rig.settings.placed)) if has else ()
 
@@ -65,7 +81,7 @@ def _read(rig: StageRig, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
     table = read_columns(path)
     columns = {}
-    for name in (*_needed(rig), *_probes(rig)):
+    for name in (*_needed(rig), *_beside(rig)):
         wanted = parse_header(name).quantity
         assert wanted is not None
         values = table.get(wanted.name)
@@ -97,7 +113,7 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
                 code="column-missing",
                 key=name,
             )
-    for name in (*_needed(rig), *_probes(rig)):
+    for name in (*_needed(rig), *_beside(rig)):
         if not np.isfinite(columns.get(name, 0.0)).all():
             raise InputError(
                 f"{where}: {name} holds what is no number; leave out what comes before it",
@@ -107,6 +123,13 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
     _check_ticks(rig, where, columns["t_s"])
     _check_rest(rig, where, columns)
     motion = law.motion(columns)
+    if rig.settings.kind is FileKind.STAGE:
+        _check_sign(rig, where, motion)
+    return motion
+
+
+def _check_sign(rig: StageRig, where: str, motion: Motion) -> None:
+    """Refuse a demand that counts the other way than the body goes."""
     if float(motion.pushed[motion.compared] @ motion.asked[motion.compared]) < 0.0:
         why = (
             "demand_N and the body go the same way: it is positive where the first magnet pulls, "
@@ -119,7 +142,6 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
             code="wrong-sign",
             key="demand_N",
         )
-    return motion
 
 
 def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
@@ -151,6 +173,14 @@ def _check_ticks(rig: StageRig, where: str, time: FloatArray) -> None:
 
 def _check_rest(rig: StageRig, where: str, columns: Mapping[str, FloatArray]) -> None:
     """Refuse a recording that begins in motion: what the iron remembers of before is not known."""
+    if rig.settings.kind is FileKind.BEARING:
+        if columns["command_A"][0] > 0.0:
+            raise InputError(
+                f"{where}: begins while a current flows; begin at rest with demagnetised iron",
+                code="begins-in-motion",
+                key="command_A",
+            )
+        return
     free = rig.settings.body.free if rig.settings.several else []
     read = [name for name in pose_columns(free) if name.endswith("_m")] or ["position_read_m"]
     place = np.column_stack([columns[name] for name in read])
@@ -167,7 +197,7 @@ def _check_rest(rig: StageRig, where: str, columns: Mapping[str, FloatArray]) ->
 
 @dataclass(frozen=True, repr=False)
 class Calibration(Result):
-    """What motion taught of the magnets of a stage.
+    """What motion taught of the magnets of a stage or a bearing.
 
     Parameters
     ----------
@@ -237,24 +267,51 @@ class Calibration(Result):
         return Path(path)
 
 
+def _read_rig(path: PathLike) -> StageRig | BearingRig:
+    return read_bearing(path) if kind_of(path) is FileKind.BEARING else read_stage(path)
+
+
+def _laws(
+    rig: StageRig | BearingRig,
+    controller: ControllerFile | PathLike | None,
+    magnet: IdentifiedMagnet | None,
+) -> tuple[Callable[..., MotionLaw], IdentifiedMagnet]:
+    """Return what makes the law of a method, and what is known of the magnets of a rig."""
+    if isinstance(rig, StageRig):
+        if controller is not None:
+            raise InputError(
+                "controller: a stage has no controller file", code="option-not-for-this"
+            )
+        refuse_uncalibratable(rig)
+        known = magnet or identify_stage(rig)
+        return partial(law_of, rig, known), known
+    if not isinstance(controller, ControllerFile):
+        controller = read_controller(controller or rig.path.parent / "controller.toml")
+    ready = make_ready(untaught(rig), controller)
+    known = magnet or ready.knowledge()
+    return partial(BearingLaw, ready.rig, controller.settings, known), known
+
+
 def calibrate(
-    rig: StageRig | PathLike,
+    rig: StageRig | BearingRig | PathLike,
     recordings: Recording | PathLike | Sequence[Recording | PathLike],
     out: PathLike | None = None,
     *,
     magnet: IdentifiedMagnet | None = None,
     methods: Sequence[MethodName] = (),
+    controller: ControllerFile | PathLike | None = None,
 ) -> Calibration:
-    """Learn from recorded motions of a stage what its magnets are off by.
+    """Learn from recorded motions of a stage or a bearing what its magnets are off by.
 
     Parameters
     ----------
-    rig : StageRig or path-like
-        The stage, or its rig file. Its mass is the scale of all forces, its ``[spread]`` says how
+    rig : StageRig, BearingRig or path-like
+        The stage or bearing, or its rig file. Its mass is the scale of all forces, its ``[spread]`` says how
         far each number may be off.
     recordings : Recording, path-like, or a sequence of them
         Runs from the demagnetised iron, as ``anhyst simulate`` writes them: demanded force,
-        position and gaps as read, commanded currents; flux densities for ``flux``.
+        position and gaps as read, commanded currents; flux densities for ``flux``, the load of a
+        bearing where it changes.
     out : path-like, optional
         File to write, which the rig file names as ``control.calibration``; not written where
         nothing was learnt.
@@ -262,6 +319,8 @@ def calibrate(
         What is known of the magnets; identified from the loops of the rig file if left out.
     methods : sequence of str
         Which to calibrate; all that the recordings suffice for if left out.
+    controller : ControllerFile or path-like, optional
+        Controller file of a bearing; ``controller.toml`` beside the rig file if left out.
 
     Returns
     -------
@@ -272,9 +331,7 @@ def calibrate(
     InputError
         A file cannot be read, or does not fit the rig.
     """
-    stage = rig if isinstance(rig, StageRig) else read_stage(rig)
-    file = stage.settings
-    refuse_uncalibratable(stage)
+    whole = rig if isinstance(rig, StageRig | BearingRig) else _read_rig(rig)
     alone = isinstance(recordings, Recording | str | Path)
     given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
     files = [Path(one) for one in given if not isinstance(one, Recording)]
@@ -285,12 +342,15 @@ def calibrate(
             key="RUNS",
         )
     if out is not None:
-        check_writable(out, [stage.path, *stage.measured.files, *files])
-    known = magnet or identify_stage(stage)
-    motions = [_motion(law_of(stage, known, "full"), one) for one in given]
-    left_out = set() if has_layers(known.model) else {"at-rest"}
-    probes = _probes(stage)
-    if not probes or not all(name in one.read for one in motions for name in probes):
+        check_writable(out, [whole.path, *whole.measured.files, *files])
+    laws, known = _laws(whole, controller, magnet)
+    motions = [_motion(laws("full"), one) for one in given]
+    file, probes = whole.settings, _beside(laws("full").rig)
+    left_out: set[MethodName] = set() if has_layers(known.model) else {"at-rest"}
+    if isinstance(whole, BearingRig):
+        laws = partial(laws, load_known=all("load_N" in one.read for one in motions))
+        left_out.add("flux")
+    elif not probes or not all(name in one.read for one in motions for name in probes):
         left_out.add("flux")
     possible = [name for name in MOVED if name not in left_out]
     for name in methods:
@@ -307,7 +367,7 @@ def calibrate(
             version=1,
             rig=file.name,
             mass_kg=file.body.mass_kg,
-            method=[fit(law_of(stage, known, name), motions) for name in chosen],
+            method=[fit(laws(name), motions) for name in chosen],
         )
     )
     if out is not None and found.learnt:

@@ -15,18 +15,12 @@ import numpy as np
 
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.calibration import LIMITS, CalibratedMethod, LearntParameter, ParameterName, kind_of
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import (
-    LIMITS,
-    CalibratedMethod,
-    LearntParameter,
-    ParameterName,
-    kind_of,
-)
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
-from anhyst.study.tracking.axes_motion import law_of
-from anhyst.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid, prior
+from anhyst.study.tracking.bodies import law_of
+from anhyst.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid
 from anhyst.support.arrays import FloatArray
 
 MOST = 4.0
@@ -69,7 +63,7 @@ class Learner:
 
     def __init__(self, law: MotionLaw, forget_s: float = math.inf) -> None:
         self.law, self.forget_s = law, forget_s
-        self.priors = {name: prior(law.rig, law.method, name) for name in law.names}
+        self.priors = {name: law.prior(name) for name in law.names}
         self.values = dict.fromkeys(law.names, 0.0)  # the estimate
         self.applied = dict(self.values)  # follows it at a bounded rate
         self.noise_N = 0.0  # of the force of the motions, from the noise of the position
@@ -86,10 +80,10 @@ class Learner:
         compared = motion.compared
         if not compared.size:
             return False
-        pushed, self.noise_N = motion.pushed[compared], motion.noise
+        force, self.noise_N = motion.force, motion.noise
         faded = math.exp(-compared.size / (motion.rows * UPDATES_HZ * self.forget_s))
         before, values = math.sqrt(faded) * self._rows, self.values
-        known = GROWN * max(self._moved_and_missed[1], LEFT * rms(pushed))
+        known = GROWN * max(self._moved_and_missed[1], LEFT * force)
         if self.seen and (off := self._missed(motion, values)) > known:
             fresh = self._rows_of(motion, values, exact=True)
             # along one coordinate, every motion shows the same
@@ -104,13 +98,13 @@ class Learner:
         seen = [name for name in self._names if left[name] <= self.law.seen * self.priors[name]]
         values = self._solved(rows, seen)
         missed = self._missed(motion, values)
-        sums = pushed.size * np.array([1.0, rms(pushed) ** 2, missed**2])
+        sums = compared.size * np.array([1.0, force**2, missed**2])
         far = any(
             abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0
             for name in self._names
             if kind_of(name) == "scale"
         )
-        if far or missed > math.hypot(FAULT * rms(pushed), self.noise_N):
+        if far or missed > math.hypot(FAULT * force, self.noise_N):
             self._sums = self._sums if self.seen else sums
             return self._refuse(motion, before, fresh)
         explained = faded * self._sums if self.seen else 0.0
@@ -120,7 +114,7 @@ class Learner:
     def _refuse(self, motion: Motion, before: FloatArray, fresh: FloatArray) -> bool:
         """Take nothing of a motion, and look whether another mass explains it."""
         self.refused += 1
-        pushed, heavy = (one[motion.compared] for one in (motion.pushed, motion.by_body["payload"]))
+        heavy = motion.by_body["payload"][motion.compared]
         held = np.array([*(self.priors[name] for name in self._names), MASS])
         known = np.insert(before, -1, 0.0, axis=1)
         new = np.insert(fresh, -1, heavy / self._trust, axis=1)
@@ -129,7 +123,7 @@ class Learner:
         found = held * np.linalg.lstsq(whole, right)[0]
         missed = self._trust * rms(new[:, -1] - new[:, :-1] @ found)
         heavier = float(found[[name == "payload" for name in self._names] + [True]].sum())
-        explained = missed <= math.hypot(KIND * rms(pushed), self.noise_N)
+        explained = missed <= math.hypot(KIND * motion.force, self.noise_N)
         mass = self.law.rig.settings.body.mass_kg * (1.0 + heavier)
         self.mass_kg = mass if explained and abs(heavier) > LIGHT else None
         return False
@@ -209,7 +203,7 @@ class Learner:
 
     @property
     def _trust(self) -> float:
-        return self.law.trust * self.law.rig.settings.tracking.force_max_N
+        return self.law.trust * self.law.force_max
 
     def _prior(self, names: Sequence[ParameterName]) -> FloatArray:
         """Return rows that hold numbers, in standard deviations of them."""

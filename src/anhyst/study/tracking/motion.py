@@ -20,15 +20,9 @@ from anhyst.compensate.flux_feedback import FluxFeedback
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.stage.file import (
-    CENTRE,
-    OF_ONE,
-    CalibratedMethod,
-    ParameterName,
-    StageRig,
-    kind_of,
-    per_root,
-)
+from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
+from anhyst.rig.recording import rms
+from anhyst.rig.stage.file import StageRig, per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -68,21 +62,6 @@ def refuse_uncalibratable(rig: StageRig) -> None:
         )
 
 
-def prior(rig: StageRig, method: MethodName, name: ParameterName) -> float:
-    """Return the standard deviation that a rig file states for a parameter."""
-    spread = rig.settings.spread
-    return {
-        "scale": 0.01 * (spread.hall_percent if method == "flux" else spread.current_percent),
-        "gap_zero_m": spread.gap_zero_m,
-        "width": 0.01 * spread.pinning_percent,
-        "lag_s": spread.eddy_s,
-        "bias_N": 0.01 * rig.settings.tracking.force_max_N,
-        "payload": 0.01 * spread.payload_percent,
-        "cable_N_per_m": spread.cable_N_per_m,
-        **dict.fromkeys(CENTRE, spread.centre_m),
-    }[kind_of(name)]
-
-
 @dataclass(frozen=True)
 class Motion:
     """What was read while a stage moved, and what its body did."""
@@ -116,6 +95,11 @@ class Motion:
         acceleration = np.zeros(place.size)
         acceleration[1:-1] = np.diff(place, 2) / self.rig.dt**2
         return self.filtered(self.rig.settings.body.mass_kg * acceleration)
+
+    @property
+    def force(self) -> float:
+        """Force of which a law leaves a part, root mean square, N."""
+        return rms(self.pushed[self.compared])
 
     @cached_property
     def by_body(self) -> Mapping[ParameterName, FloatArray]:
@@ -186,6 +170,26 @@ class MotionLaw:
     def moved(self) -> Sequence[ParameterName]:
         """The numbers that a motion may move."""
         return MOVED[self.method]
+
+    @property
+    def force_max(self) -> float:
+        """Largest force that is asked for, N."""
+        return self.rig.settings.tracking.force_max_N
+
+    def prior(self, name: ParameterName) -> float:
+        """Return the standard deviation that the rig file states for a number."""
+        spread = self.rig.settings.spread
+        of_probe = self.method == "flux"
+        return {
+            "scale": 0.01 * (spread.hall_percent if of_probe else spread.current_percent),
+            "gap_zero_m": spread.gap_zero_m,
+            "width": 0.01 * spread.pinning_percent,
+            "lag_s": spread.eddy_s,
+            "bias_N": 0.01 * self.force_max,
+            "payload": 0.01 * spread.payload_percent,
+            "cable_N_per_m": spread.cable_N_per_m,
+            **dict.fromkeys(CENTRE, spread.centre_m),
+        }[kind_of(name)]
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
         """Take a motion as it was read."""

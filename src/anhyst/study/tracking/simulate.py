@@ -17,14 +17,10 @@ from anhyst.compensate.methods import METHODS
 from anhyst.data.writing import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
+from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import (
-    CalibratedMethod,
-    StageRig,
-    read_stage,
-    unit_of,
-)
+from anhyst.rig.stage.file import StageRig, read_stage, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean

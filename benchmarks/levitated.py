@@ -1,0 +1,167 @@
+"""Calibration from motion on bearings that are not what their controller was made for.
+
+Plants, seeds and methods stand here and in examples/bearing; the plants were fixed before the first
+figure. The first one is that of the table: pinning 20 % more, a gap that reads 10 um too much. The
+others are drawn as [spread] says, with everything at once. The rig file says 5 um of the gap zero.
+Each method holds a plant through the steps of the example, is calibrated on that recording, and
+judged with noise of another seed: overshoot of the highest step, and what the force is off by on a
+slow triangle; of the bearing that is as it should be, of the drifted one before, and after; of the
+first plant also with a controller that is told what has drifted.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from anhyst import Calibration, calibrate
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_bearing
+from anhyst.rig.bearing.levitation_run import parts_of_run
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop
+from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
+from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.iron_table import IronEntry, NamedIron
+from anhyst.rig.recording import Recording, rms
+from anhyst.study.bearing.experiments import following
+from anhyst.study.bearing.plants import BearingWork
+from anhyst.study.bearing.ready import Ready, make_ready, read_files
+from anhyst.support.jobs import all_of
+from rows import ROOT, Row
+from tracking import IRONS
+
+RIG = ROOT / "examples" / "bearing" / "rig.toml"
+PLANTS, SEED, NOISES = 6, 30, (1, 2, 3)
+METHODS: tuple[MethodName, ...] = ("full", "play", "single-valued")
+TABLE = Drift(pinning=0.2, gap_offset=10e-6)
+REACH = 1.2
+OTHERS = ("preisach-usual", "preisach-hard", "duhem-usual")
+UNSURE = {"spread.gap_zero_m": 5e-6}
+
+Figures = tuple[float, float]
+"""Overshoot of the highest step, %; force error on the triangle, rms, N."""
+
+
+def judged(setup: Setup, drift: Drift) -> Figures:
+    """Judge one controller on one plant, the mean of the noises."""
+    scenario, begin = following(setup, setup.rig.settings.trajectories[0])
+    found = []
+    for noise in NOISES:
+        steps = BearingWork({setup.name: setup}).run(setup.name, drift, noise)
+        plant = drifted_bearing(setup.rig, drift, noise)
+        run = SimulatedLoop(setup, bearing=plant).run(scenario).part(begin, scenario.ticks)
+        found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
+    overshoot, force = np.mean(found, axis=0).tolist()
+    return overshoot, force
+
+
+def recorded(setup: Setup, drift: Drift) -> Recording:
+    """Lift a plant off and step it up and down."""
+    return SimulatedLoop(setup, bearing=drifted_bearing(setup.rig, drift, 0)).run(
+        parts_of_run(setup)[0]
+    )
+
+
+def tried(ready: Ready, what: tuple[MethodName, Drift]) -> tuple[Calibration, Figures, Figures]:
+    """Return what was learnt of a plant, and how it does before and after."""
+    method, drift = what
+    known, table = ready.knowledge(), ready.controller.settings
+    before = make_setup(ready.rig, table, known, method, "fixed")
+    with tempfile.TemporaryDirectory() as folder:
+        found = calibrate(
+            ready.rig,
+            recorded(before, drift),
+            Path(folder) / "calibration.toml",
+            magnet=known,
+            methods=[method],
+            controller=ready.controller,
+        )
+        own, after = ready.rig, before
+        if found.learnt:
+            own = changed(own, {"control.calibration": "calibration.toml"})
+            own = replace(own, path=Path(folder) / "rig.toml")
+            after = make_setup(own, table, known, method, "fixed")
+    return found, judged(before, drift), judged(after, drift)
+
+
+def told(ready: Ready, before: Setup) -> Setup:
+    """Return the controller that is told by how much the plant of the table has drifted."""
+    known = calibrated(ready.knowledge(), zero=TABLE.gap_offset, wider=TABLE.pinning)
+    table = ready.controller.settings
+    (fitted,) = fit_magnets(ready.rig, table, [known], before.name, "fixed")
+    return replace(before, compensator=fitted)
+
+
+def of_table(
+    found: Calibration, nominal: Figures, before: Figures, after: Figures, best: Figures
+) -> Row:
+    """Return the line of one method and the plant of the table."""
+    (method,) = found.file.method
+    said = "; ".join(
+        f"{what} {nominal[part]:.3g} {unit} as it should be, {before[part]:.3g} drifted, "
+        f"{after[part]:.3g} calibrated, {best[part]:.3g} told the truth"
+        for part, (what, unit) in enumerate((("overshoot", "%"), ("force error", "N")))
+    )
+    numbers = ", ".join(f"{one.name} {one.value:.3g}" for one in method.parameter)
+    return Row(
+        f"bearing, pinning +20 %, gap zero +10 um: {method.name}",
+        f"<= {REACH:g} of the calibrated",
+        f"{said}; {method.judgement}; {numbers}",
+        all(now <= REACH * own for now, own in zip(after, nominal, strict=True)),
+    )
+
+
+def of_drawn(method: MethodName, nominal: Figures, forces: Sequence[tuple[float, float]]) -> Row:
+    """Return the line of one method and all drawn plants."""
+    pairs = ", ".join(f"{before:.3g} -> {after:.3g}" for before, after in forces)
+    return Row(
+        f"bearing, {PLANTS} drawn plants: {method}, force error",
+        "",
+        f"{pairs} N; {nominal[1]:.3g} N as it should be",
+        None,
+    )
+
+
+def of_iron(ready: Ready, name: str, drift: Drift) -> Row:
+    """Return the line of another iron, of which loops were measured and a model identified."""
+    schema: TypeAdapter[NamedIron] = TypeAdapter(IronEntry)
+    families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
+    rig = changed(ready.rig, {"iron": schema.validate_python({"name": "own", **families[name]})})
+    known = identify_magnet(measure_loops(rig))
+    other = replace(ready, rig=rig, loops=known.loops, model=known.model)
+    found, before, after = tried(other, ("full", drift))
+    (method,) = found.file.method
+    return Row(
+        f"bearing of {name}, {'drifted so' if drift == TABLE else 'as it should be'}: full, force "
+        "error",
+        "",
+        f"{before[1]:.3g} -> {after[1]:.3g} N; {method.judgement}",
+        None,
+    )
+
+
+def rows() -> list[Row]:
+    """Calibrate every method on the plant of the table and on drawn ones, and on other irons."""
+    rig, controller = read_files(RIG, None)
+    ready = make_ready(changed(rig, UNSURE), controller)
+    ready = replace(ready, model=ready.knowledge().model)
+    drawn = [draw_plant(ready.rig.settings, SEED, number)[0] for number in range(PLANTS)]
+    every = [(method, drift) for method in METHODS for drift in (TABLE, *drawn)]
+    outcomes = dict(zip(every, all_of(partial(tried, ready), every), strict=True))
+    table, lines = controller.settings, []
+    for method in METHODS:
+        setup = make_setup(ready.rig, table, ready.knowledge(), method, "fixed")
+        nominal = judged(setup, NO_DRIFT)
+        found, before, after = outcomes[method, TABLE]
+        best = judged(told(ready, setup), TABLE)
+        lines.append(of_table(found, nominal, before, after, best))
+        both = [outcomes[method, drift][1:] for drift in drawn]
+        lines.append(of_drawn(method, nominal, [(one[1], other[1]) for one, other in both]))
+    return lines + [of_iron(ready, name, drift) for name in OTHERS for drift in (NO_DRIFT, TABLE)]
