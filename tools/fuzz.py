@@ -35,14 +35,10 @@ MASTERS = ("xcp-1", "xcp-2")
 RATE = 100.0
 """Ticks a second: few, so that a tenth of a second, the heartbeat, is a few ticks of a script."""
 
-RECORDER_VALUES = 96
-"""So few that a script fills the recorder."""
-
 FLAGS = [
     *("-std=c99", "-O2", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
     # Comparisons need not be traced: the harness makes valid frames itself. Twice as fast.
     "-fno-sanitize-coverage=trace-cmp,trace-div,trace-gep",
-    f"-DAPP_RECORDER_VALUES={RECORDER_VALUES}",
 ]
 NAME = "magnet"
 LENGTH_MOST = 160

@@ -84,7 +84,6 @@ static void on_hello(app *a, const uint8_t *p, answer *to)
   info.layout = ANHYST_BLOCK_LAYOUT;
   info.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
   info.capacity = ANHYST_BLOCK_MOST_WORDS;
-  info.recorder = APP_RECORDER_VALUES;
   info.ramp = board->limits->ramp_ms;
   info.model = app_word_in_force(a, ANHYST_WORD_MODEL) |
                ((uint32_t)app_word_in_force(a, ANHYST_WORD_MODEL + 1) << 16);
@@ -205,67 +204,6 @@ static void on_block_read(app *a, const uint8_t *p, answer *to)
   to->length = (uint8_t)(LINK_SIZE_BLOCK_WORDS + 2U * read.words);
 }
 
-static void say_recorder(app *a, answer *to)
-{
-  link_recorder_info info;
-  port_lock();
-  app_recorder_info(&a->recorder, &info);
-  port_unlock();
-  to->type = LINK_TYPE_RECORDER_INFO;
-  to->length = LINK_SIZE_RECORDER_INFO;
-  link_put_recorder_info(to->payload, &info);
-}
-
-static void on_recorder_setup(app *a, const uint8_t *p, answer *to)
-{
-  link_recorder_setup setup;
-  link_get_recorder_setup(&setup, p);
-  port_lock();
-  const uint16_t reason = app_recorder_setup(&a->recorder, &setup);
-  port_unlock();
-  if (reason == LINK_REASON_NONE) {
-    say_recorder(a, to);
-  } else {
-    say_nak(to, LINK_TYPE_RECORDER_SETUP, reason, 0);
-  }
-}
-
-static void on_recorder_query(app *a, const uint8_t *p, answer *to)
-{
-  (void)p;
-  say_recorder(a, to);
-}
-
-/* A recording that is done is not touched by the control task: its values need no lock. */
-static void on_recorder_read(app *a, const uint8_t *p, answer *to)
-{
-  const uint16_t most = (LINK_PAYLOAD_MOST - LINK_SIZE_RECORDER_DATA) / 4;
-  link_recorder_read read;
-  link_get_recorder_read(&read, p);
-  port_lock();
-  const uint16_t state = a->recorder.state;
-  port_unlock();
-  if (state != LINK_RECORDER_DONE) {
-    say_nak(to, LINK_TYPE_RECORDER_READ, LINK_REASON_STATE, state);
-    return;
-  }
-  const link_recorder_data data = {read.offset};
-  uint8_t *at = to->payload + LINK_SIZE_RECORDER_DATA;
-  int there = read.values > 0U && read.values <= most;
-  for (uint16_t i = 0; there && i < read.values; i++, at += 4) {
-    int32_t value = 0;
-    there = app_recorder_value(&a->recorder, read.offset + i, &value);
-    link_put_u32(at, (uint32_t)value);
-  }
-  if (!there) {
-    say_nak(to, LINK_TYPE_RECORDER_READ, LINK_REASON_VALUE, 0);
-    return;
-  }
-  link_put_recorder_data(to->payload, &data);
-  to->type = LINK_TYPE_RECORDER_DATA;
-  to->length = (uint8_t)(LINK_SIZE_RECORDER_DATA + 4U * read.values);
-}
-
 static void on_keep(app *a, const uint8_t *p, answer *to)
 {
   const uint16_t rests = ANHYST_CURRENT_ZERO;
@@ -304,9 +242,6 @@ static const request_kind kinds[] = {
     {LINK_TYPE_BLOCK_BEGIN, LINK_SIZE_BLOCK_BEGIN, on_block_begin},
     {LINK_TYPE_BLOCK_SWAP, LINK_SIZE_BLOCK_SWAP, on_block_swap},
     {LINK_TYPE_BLOCK_READ, LINK_SIZE_BLOCK_READ, on_block_read},
-    {LINK_TYPE_RECORDER_SETUP, LINK_SIZE_RECORDER_SETUP, on_recorder_setup},
-    {LINK_TYPE_RECORDER_QUERY, LINK_SIZE_RECORDER_QUERY, on_recorder_query},
-    {LINK_TYPE_RECORDER_READ, LINK_SIZE_RECORDER_READ, on_recorder_read},
     {LINK_TYPE_KEEP, LINK_SIZE_KEEP, on_keep},
 };
 

@@ -28,11 +28,10 @@ void app_start(app *a, const app_board *board)
   for (uint16_t i = 0; i < (uint16_t)LINK_SIGNAL_COUNT; i++) {
     a->signals[i] = 0;
   }
-  app_recorder_start(&a->recorder);
   app_download_start(&a->download);
 }
 
-static void record(app *a, const port_sample *sample)
+static void keep_signals(app *a, const port_sample *sample)
 {
   const app_control *control = &a->control;
   const anhyst_supervisor *states = app_body_states(control->body);
@@ -40,7 +39,6 @@ static void record(app *a, const port_sample *sample)
   a->signals[LINK_SIGNAL_STATE] = states->state;
   a->signals[LINK_SIGNAL_FLAGS] = control->flags;
   a->signals[LINK_SIGNAL_FAULT] = states->fault;
-  app_recorder_tick(&a->recorder, control->tick, a->signals);
 }
 
 void app_tick(app *a)
@@ -58,7 +56,7 @@ void app_tick(app *a)
   app_control_tick(&a->control, a->board, a->settings, &sample, drive);
   const anhyst_supervisor *states = app_body_states(a->control.body);
   port_drive(drive, states->state + 256U * states->fault);
-  record(a, &sample);
+  keep_signals(a, &sample);
 }
 
 /* What a request is after the ones before it. */

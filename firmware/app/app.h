@@ -16,7 +16,6 @@
 #include "app/board.h"
 #include "app/control.h"
 #include "app/download.h"
-#include "app/recorder.h"
 #include "app/settings.h"
 #include "link/frame.h"
 
@@ -45,7 +44,6 @@ typedef struct {
   int32_t settings[LINK_SETTING_COUNT];
   int32_t signals[LINK_SIGNAL_COUNT]; /* of the last tick */
   app_session session;
-  app_recorder recorder;
   app_download download;
 } app;
 

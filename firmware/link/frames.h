@@ -7,7 +7,7 @@
 
 #include "link/bytes.h"
 
-#define LINK_VERSION 3
+#define LINK_VERSION 4
 #define LINK_PAYLOAD_MOST 240
 #define LINK_PLANT_MAGIC UINT32_C(0x616E6879)
 
@@ -31,10 +31,6 @@ enum {
      of the answer: the generation in force. */
   LINK_TYPE_BLOCK_SWAP = 9,
   LINK_TYPE_BLOCK_READ = 10, /* Asks for words of the block in force. */
-  /* Sets the recorder up and starts it; what it held is forgotten. Mask 0 switches it off. */
-  LINK_TYPE_RECORDER_SETUP = 11,
-  LINK_TYPE_RECORDER_QUERY = 12, /* Asks what the recorder does. */
-  LINK_TYPE_RECORDER_READ = 13, /* Asks for recorded numbers; only when the recorder is done. */
   /* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
      beyond the positions that can be, and by a controller of force. */
   LINK_TYPE_TARGET = 14,
@@ -52,12 +48,9 @@ enum {
   LINK_TYPE_NAK = 132, /* Not done, and nothing changed. */
   LINK_TYPE_SETTING = 133, /* The value of a setting. */
   LINK_TYPE_BLOCK_WORDS = 134, /* Words of the block in force. */
-  LINK_TYPE_RECORDER_INFO = 135, /* What the recorder does. */
-  /* Recorded numbers, record by record, in a record signal by signal. */
-  LINK_TYPE_RECORDER_DATA = 136,
   /* What the command is answered with, then events and samples: each packet behind its length. */
   LINK_TYPE_XCP_PACKETS = 137,
-  LINK_TYPE_COUNT = 25
+  LINK_TYPE_COUNT = 20
 };
 
 /* Why a request was not done (NAK). */
@@ -68,8 +61,7 @@ enum {
   LINK_REASON_LENGTH = 3, /* the payload has the wrong length; detail: the length it had */
   /* number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none */
   LINK_REASON_OLD = 4,
-  /* not in this state; detail: the state (of the recorder, for its requests) */
-  LINK_REASON_STATE = 5,
+  LINK_REASON_STATE = 5, /* not in this state; detail: the state */
   LINK_REASON_VALUE = 6, /* a value out of its range, or no such setting, command or word */
   /* block data without begin or not at the next offset; detail: the next offset */
   LINK_REASON_ORDER = 7,
@@ -91,23 +83,6 @@ enum {
   LINK_BODY_COUNT = 2
 };
 
-/* When the recorder starts. */
-enum {
-  LINK_TRIGGER_NOW = 0, /* at the next tick */
-  LINK_TRIGGER_RISING = 1, /* the signal reaches the level from below */
-  LINK_TRIGGER_FALLING = 2, /* the signal reaches the level from above */
-  LINK_TRIGGER_COUNT = 3
-};
-
-/* What the recorder does. */
-enum {
-  LINK_RECORDER_OFF = 0, /* not set up */
-  LINK_RECORDER_WAITING = 1, /* fills the time before the trigger and waits for it */
-  LINK_RECORDER_RECORDING = 2, /* triggered */
-  LINK_RECORDER_DONE = 3, /* full, can be read */
-  LINK_RECORDER_COUNT = 4
-};
-
 /* Settings. */
 enum {
   /* ticks without a new request until the link counts as lost; the board has a ceiling of its own
@@ -127,7 +102,7 @@ enum {
   LINK_SETTING_COUNT = 10
 };
 
-/* What can be recorded. */
+/* What can be read at every tick. */
 enum {
   LINK_SIGNAL_DEMAND = 0, /* demand in force, q31 of the full-scale force */
   LINK_SIGNAL_FORCE = 1, /* measured force, q30 */
@@ -264,42 +239,6 @@ static inline void link_get_block_read(link_block_read *m, const uint8_t *p)
   m->words = link_get_u16(p + 2);
 }
 
-#define LINK_SIZE_RECORDER_SETUP 16
-/* Sets the recorder up and starts it; what it held is forgotten. Mask 0 switches it off. */
-typedef struct {
-  uint16_t mask; /* signals to record: bit n is signal n */
-  uint16_t signal; /* signal that triggers */
-  uint16_t trigger; /* one of trigger */
-  uint16_t decimation; /* records every n-th tick, 1..65535 */
-  uint16_t before; /* records wanted from before the trigger */
-  uint16_t records; /* records wanted altogether; 0: as many as fit */
-  int32_t level; /* of the trigger */
-} link_recorder_setup;
-static inline void link_get_recorder_setup(link_recorder_setup *m, const uint8_t *p)
-{
-  m->mask = link_get_u16(p + 0);
-  m->signal = link_get_u16(p + 2);
-  m->trigger = link_get_u16(p + 4);
-  m->decimation = link_get_u16(p + 6);
-  m->before = link_get_u16(p + 8);
-  m->records = link_get_u16(p + 10);
-  m->level = link_get_i32(p + 12);
-}
-
-#define LINK_SIZE_RECORDER_QUERY 0
-
-#define LINK_SIZE_RECORDER_READ 6
-/* Asks for recorded numbers; only when the recorder is done. */
-typedef struct {
-  uint32_t offset; /* number of the first value wanted */
-  uint16_t values; /* how many, 1..58 */
-} link_recorder_read;
-static inline void link_get_recorder_read(link_recorder_read *m, const uint8_t *p)
-{
-  m->offset = link_get_u32(p + 0);
-  m->values = link_get_u16(p + 4);
-}
-
 #define LINK_SIZE_TARGET 4
 /* The position to go to and hold, from the next tick on; before lifting, the first one. Refused
    beyond the positions that can be, and by a controller of force. */
@@ -315,7 +254,7 @@ static inline void link_get_target(link_target *m, const uint8_t *p)
 
 #define LINK_SIZE_XCP 0
 
-#define LINK_SIZE_INFO 28
+#define LINK_SIZE_INFO 26
 /* Who the controller is. */
 typedef struct {
   uint16_t version; /* protocol version */
@@ -324,7 +263,6 @@ typedef struct {
   uint16_t layout; /* layout of the parameter blocks */
   uint16_t generation; /* of the block in force */
   uint16_t capacity; /* most words of a parameter block */
-  uint16_t recorder; /* values that the recorder holds */
   uint16_t ramp; /* ms from full current to zero in the safe state */
   uint32_t model; /* first 32 bits of the hash of the model of the block */
   uint32_t rate; /* ticks a second */
@@ -339,12 +277,11 @@ static inline void link_put_info(uint8_t *p, const link_info *m)
   link_put_u16(p + 6, m->layout);
   link_put_u16(p + 8, m->generation);
   link_put_u16(p + 10, m->capacity);
-  link_put_u16(p + 12, m->recorder);
-  link_put_u16(p + 14, m->ramp);
-  link_put_u32(p + 16, m->model);
-  link_put_u32(p + 20, m->rate);
-  link_put_u16(p + 24, m->body);
-  link_put_u16(p + 26, m->magnets);
+  link_put_u16(p + 12, m->ramp);
+  link_put_u32(p + 14, m->model);
+  link_put_u32(p + 18, m->rate);
+  link_put_u16(p + 22, m->body);
+  link_put_u16(p + 24, m->magnets);
 }
 
 #define LINK_SIZE_STATUS 54
@@ -435,36 +372,6 @@ typedef struct {
 static inline void link_put_block_words(uint8_t *p, const link_block_words *m)
 {
   link_put_u16(p + 0, m->offset);
-}
-
-#define LINK_SIZE_RECORDER_INFO 14
-/* What the recorder does. */
-typedef struct {
-  uint16_t recorder; /* one of recorder */
-  uint16_t mask; /* signals recorded, in the order of their numbers */
-  uint16_t records; /* records there are, or will be */
-  uint16_t before; /* number of the record at the trigger, once it is done */
-  uint32_t tick; /* of the record at the trigger, once it is done */
-  uint16_t decimation; /* ticks from record to record */
-} link_recorder_info;
-static inline void link_put_recorder_info(uint8_t *p, const link_recorder_info *m)
-{
-  link_put_u16(p + 0, m->recorder);
-  link_put_u16(p + 2, m->mask);
-  link_put_u16(p + 4, m->records);
-  link_put_u16(p + 6, m->before);
-  link_put_u32(p + 8, m->tick);
-  link_put_u16(p + 12, m->decimation);
-}
-
-#define LINK_SIZE_RECORDER_DATA 4
-/* Recorded numbers, record by record, in a record signal by signal. */
-typedef struct {
-  uint32_t offset; /* number of the first of these values */
-} link_recorder_data;
-static inline void link_put_recorder_data(uint8_t *p, const link_recorder_data *m)
-{
-  link_put_u32(p + 0, m->offset);
 }
 
 #define LINK_SIZE_XCP_PACKETS 0

@@ -275,9 +275,6 @@ static void request(script *s, uint8_t damage)
       LINK_SIZE_BLOCK_DATA + 8,
       LINK_SIZE_BLOCK_SWAP,
       LINK_SIZE_BLOCK_READ,
-      LINK_SIZE_RECORDER_SETUP,
-      LINK_SIZE_RECORDER_QUERY,
-      LINK_SIZE_RECORDER_READ,
   };
   uint8_t payload[LINK_PAYLOAD_MOST];
   const uint8_t type = next8(s);

@@ -18,7 +18,6 @@ PARTS = {
     "settings": "LINK_SETTING_COUNT * sizeof(int32_t)",
     "signals of the last tick": "LINK_SIGNAL_COUNT * sizeof(int32_t)",
     "link: frame": "sizeof(app_session)",
-    "recorder": "sizeof(app_recorder)",
     "two places for parameter blocks": "sizeof(app_download)",
     "slave of XCP": "sizeof(xcp_slave)",
     "line of XCP": "sizeof(xcp_line) - sizeof(xcp_slave)",

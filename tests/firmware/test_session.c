@@ -29,8 +29,8 @@ static void hello_tells_who_answers(void)
   CHECK(link_get_u16(bench.payload + 2) == 0x0102);
   CHECK(link_get_u16(bench.payload + 4) == ANHYST_KIND_SIMPLIFIED);
   CHECK(link_get_u16(bench.payload + 8) == 1); /* generation */
-  CHECK(link_get_u32(bench.payload + 16) == 0x56781234U);
-  CHECK(link_get_u32(bench.payload + 20) == BENCH_RATE);
+  CHECK(link_get_u32(bench.payload + 14) == 0x56781234U);
+  CHECK(link_get_u32(bench.payload + 18) == BENCH_RATE);
 }
 
 static void another_version_is_told_apart(void)
@@ -58,7 +58,7 @@ static void what_is_no_request_is_refused(void)
   CHECK(bench_reason() == LINK_REASON_TYPE);
   CHECK(bench_ask(LINK_TYPE_STATUS, payload, 0) == LINK_TYPE_NAK);
   CHECK(bench_reason() == LINK_REASON_TYPE);
-  for (int type = LINK_TYPE_HELLO; type <= LINK_TYPE_RECORDER_READ; type++) {
+  for (int type = LINK_TYPE_HELLO; type <= LINK_TYPE_BLOCK_READ; type++) {
     CHECK(bench_ask((uint8_t)type, payload, 1) == LINK_TYPE_NAK);
     CHECK(bench_reason() == LINK_REASON_LENGTH && bench_detail() == 1);
   }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Fault, Flag, State
@@ -18,15 +17,9 @@ from anhyst.link.frames import (
     BlockDataRequest,
     BlockSwapRequest,
     Reason,
-    Recorder,
-    RecorderDataAnswer,
-    RecorderReadRequest,
-    RecorderSignal,
     Setting,
-    Trigger,
 )
 from anhyst.link.process import Running, run_host
-from anhyst.link.recorder import When, read_recording, recorder_state, start_recording
 from anhyst.link.status import Status
 from tests.refusals import refused
 
@@ -143,32 +136,6 @@ def test_a_block_that_arrives_incomplete_is_not_put_in_force(controller: Control
     with pytest.raises(Refused):
         controller.request(BlockSwapRequest(3), AckAnswer)
     assert controller.status().generation == 0
-
-
-def test_a_recording_holds_the_ticks_around_its_trigger(
-    board: Running, controller: ControllerLink
-) -> None:
-    run(board, controller)
-    when = When(Trigger.RISING, RecorderSignal.DEMAND, TENTH, before=5)
-    start_recording(controller, [RecorderSignal.DEMAND, RecorderSignal.DRIVE], when, records=100)
-    board.bus.step(20)
-    assert recorder_state(controller) is Recorder.WAITING
-    with refused("recorder-busy: waiting"):
-        read_recording(controller)
-    with refused("refused state: waiting", Refused):
-        controller.request(RecorderReadRequest(0, 1), RecorderDataAnswer)
-    begin = controller.demand(2 * TENTH).tick + 1
-    board.bus.step(100)
-    recording = read_recording(controller)
-    assert recording.ticks[recording.trigger] == begin
-    assert recording.trigger == 5
-    assert np.array_equal(recording.ticks, begin - 5 + np.arange(100))
-    expected = np.where(np.arange(100) < 5, 0, 2 * TENTH)
-    assert np.array_equal(recording.signals[RecorderSignal.DEMAND], expected)
-    plant = board.bus.plant
-    assert isinstance(plant, NoisyPlant)
-    drives = np.array(plant.drives[begin : begin + 90]) * 2.0**31
-    assert np.array_equal(recording.signals[RecorderSignal.DRIVE][5:95], drives)
 
 
 def test_demands_stream_in_order(board: Running, controller: ControllerLink) -> None:

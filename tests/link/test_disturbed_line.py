@@ -12,9 +12,8 @@ import pytest
 from anhyst.control.states import Command, State
 from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink
-from anhyst.link.frames import RecorderSignal, Setting, Trigger
+from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
-from anhyst.link.recorder import When, read_recording, start_recording
 from tests.refusals import refused
 
 from .plant import NoisyPlant
@@ -110,15 +109,9 @@ def test_blocks_settings_and_recordings_arrive_whole(host_firmware: Path) -> Non
             assert controller.read_block() == regenerate(words, generation)
         for value in range(100, 120):
             assert controller.write_setting(Setting.HEARTBEAT_TICKS, value) == value
-        start_recording(
-            controller, [RecorderSignal.DRIVE, RecorderSignal.FORCE], When(Trigger.NOW), records=200
-        )
-        board.bus.step()
         for _ in range(10):
             board.bus.step(30)
             controller.status()
-        recording = read_recording(controller)
-    assert len(recording.signals[RecorderSignal.FORCE]) == 200
     assert sum(line.done.values()) > 10
 
 

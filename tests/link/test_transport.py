@@ -91,7 +91,7 @@ def fake(answer: bytes) -> Iterator[str]:
         thread.join()
 
 
-INFO = InfoAnswer(frames.VERSION + 1, 1, 1, 1, 0, 1024, 0, 20, 0, 4000, 0, 1)
+INFO = InfoAnswer(frames.VERSION + 1, 1, 1, 1, 0, 1024, 20, 0, 4000, 0, 1)
 NAK = NakAnswer(HelloRequest.TYPE, Reason.VERSION, frames.VERSION + 1)
 STATUS = StatusAnswer(2, *[0] * (len(fields(StatusAnswer)) - 1))
 

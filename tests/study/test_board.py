@@ -10,8 +10,7 @@ import pytest
 from anhyst.control.controller_file import write_controller
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
-from anhyst.link.frames import DemandRequest, Reason, RecorderSignal, StatusAnswer, TargetRequest
-from anhyst.link.recorder import read_recording, start_recording
+from anhyst.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.scenario import DROP, Script, land_time
@@ -133,26 +132,6 @@ def test_a_pair_levitates_the_same(tmp_path: Path, measured: bool) -> None:
         assert started.state is State.READY
     assert recorded[:, 4].max() > 0.5
     assert count_differences(simulated, recorded) == 0
-
-
-def test_the_recorder_follows_position_reference_and_phase(running: LevitatingFirmware) -> None:
-    wanted = (
-        RecorderSignal.POSITION,
-        RecorderSignal.REFERENCE,
-        RecorderSignal.PHASE,
-        RecorderSignal.DRIVE,
-    )
-    hover(running)
-    running.aim(GAP - 20e-6)
-    start_recording(running.link, wanted, records=400)
-    running.bus.step(400)
-    found = read_recording(running.link)
-    position, reference, phase, drive = (found.signals[name] for name in wanted)
-    goal = running.plant.position_code(GAP - 20e-6)
-    assert set(phase) == {Phase.HOVER}
-    assert reference[-1] == goal
-    assert abs(int(position[-1]) - goal) < abs(int(position[0]) - goal)
-    assert len(set(drive)) > 10
 
 
 def test_targets_stay_within_the_positions_that_can_be(running: LevitatingFirmware) -> None:

@@ -47,8 +47,8 @@ def link_enums(frames: Entry, signals: Entry) -> list[Entry]:
     settings = {"name": "setting", "doc": "Settings.", "values": signals["setting"]}
     recorded = {
         "name": "signal",
-        "class": "RecorderSignal",  # of Python, where a bench has signals of its own
-        "doc": "What can be recorded.",
+        "class": "LinkSignal",  # of Python, where a bench has signals of its own
+        "doc": "What can be read at every tick.",
         "values": signals["signal"],
     }
     return [*frames["enum"], settings, recorded]

@@ -33,9 +33,6 @@ from anhyst.link.frames import (
     Message,
     NakAnswer,
     Reason,
-    Recorder,
-    RecorderReadRequest,
-    RecorderSetupRequest,
     Setting,
     SettingAnswer,
     SettingReadRequest,
@@ -86,7 +83,7 @@ class Refused(InputError):  # noqa: N818 - an answer
             meaning = f"for reason {nak.reason}"
         self.detail = nak.detail
         if self.reason is Reason.STATE:
-            meaning = f"not {_state(request, nak.detail)}"
+            meaning = f"not in the state {State(nak.detail).name.lower()}"
             if nak.detail == State.IDLE and _begins(request):
                 meaning += "; condition the magnet first, or declare it demagnetised"
         super().__init__(
@@ -353,13 +350,6 @@ def _expect(url: str, request: Message, answer: Message, kind: type[_Answer]) ->
 
 def _begins(request: Message) -> bool:
     return isinstance(request, CommandRequest) and request.command in (Command.RUN, Command.LIFT)
-
-
-def _state(request: Message, detail: int) -> str:
-    """Say in which state the controller was, or its recorder where that was asked."""
-    if isinstance(request, RecorderReadRequest | RecorderSetupRequest):
-        return f"while the recorder is {Recorder(detail).name.lower()}"
-    return f"in the state {State(detail).name.lower()}"
 
 
 def _words(name: str) -> str:

@@ -204,7 +204,7 @@ class FirmwareSizes:
     """Memory of a firmware for a microcontroller, bytes."""
 
     flash: int  # code, constants and what variables start with
-    ram: int  # variables: state, both parameter blocks, recorder, buffers
+    ram: int  # variables: state, both parameter blocks, buffers
     stack: int  # kept for the stack
 
 

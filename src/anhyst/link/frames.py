@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import ClassVar, NamedTuple, Self
 
-VERSION = 3
+VERSION = 4
 PAYLOAD_MOST = 240
 PLANT_MAGIC = 0x616E6879
 
@@ -24,7 +24,7 @@ class Reason(IntEnum):
     LENGTH = 3  # the payload has the wrong length; detail: the length it had
     # number overtaken by newer ones; detail: 1 a request of this number was answered then, 0 none
     OLD = 4
-    STATE = 5  # not in this state; detail: the state (of the recorder, for its requests)
+    STATE = 5  # not in this state; detail: the state
     VALUE = 6  # a value out of its range, or no such setting, command or word
     ORDER = 7  # block data without begin or not at the next offset; detail: the next offset
     CHECKSUM = 8  # the block that arrived is not the one that was announced
@@ -44,23 +44,6 @@ class Body(IntEnum):
     POSITION = 1  # the position of a levitating armature
 
 
-class Trigger(IntEnum):
-    """When the recorder starts."""
-
-    NOW = 0  # at the next tick
-    RISING = 1  # the signal reaches the level from below
-    FALLING = 2  # the signal reaches the level from above
-
-
-class Recorder(IntEnum):
-    """What the recorder does."""
-
-    OFF = 0  # not set up
-    WAITING = 1  # fills the time before the trigger and waits for it
-    RECORDING = 2  # triggered
-    DONE = 3  # full, can be read
-
-
 class Setting(IntEnum):
     """Settings."""
 
@@ -78,8 +61,8 @@ class Setting(IntEnum):
     GAIN_DD = 9  # share of the gain of the second derivative, q30
 
 
-class RecorderSignal(IntEnum):
-    """What can be recorded."""
+class LinkSignal(IntEnum):
+    """What can be read at every tick."""
 
     DEMAND = 0  # demand in force, q31 of the full-scale force
     FORCE = 1  # measured force, q30
@@ -310,47 +293,6 @@ class BlockReadRequest(Message):
 
 
 @dataclass(frozen=True)
-class RecorderSetupRequest(Message):
-    """Sets the recorder up and starts it; what it held is forgotten.
-
-    Mask 0 switches it off.
-    """
-
-    TYPE: ClassVar[int] = 0x0B
-    ANSWER: ClassVar[int] = 0x87
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHi")
-
-    mask: int  # signals to record: bit n is signal n
-    signal: int  # signal that triggers
-    trigger: int  # one of trigger
-    decimation: int  # records every n-th tick, 1..65535
-    before: int  # records wanted from before the trigger
-    records: int  # records wanted altogether; 0: as many as fit
-    level: int  # of the trigger
-
-
-@dataclass(frozen=True)
-class RecorderQueryRequest(Message):
-    """Asks what the recorder does."""
-
-    TYPE: ClassVar[int] = 0x0C
-    ANSWER: ClassVar[int] = 0x87
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<")
-
-
-@dataclass(frozen=True)
-class RecorderReadRequest(Message):
-    """Asks for recorded numbers; only when the recorder is done."""
-
-    TYPE: ClassVar[int] = 0x0D
-    ANSWER: ClassVar[int] = 0x88
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<IH")
-
-    offset: int  # number of the first value wanted
-    values: int  # how many, 1..58
-
-
-@dataclass(frozen=True)
 class TargetRequest(Message):
     """The position to go to and hold, from the next tick on; before lifting, the first one.
 
@@ -398,7 +340,7 @@ class InfoAnswer(Message):
     """Who the controller is."""
 
     TYPE: ClassVar[int] = 0x81
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHHIIHH")
+    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHHHHIIHH")
 
     version: int  # protocol version
     firmware: int  # version of the firmware: 256*major + minor
@@ -406,7 +348,6 @@ class InfoAnswer(Message):
     layout: int  # layout of the parameter blocks
     generation: int  # of the block in force
     capacity: int  # most words of a parameter block
-    recorder: int  # values that the recorder holds
     ramp: int  # ms from full current to zero in the safe state
     model: int  # first 32 bits of the hash of the model of the block
     rate: int  # ticks a second
@@ -488,33 +429,6 @@ class BlockWordsAnswer(Message):
 
 
 @dataclass(frozen=True)
-class RecorderInfoAnswer(Message):
-    """What the recorder does."""
-
-    TYPE: ClassVar[int] = 0x87
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<HHHHIH")
-
-    recorder: int  # one of recorder
-    mask: int  # signals recorded, in the order of their numbers
-    records: int  # records there are, or will be
-    before: int  # number of the record at the trigger, once it is done
-    tick: int  # of the record at the trigger, once it is done
-    decimation: int  # ticks from record to record
-
-
-@dataclass(frozen=True)
-class RecorderDataAnswer(Message):
-    """Recorded numbers, record by record, in a record signal by signal."""
-
-    TYPE: ClassVar[int] = 0x88
-    FIXED: ClassVar[struct.Struct] = struct.Struct("<I")
-    TAIL: ClassVar[str] = "i"
-
-    offset: int  # number of the first of these values
-    values: tuple[int, ...]
-
-
-@dataclass(frozen=True)
 class XcpPacketsAnswer(Message):
     """What the command is answered with, then events and samples: each packet behind its length."""
 
@@ -569,8 +483,6 @@ ANSWERS: dict[int, type[Message]] = {
         NakAnswer,
         SettingAnswer,
         BlockWordsAnswer,
-        RecorderInfoAnswer,
-        RecorderDataAnswer,
         XcpPacketsAnswer,
     )
 }
