@@ -96,7 +96,8 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
     """Return the first magnet of a body; it must be whole."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
-    poles = settings.magnet.poles
+    poles, read, force = settings.magnet.poles, settings.current_sensor, settings.force_sensor
+    pushes = settings.magnet.both_ways
     spare = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     whole = _specimen(
@@ -107,11 +108,17 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         operating=_operating(rig),
         currents=[
             Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
-        ],
-        lowest=max(amplifier.current_low_A, SENSOR * settings.current_sensor.low_A),
+            Bound(SENSOR * read.high_A, "current_sensor.high_A"),
+        ]
+        + [
+            Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
+            Bound(-SENSOR * read.low_A, "current_sensor.low_A"),
+        ][: 2 * pushes],
+        lowest=max(amplifier.current_low_A, SENSOR * read.low_A),
         rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
-        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+        sensor=Bound(SENSOR * force.high_N, "force_sensor.high_N")
+        if not pushes or force.high_N <= -force.low_N
+        else Bound(-SENSOR * force.low_N, "force_sensor.low_N"),
     )
     return replace(
         whole,
