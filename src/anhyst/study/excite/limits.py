@@ -97,7 +97,17 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
     poles, read, force = settings.magnet.poles, settings.current_sensor, settings.force_sensor
-    pushes = settings.magnet.both_ways
+    currents = [
+        Bound(amplifier.current_high_A, "amplifier.current_high_A"),
+        Bound(SENSOR * read.high_A, "current_sensor.high_A"),
+    ]
+    forces = [Bound(SENSOR * force.high_N, "force_sensor.high_N")]
+    if settings.magnet.both_ways:
+        currents += [
+            Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
+            Bound(-SENSOR * read.low_A, "current_sensor.low_A"),
+        ]
+        forces.append(Bound(-SENSOR * force.low_N, "force_sensor.low_N"))
     spare = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     whole = _specimen(
@@ -106,19 +116,10 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         excite,
         campaign,
         operating=_operating(rig),
-        currents=[
-            Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-            Bound(SENSOR * read.high_A, "current_sensor.high_A"),
-        ]
-        + [
-            Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
-            Bound(-SENSOR * read.low_A, "current_sensor.low_A"),
-        ][: 2 * pushes],
+        currents=currents,
         lowest=max(amplifier.current_low_A, SENSOR * read.low_A),
         rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
-        sensor=Bound(SENSOR * force.high_N, "force_sensor.high_N")
-        if not pushes or force.high_N <= -force.low_N
-        else Bound(-SENSOR * force.low_N, "force_sensor.low_N"),
+        sensor=min(forces, key=lambda one: one.value),
     )
     return replace(
         whole,
