@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ import pytest
 import anhyst
 from anhyst.control.states import Phase, State
 from anhyst.exchange import stage_part
+from anhyst.exchange.description import model_description
 from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.part import Part
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.scenario import Scenario, Script
@@ -401,6 +404,12 @@ def test_what_an_fmu_of_a_stage_cannot_hold_is_refused(
     with refused(said):
         export_fmu(tmp_path / "rig.toml", tmp_path / "s.fmu", platforms=[HERE])
     assert not (tmp_path / "s.fmu").exists()
+
+
+def test_a_name_may_hold_what_no_xml_holds() -> None:
+    part = Part("a\x07<b>", "of a\x00", 1e4, [], {})
+    about = ElementTree.fromstring(model_description("3.0", part, "token", []))
+    assert (about.get("modelName"), about.get("description")) == ("a?<b>", "of a?")
 
 
 def test_options_of_a_model_are_refused_for_a_stage(tmp_path: Path) -> None:

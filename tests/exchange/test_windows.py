@@ -11,12 +11,15 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange.fmu_file import Of, compile_all
+from anhyst.exchange import stage_part
+from anhyst.exchange.fmu_file import Of, compile_all, export_fmu
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import RATE, fmpy, needs_binary, slave
 from tests.exchange.test_actuator import drives, gaps, magnet
+from tests.exchange.test_bearing import PLANAR
 from tests.exchange.test_fmu import GAP, demands
+from tests.study import bearings
 
 pytestmark = [
     needs_binary,
@@ -64,3 +67,13 @@ def test_the_library_for_windows_gives_the_same_bits(
         expected = [row[0] for row in made.run(inputs, [output], step)]
     assert list(map(float, done.stdout.split())) == expected
     assert np.ptp(expected) > 1.0
+
+
+@pytest.mark.slow
+def test_a_stage_of_ten_magnets_is_linked_for_windows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stage_part, "identify_stage", lambda _: bearings.knowledge())
+    fmu = export_fmu(PLANAR, tmp_path / "p.fmu", platforms=[WINDOWS])
+    with zipfile.ZipFile(fmu) as archive:
+        assert archive.read("binaries/win64/anhyst.dll")[:2] == b"MZ"

@@ -15,6 +15,7 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
 from anhyst.rig.stage.file import least_of, opposed, read_stage
+from anhyst.study.excite.limits import Bound, bearing_specimen
 from anhyst.support.kinds import RIGS
 from anhyst.support.toml_text import toml_key, toml_value
 from tests.refusals import refused
@@ -339,6 +340,7 @@ def test_a_rig_of_what_goes_both_ways_has_no_pairs_and_no_least_force(
             {"numbers": {"inductance_H": -1.0}},
             "greater-than magnet[1].numbers.inductance_H",
         ),
+        ("magnet", 0, {"numbers": {"inductance_H": 1e300}}, "no-circuit magnet[1]"),
         ("magnet", 3, {"gap_m": 0.5e-3}, "option-differs magnet[4].gap_m"),
         ("body", 0, {"free": ["x"]}, "not-for-this-kind"),
     ],
@@ -350,6 +352,23 @@ def test_what_such_a_rig_cannot_have_is_refused(
     table.update(values)
     with refused(what):
         read(tmp_path, pushing)
+
+
+def test_loops_and_instruments_of_what_goes_both_ways_go_both_ways(
+    pushing: Content, tmp_path: Path
+) -> None:
+    pushing["sensor"][1] |= {"low_A": -2.0, "high_A": 5.0}
+    pushing["sensor"][2]["low_N"] = -10.0
+    pushing["amplifier"][0]["current_low_A"] = -1.5
+    pushing["measurement"]["records"] = [{"name": "major", "turns": [0.0, 0.2]}]
+    (tmp_path / "loops.csv").write_text((EXAMPLES / "planar" / "loops.csv").read_text("utf-8"))
+    read(tmp_path, pushing)
+    rig = read_stage(tmp_path / "rig.toml")
+    specimen = bearing_specimen(rig.bearing)
+    assert specimen.current == Bound(1.5, "amplifier.current_low_A")
+    assert specimen.force == Bound(9.5, "force_sensor.low_N")
+    with refused("columns-missing"):
+        rig.measured.read()
 
 
 def test_turning_points_are_those_of_the_amplifier(tmp_path: Path) -> None:

@@ -220,6 +220,14 @@ def test_a_recording_without_what_is_needed_is_refused() -> None:
         taught(run.part(len(run) - 200, len(run)))
 
 
+def test_a_reading_beyond_all_numbers_is_refused() -> None:
+    run = bearings.run(setup(), bearings.lifted(setup()).hold(0.001).build())
+    for name, value in (("gap_read_m", 1e300), ("load_N", -1e300), ("state", np.nan)):
+        wrong = np.where(np.arange(len(run)) == len(run) // 2, value, run[name])
+        with pytest.raises(InputError, match=f"{name} holds what is no number"):
+            taught(Recording({**run.columns, name: wrong}))
+
+
 def naming(folder: Path) -> Path:
     """The example's rig file, which names a calibration beside it."""
     place, kind = bearings.copy_known(folder), 'kind = "levitation"'

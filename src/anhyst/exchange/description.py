@@ -39,9 +39,9 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         "fmiModelDescription",
         {
             "fmiVersion": version,
-            "modelName": part.name,
+            "modelName": _printable(part.name),
             "guid" if second else "instantiationToken": token,
-            "description": part.text,
+            "description": _printable(part.text),
             "generationTool": f"anhyst {running_version()}",
             "variableNamingConvention": "flat",
         },
@@ -72,6 +72,11 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
     else:
         _variables_3(root, part.variables)
     return _text(root)
+
+
+def _printable(text: str) -> str:
+    """Return a text without the characters that no XML holds."""
+    return "".join(one if one.isprintable() else "?" for one in text)
 
 
 def build_description(sources: Sequence[str]) -> bytes:

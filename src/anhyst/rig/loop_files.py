@@ -20,6 +20,7 @@ from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import FileFault
+from anhyst.support.units import QUANTITIES
 
 _FILES = ("loops", "files")
 
@@ -30,6 +31,7 @@ class Measured:
 
     rig: Path  # the rig file
     options: LoopsTable  # what it says of them
+    output: str = "force"  # quantity that its magnets make
 
     @property
     def places(self) -> tuple[Path, ...]:
@@ -60,9 +62,11 @@ class Measured:
         if not self.files:
             raise InputError(f"{self.text}: no loops", code="no-loops")
         loops = self.options.reading(self.rig.parent).read(self.places)
-        if not is_actuator(loops) or loops.schedule is None:
+        if not is_actuator(loops) or loops.schedule is None or loops.output.name != self.output:
+            column = f"{QUANTITIES[self.output].symbol}_N"
             raise InputError(
-                f"{self.text}: a rig needs columns I_A, F_N and gap_m", code="columns-missing"
+                f"{self.text}: this rig needs columns I_A, {column} and gap_m",
+                code="columns-missing",
             )
         return loops
 

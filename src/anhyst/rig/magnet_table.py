@@ -122,7 +122,22 @@ class MagnetTable(Table):
                 )
         if self.solid_iron is not None and self.solid_iron.length > (self.iron_length_m or 0.0):
             raise InputError("solid.path_m is longer than iron_length_m; lower it", code="too-long")
+        if not self._has_circuit():
+            text = f'numbers make no circuit of a magnet of kind "{self.kind}"; correct them'
+            raise InputError(text, code="no-circuit")
         return self
+
+    def _has_circuit(self) -> bool:
+        """Whether its kind makes a circuit of its numbers, with a bias where it goes both ways."""
+        try:
+            poles = self.poles
+        except ArithmeticError:
+            return False
+        if poles.outer is None:
+            return not self.both_ways
+        late = poles.turns**2 / poles.outer / poles.resistance if poles.outer > 0.0 else math.inf
+        known = math.isfinite(poles.bias) and math.isfinite(poles.spring)
+        return known and 0.0 < late <= SLOWEST_S and self.both_ways == (poles.bias != 0.0)
 
     def _check_numbers(self) -> None:
         known = {} if self.kind == LAW else ACTUATORS[self.kind].numbers
@@ -176,6 +191,8 @@ class MagnetTable(Table):
         return poles if self.kind == LAW else ACTUATORS[self.kind].circuit(poles, self.numbers)
 
 
+SLOWEST_S = 1e3
+"""Inductance over resistance of a winding, beyond which nothing moves."""
 _GEOMETRY = ("pole_width_m", "pole_depth_m", "leakage_H", "iron_length_m")
 
 

@@ -12,9 +12,9 @@
    mass of one and no axis pushes another. The PIDs are filters of second order, as in
    tracking_real.h. What is applied is committed to the force controllers at once.
 
-   Where an error is beyond its reach, or no number, the last plausible errors of all axes count and
-   ANHYST_SAMPLE_IMPLAUSIBLE is set: so a wrong reading winds up no integral. How many of these are
-   too many is the caller's to judge.
+   Where an error is beyond its reach, or no number, no PID of any axis moves: what the last
+   plausible errors asked for is held, and ANHYST_SAMPLE_IMPLAUSIBLE is set. So wrong readings wind
+   up no integral, however long they last; how many are too many is the caller's to judge.
 
    Single precision resolves a nanometre over 8 mm only. There heads and target are to be counted
    from a pose near the target, best from the target itself: integers or doubles are subtracted

@@ -74,14 +74,11 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
     error[k] = sample->target[k] - error[k];
     plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
+  ANHYST_NAME(multiply)(settings->decouple, axes, axes, error, apart);
   for (k = 0; plausible && k < axes; k++) {
-    c->error[k] = error[k];
+    c->asked[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
   }
-  ANHYST_NAME(multiply)(settings->decouple, axes, axes, c->error, apart);
-  for (k = 0; k < axes; k++) {
-    apart[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
-  }
-  ANHYST_NAME(multiply)(settings->weigh, axes, axes, apart, wrench);
+  ANHYST_NAME(multiply)(settings->weigh, axes, axes, c->asked, wrench);
   for (k = 0; k < axes; k++) {
     wrench[k] += sample->forward[k];
   }

@@ -54,13 +54,13 @@ static const char *tick(const void *tables, void *state, double *values, double 
                                       &nothing,        &command,      NULL};
   const anhyst_loop_controller controller = {&now->controller.position,
                                              anhyst_bearing_controller_tick};
-  double record[RECORDED];
+  const double *record;
   (void)tables;
   (void)seconds;
   if (!(values[COMMAND] >= 0.0 && values[COMMAND] <= 6.0)) {
     return "a command is a number from 0 to 6";
   }
-  run_plant(&now->plant, controller, &events, record);
+  record = run_plant(&now->plant, controller, &events);
   now->command = values[COMMAND];
   values[REFERENCE] = *recorded(record, ANHYST_LOOP_REFERENCE);
   values[GAP_READ] = *recorded(record, ANHYST_LOOP_GAP_READ);

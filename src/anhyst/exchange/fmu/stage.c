@@ -88,7 +88,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   const anhyst_plant_events events = {values + REFERENCE, values + LOAD, values + NOISE, forward,
                                       &command,           frame};
   const anhyst_loop_controller controller = {now->controller, anhyst_stage_controller_tick};
-  double record[RECORDED];
+  const double *record;
   double sum = 0.0;
   int i;
   (void)tables;
@@ -100,7 +100,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
        the other sign. */
     forward[i] = STAGE_HEADS > 0 ? values[FORWARD + i] : -values[FORWARD + i];
   }
-  run_plant(&now->plant, controller, &events, record);
+  record = run_plant(&now->plant, controller, &events);
   for (i = 0; i < AXES; i++) {
     values[POSITION_READ + i] = position_read(record, values, frame, i);
     values[DEMAND + i] = recorded(record, ANHYST_LOOP_DEMAND)[i];

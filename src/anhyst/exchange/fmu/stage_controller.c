@@ -114,6 +114,12 @@ typedef struct {
   force_of force[STAGE_DRIVES];
   anhyst_corrected_f64 corrected[STAGE_DRIVES];
   law_of law;
+  /* Made again at every tick. */
+  anhyst_force_controller_f64 behind[STAGE_DRIVES];
+#ifdef STAGE_WORDS
+  anhyst_coded_f64 coded[STAGE_DRIVES];
+  anhyst_force_controller_f64 in_si[STAGE_DRIVES];
+#endif
 } controller_of;
 
 typedef char it_fits[sizeof(controller_of) <= sizeof(anhyst_stage_controller) ? 1 : -1];
@@ -137,28 +143,26 @@ void anhyst_stage_controller_tick(void *self, const anhyst_loop_sample *sample,
 {
   controller_of *now = (controller_of *)self;
 #ifdef STAGE_WORDS
-  anhyst_coded_f64 coded[STAGE_DRIVES];
-  anhyst_force_controller_f64 in_si[STAGE_DRIVES];
+  anhyst_force_controller_f64 *in_si = now->in_si;
 #else
   anhyst_force_controller_f64 *in_si = now->force;
 #endif
-  anhyst_force_controller_f64 behind[STAGE_DRIVES];
   anhyst_force_controller_f64 *drive[STAGE_DRIVES];
   int i;
   for (i = 0; i < STAGE_DRIVES; i++) {
     const double root = now->corrected[i].root;
     const double before = now->corrected[i].before;
 #ifdef STAGE_WORDS
-    relink_force(&now->force[i], i, &coded[i], &in_si[i]);
+    relink_force(&now->force[i], i, &now->coded[i], &in_si[i]);
 #else
     now->force[i].method = &anhyst_force_by_compensator_f64;
     now->force[i].compensator.parameters = parameters[i];
 #endif
-    (void)anhyst_force_controller_init_corrected_f64(&behind[i], &now->corrected[i],
+    (void)anhyst_force_controller_init_corrected_f64(&now->behind[i], &now->corrected[i],
                                                      &corrections[i], &in_si[i]);
     now->corrected[i].root = root;
     now->corrected[i].before = before;
-    drive[i] = &behind[i];
+    drive[i] = &now->behind[i];
   }
   run_law(&now->law, drive, sample, answer);
 }

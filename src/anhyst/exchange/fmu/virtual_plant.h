@@ -17,6 +17,9 @@ typedef struct {
   anhyst_plant_head_state head[BEARING_HEADS];
   anhyst_plant_current_loop current_loop[BEARING_MAGNETS];
   uint64_t ticks;
+  /* Of one tick. Here, since a frame of the stack of more than a page needs a run-time library. */
+  double room[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
+  double record[RECORDED];
 } virtual_plant;
 
 static int build(void *tables)
@@ -52,14 +55,15 @@ static int start_plant(virtual_plant *now)
   return started;
 }
 
-/* One tick; record has room for a row. */
-static void run_plant(virtual_plant *now, anhyst_loop_controller controller,
-                      const anhyst_plant_events *events, double *record)
+/* One tick; its row. */
+static const double *run_plant(virtual_plant *now, anhyst_loop_controller controller,
+                               const anhyst_plant_events *events)
 {
-  double room[ANHYST_LOOP_ROOM(BEARING_MAGNETS, BEARING_HEADS, ANHYST_PLANT_AXES)];
-  anhyst_plant_loop loop = {&bearing, &now->plant, controller, now->current_loop, room, now->ticks};
-  (void)anhyst_plant_loop_run(&loop, events, 1, record);
+  anhyst_plant_loop loop = {&bearing,          &now->plant, controller,
+                            now->current_loop, now->room,   now->ticks};
+  (void)anhyst_plant_loop_run(&loop, events, 1, now->record);
   now->ticks = loop.ticks;
+  return now->record;
 }
 
 /* The first number of a signal in a row. */

@@ -65,7 +65,7 @@ class BearingRig:
     @property
     def measured(self) -> Measured:
         """The loops that its file names."""
-        return Measured(self.path, self.settings.loops)
+        return Measured(self.path, self.settings.loops, self.settings.magnet.output)
 
     @property
     def magnets(self) -> tuple[PlacedMagnet, ...]:

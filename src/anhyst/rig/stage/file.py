@@ -67,7 +67,7 @@ class StageRig:
     @property
     def measured(self) -> Measured:
         """The loops that its file names."""
-        return Measured(self.path, self.settings.loops)
+        return Measured(self.path, self.settings.loops, self.settings.magnet.output)
 
     @cached_property
     def bearing(self) -> BearingRig:

@@ -96,7 +96,18 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
     """Return the first magnet of a body; it must be whole."""
     settings = rig.settings
     amplifier, excite, campaign = settings.amplifier, settings.excite, settings.measurement
-    poles = settings.magnet.poles
+    poles, read, force = settings.magnet.poles, settings.current_sensor, settings.force_sensor
+    currents = [
+        Bound(amplifier.current_high_A, "amplifier.current_high_A"),
+        Bound(SENSOR * read.high_A, "current_sensor.high_A"),
+    ]
+    forces = [Bound(SENSOR * force.high_N, "force_sensor.high_N")]
+    if settings.magnet.both_ways:
+        currents += [
+            Bound(-amplifier.current_low_A, "amplifier.current_low_A"),
+            Bound(-SENSOR * read.low_A, "current_sensor.low_A"),
+        ]
+        forces.append(Bound(-SENSOR * force.low_N, "force_sensor.low_N"))
     spare = amplifier.supply - poles.resistance * campaign.current_max_A
     gaps = tuple(excite.gaps_m or campaign.gaps_m)
     whole = _specimen(
@@ -105,13 +116,10 @@ def bearing_specimen(rig: BearingRig) -> Specimen:
         excite,
         campaign,
         operating=_operating(rig),
-        currents=[
-            Bound(amplifier.current_high_A, "amplifier.current_high_A"),
-            Bound(SENSOR * settings.current_sensor.high_A, "current_sensor.high_A"),
-        ],
-        lowest=max(amplifier.current_low_A, SENSOR * settings.current_sensor.low_A),
+        currents=currents,
+        lowest=max(amplifier.current_low_A, SENSOR * read.low_A),
         rate=Bound(spare / poles.inductance(min(gaps)), "amplifier.supply_V"),
-        sensor=Bound(SENSOR * settings.force_sensor.high_N, "force_sensor.high_N"),
+        sensor=min(forces, key=lambda one: one.value),
     )
     return replace(
         whole,

@@ -47,6 +47,8 @@ BEARING = ("t_s", "reference_m", "gap_read_m")
 """What is read of a bearing, beside the commands of its magnets and the state of its controller."""
 LEAST = 100
 """Rows of a recording."""
+NUMBER = 1e30
+"""What is larger, in SI units, is no reading."""
 STILL = 20
 """Ticks over which a speed is taken, to see whether a recording begins at rest."""
 HEAD = """\
@@ -114,7 +116,7 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
                 key=name,
             )
     for name in (*_needed(rig), *_beside(rig)):
-        if not np.isfinite(columns.get(name, 0.0)).all():
+        if not (np.abs(columns.get(name, 0.0)) < NUMBER).all():
             raise InputError(
                 f"{where}: {name} holds what is no number; leave out what comes before it",
                 code="not-finite",

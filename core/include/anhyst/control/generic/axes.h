@@ -35,7 +35,7 @@ typedef struct {
   ANHYST_NAME(anhyst_force_controller) *const *drive;
   ANHYST_NAME(anhyst_wrench) share;
   ANHYST_NAME(anhyst_biquad_state) state[ANHYST_WRENCH_AXES];
-  ANHYST_REAL error[ANHYST_WRENCH_AXES]; /* last plausible one */
+  ANHYST_REAL asked[ANHYST_WRENCH_AXES]; /* accelerations of the last plausible errors */
 } ANHYST_NAME(anhyst_axes);
 
 /* Starts at rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where settings are not valid; what is pointed
