@@ -161,9 +161,10 @@ def frames_header(frames: Entry, signals: Entry) -> str:
     ]
     types = {"doc": "Types of frames.", "values": frames["frame"]}
     parts.append(enum("LINK_TYPE", types, [frame["type"] for frame in frames["frame"]]))
+    read = {"name": "signal", "doc": "What can be read at every tick.", "values": signals["signal"]}
     parts += [
         enum(f"LINK_{entry['name'].upper()}", entry, numbers(entry))
-        for entry in link_enums(frames, signals)
+        for entry in [*link_enums(frames, signals), read]
     ]
     rows = [
         f"  {{{constant(s['low'])}, {constant(s['high'])}, {constant(s['default'])}, "

@@ -107,7 +107,7 @@ def docstring(text: str, indent: str) -> str:
 def enum_class(entry: Entry, base: str, values: list[int]) -> str:
     """Return an enum class; what a value means stands above it."""
     lines = [
-        f"class {entry.get('class', entry['name'].capitalize())}({base}):",
+        f"class {entry['name'].capitalize()}({base}):",
         docstring(entry["doc"], "    "),
         "",
     ]

@@ -43,15 +43,8 @@ def is_request(frame: Entry) -> bool:
 
 
 def link_enums(frames: Entry, signals: Entry) -> list[Entry]:
-    """Return the lists of names with numbers that the link alone knows."""
-    settings = {"name": "setting", "doc": "Settings.", "values": signals["setting"]}
-    recorded = {
-        "name": "signal",
-        "class": "LinkSignal",  # of Python, where a bench has signals of its own
-        "doc": "What can be read at every tick.",
-        "values": signals["signal"],
-    }
-    return [*frames["enum"], settings, recorded]
+    """Return the lists of names with numbers that both ends of the link know."""
+    return [*frames["enum"], {"name": "setting", "doc": "Settings.", "values": signals["setting"]}]
 
 
 def numbers(entry: Entry) -> list[int]:

@@ -61,26 +61,6 @@ class Setting(IntEnum):
     GAIN_DD = 9  # share of the gain of the second derivative, q30
 
 
-class LinkSignal(IntEnum):
-    """What can be read at every tick."""
-
-    DEMAND = 0  # demand in force, q31 of the full-scale force
-    FORCE = 1  # measured force, q30
-    GAP = 2  # measured gap, q30
-    CURRENT = 3  # measured current, q30
-    DRIVE = 4  # current driven, q31 of the full-scale current
-    FLUX = 5  # flux of the model after the commit, q30
-    EXPECTED = 6  # force that the model expects after the commit, q31
-    STATE = 7  # state, as a number
-    FLAGS = 8  # flags, as in status
-    POSITION = 9  # measured position, q31 of the controller's full scale
-    REFERENCE = 10  # position controlled to, likewise
-    PHASE = 11  # phase, as a number
-    CURRENT_2 = 12  # measured current of the second magnet, q30
-    DRIVE_2 = 13  # current driven there, q31
-    FAULT = 14  # latched reason of a fault, as a number
-
-
 class SettingRange(NamedTuple):
     """What a setting may be."""
 
