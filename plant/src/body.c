@@ -7,6 +7,9 @@
 #define AXES ANHYST_PLANT_AXES
 #define MASK (ANHYST_PLANT_DELAY_MOST - 1U)
 
+/* Of the resistance of a winding, how that of an open circuit rises with the current. */
+#define STEEP 100.0
+
 static double dot(const double a[3], const double b[3])
 {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -257,6 +260,12 @@ static void magnet_step(const anhyst_plant_actuator *actuator, anhyst_plant_actu
     source.reset = amplifier->reset;
   } else {
     source.voltage = state->output;
+  }
+  if (state->failure != ANHYST_PLANT_WORKS) {
+    const double open =
+        amplifier->gain > 0.0 ? amplifier->gain : STEEP * actuator->magnet.resistance;
+    source.reference = source.reset = source.voltage = state->coil.integral = 0.0;
+    source.gain = state->failure == ANHYST_PLANT_OPEN ? open : 0.0;
   }
   anhyst_plant_coil_step(&actuator->magnet, &state->coil, &source, state->gap, seconds);
   anhyst_plant_sensor_follow(&actuator->current_sensor, &state->current_sensing, current,

@@ -112,6 +112,18 @@ static void to_amplifiers(anhyst_plant_loop *loop, const double *reference, cons
   }
 }
 
+/* Which amplifiers work from now on. */
+static void fail(anhyst_plant_loop *loop, uint32_t command)
+{
+  int j;
+  for (j = 0; j < loop->body->magnets && j < 16; j++) {
+    const int fails = command >> (ANHYST_LOOP_FAILS + j) & 1U;
+    loop->state->actuator[j].failure = !fails                        ? ANHYST_PLANT_WORKS
+                                       : command & ANHYST_LOOP_SHORT ? ANHYST_PLANT_SHORT
+                                                                     : ANHYST_PLANT_OPEN;
+  }
+}
+
 static void move_frame(anhyst_plant_loop *loop, const double *now)
 {
   const anhyst_plant_body *body = loop->body;
@@ -144,6 +156,7 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     }
     record = write_row(loop, &sample, &answer, record);
     to_amplifiers(loop, answer.current, sample.current, command);
+    fail(loop, events->command[i]);
     if (events->frame) {
       move_frame(loop, events->frame + i * coordinates);
     }

@@ -7,6 +7,8 @@
 static double pull[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
 static uint16_t against[ANHYST_WRENCH_DRIVES];
 static anhyst_wrench_f64 drives;
+static const double yields[ANHYST_WRENCH_AXES] = {1e-1, 1e-2, 1e-4, 1e-4, 1e-4, 1e-3};
+static const float narrow_yields[ANHYST_WRENCH_AXES] = {1e-1F, 1e-2F, 1e-4F, 1e-4F, 1e-4F, 1e-3F};
 
 static double any_part(void) { return (double)any_within(-1000000, 1000000) / 1e6; }
 
@@ -18,7 +20,9 @@ static anhyst_wrench_layout_f64 any_layout(void)
                                            pull,
                                            against,
                                            {5.0, ANHYST_ALLOCATE_CLASS_AB},
-                                           0.5};
+                                           0.5,
+                                           240.0,
+                                           yields};
   for (int j = 0; j < (int)layout.drives; j++) {
     against[j] = (uint16_t)j;
     for (int k = 0; k < (int)layout.axes; k++) {
@@ -84,7 +88,8 @@ static anhyst_wrench_layout_f32 rounded(const anhyst_wrench_layout_f64 *layout)
 {
   static float narrow[ANHYST_WRENCH_DRIVES * ANHYST_WRENCH_AXES];
   const anhyst_wrench_layout_f32 found = {
-      layout->axes, layout->drives, narrow, against, {5.0F, ANHYST_ALLOCATE_CLASS_AB}, 0.5F};
+      layout->axes, layout->drives, narrow,       against, {5.0F, ANHYST_ALLOCATE_CLASS_AB},
+      0.5F,         240.0F,         narrow_yields};
   for (int i = 0; i < (int)layout->drives * (int)layout->axes; i++) {
     narrow[i] = (float)pull[i];
   }

@@ -2,6 +2,7 @@
 #include "anhyst/control/wrench.h"
 
 #include <math.h>
+#include <stddef.h>
 
 #define AXES ANHYST_WRENCH_AXES
 #define DRIVES ANHYST_WRENCH_DRIVES

@@ -122,10 +122,15 @@ typedef struct {
   double force;    /* N */
 } anhyst_plant_readings;
 
+/* An open circuit: the current goes back to the supply through diodes, and then there is none. A
+   short one: it runs down in the winding. */
+typedef enum { ANHYST_PLANT_WORKS, ANHYST_PLANT_OPEN, ANHYST_PLANT_SHORT } anhyst_plant_failure;
+
 typedef struct {
   anhyst_plant_coil coil;
   double gap;                           /* true, m */
   double output;                        /* of the converter, A or V */
+  anhyst_plant_failure failure;         /* of the amplifier; set from outside */
   double line[ANHYST_PLANT_DELAY_MOST]; /* outputs to come */
   anhyst_plant_sensing current_sensing;
   anhyst_plant_sensing flux_sensing;

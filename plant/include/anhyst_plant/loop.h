@@ -44,12 +44,16 @@ typedef struct {
   const double *load;      /* force commanded to the load drive, N; one a tick */
   const double *inject;    /* added to what the controller sees of the position */
   const double *feed;      /* force that the controller is given */
-  const uint32_t *command; /* as in controller.h; bit 8: the heads' sample is dropped; one a tick */
+  const uint32_t *command; /* as in controller.h; bit 8: the heads' sample is dropped; from bit 16
+                              on a magnet each: its amplifier fails, with bit 9 as a short circuit,
+                              else as an open one; one a tick */
   const double *frame;     /* where the frame is at each of n + 1 ticks; straight between. NULL: it
                               stands still */
 } anhyst_plant_events;
 
 #define ANHYST_LOOP_DROP 256U
+#define ANHYST_LOOP_SHORT 512U
+#define ANHYST_LOOP_FAILS 16
 
 /* The one table of what is recorded, a row a tick, all at its beginning: name, unit as columns end
    with it, that of a coordinate that is an angle, how many a row has, and where loop.c takes it

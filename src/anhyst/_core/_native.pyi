@@ -533,8 +533,16 @@ class WrenchLayout:
     """Drives that only pull, around a body, by the names of core/include/anhyst/control/wrench.h."""
 
     def __init__(
-        self, pull: _Array, against: Sequence[int], kind: int, idle: float, least: float
+        self,
+        pull: _Array,
+        against: Sequence[int],
+        kind: int,
+        idle: float,
+        least: float,
+        most: float,
+        yields: Sequence[float],
     ) -> None: ...
+    def lose(self, drive: int) -> None: ...  # from 0 on
     def share(self, wrench: Sequence[float]) -> tuple[list[float], bool]:
         """Return the forces, N, for a wrench, N and N m, and whether they make it."""
 
@@ -545,9 +553,14 @@ class TrackingAxes(LoopController):
         self, magnets: list[_Drive], layout: WrenchLayout, rows: _Rows, settings: _Numbers
     ) -> None: ...
     def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
+    # currents, wrench, flags, lost magnets bit by bit, state as in axes.h; heads off target, m
     def tick(
-        self, head: Sequence[float], forward: Sequence[float], gap: Sequence[float]
-    ) -> tuple[list[float], list[float], int]: ...  # currents, wrench, flags; heads off target, m
+        self,
+        head: Sequence[float],
+        forward: Sequence[float],
+        gap: Sequence[float],
+        read: Sequence[float],
+    ) -> tuple[list[float], list[float], int, int, int]: ...
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
 

@@ -8,6 +8,7 @@
 
 #include <nanobind/stl/vector.h>
 
+#include "anhyst/control/states.h"
 #include "position.h"
 
 namespace {
@@ -46,17 +47,21 @@ template <class F> nb::class_<Tracking<F>, LoopController> bind(nb::module_ &m, 
 class Layout {
 public:
   Layout(const InTable &pull, const std::vector<uint16_t> &against, uint16_t kind, double idle,
-         double least)
+         double least, double most, const std::vector<double> &yields)
       : pull_(pull.data(), pull.data() + pull.size()),
-        against_(against)
+        against_(against),
+        yields_(yields)
   {
     same_length(pull.shape(0), against.size(), "against");
+    same_length(pull.shape(1), yields.size(), "yields");
     layout_ = {static_cast<uint16_t>(pull.shape(1)),
                static_cast<uint16_t>(pull.shape(0)),
                pull_.data(),
                against_.data(),
                {idle, kind},
-               least};
+               least,
+               most,
+               yields_.data()};
     if (pull.shape(0) > ANHYST_WRENCH_DRIVES ||
         anhyst_wrench_init_f64(&wrench_, &layout_) != ANHYST_OK) {
       throw std::invalid_argument("these drives cannot push along every axis");
@@ -65,6 +70,7 @@ public:
   Layout(const Layout &) = delete;
   Layout &operator=(const Layout &) = delete;
 
+  void lose(int drive) { anhyst_wrench_lose_f64(&wrench_, drive); }
   // Forces, and whether they make the wrench.
   nb::tuple share(const std::vector<double> &wrench) const
   {
@@ -78,6 +84,7 @@ public:
 private:
   std::vector<double> pull_;
   std::vector<uint16_t> against_;
+  std::vector<double> yields_;
   anhyst_wrench_layout_f64 layout_{};
   anhyst_wrench_f64 wrench_{};
 };
@@ -102,11 +109,13 @@ public:
     weigh_ = copy(matrices, "weigh", axes, axes);
     const Row pid = copy(matrices, "pid", axes, 5);
     reach_ = copy(matrices, "reach", axes, 1);
+    land_ = copy(matrices, "land", axes, 1);
     matrices.finish();
     for (auto p = pid.begin(); p != pid.end(); p += 5) {
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
     }
     pull_.assign(wide.pull, wide.pull + axes * wide.drives);
+    yields_.assign(wide.yields, wide.yields + axes);
     Settings given(settings);
     drives_.start(magnets, take_scales(given));
     same_length(drives_.size(), wide.drives, "magnets");
@@ -117,7 +126,9 @@ public:
                   pull_.data(),
                   wide.against,
                   {static_cast<Real>(wide.pair.idle), wide.pair.kind},
-                  static_cast<Real>(wide.least)},
+                  static_cast<Real>(wide.least),
+                  static_cast<Real>(wide.most),
+                  yields_.data()},
                  static_cast<uint16_t>(heads),
                  see_.data(),
                  decouple_.data(),
@@ -126,7 +137,13 @@ public:
                  reach_.data(),
                  given.take<Real>("current_low"),
                  given.take<Real>("current_high"),
-                 given.take<Real>("current_step")};
+                 given.take<Real>("current_step"),
+                 given.take<Real>("follow"),
+                 given.take<Real>("off"),
+                 given.take<uint16_t>("off_ticks"),
+                 given.take<uint16_t>("spare"),
+                 given.take<uint16_t>("land_ticks"),
+                 land_.data()};
     given.finish();
     if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
@@ -136,26 +153,28 @@ public:
   void correct(const InTable &rows) { drives_.correct(rows); }
   anhyst_loop_controller handle() override { return {this, loop_tick}; }
 
-  // One tick without a plant, heads counted from the target: currents, wrench, flags.
-  nb::tuple tick(const Row &head, const Row &forward, const Row &gap)
+  // One tick without a plant, heads counted from the target: currents, wrench, flags, what is lost,
+  // state.
+  nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read)
   {
     same_length(settings_.heads, head.size(), "head");
     same_length(settings_.layout.axes, forward.size(), "forward");
     same_length(drives_.size(), gap.size(), "gap");
+    same_length(drives_.size(), read.size(), "read");
     const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
-    const uint16_t flags = run(head, Row(forward.size(), 0), forward, gap, flux);
-    return nb::make_tuple(current_, demand_, flags);
+    const auto out = run(head, Row(forward.size(), 0), forward, gap, flux, read);
+    return nb::make_tuple(current_, demand_, out.flags, out.lost, out.state);
   }
 
 private:
-  uint16_t run(const Row &head, const Row &target, const Row &forward, const Row &gap,
-               const Row &flux)
+  typename F::AxesAnswer run(const Row &head, const Row &target, const Row &forward, const Row &gap,
+                             const Row &flux, const Row &read)
   {
-    const typename F::AxesSample in = {head.data(), target.data(), forward.data(), gap.data(),
-                                       flux.data()};
-    typename F::AxesAnswer out = {current_.data(), demand_.data(), 0};
+    const typename F::AxesSample in = {head.data(), target.data(), forward.data(),
+                                       gap.data(),  flux.data(),   read.data()};
+    typename F::AxesAnswer out = {current_.data(), demand_.data(), 0, 0, 0};
     F::axes_tick(&axes_, &in, &out);
-    return out.flags;
+    return out;
   }
 
   // As a loop sees it: its heads are the gap sensors, one a magnet, and then the position heads;
@@ -175,9 +194,19 @@ private:
       target.assign(axes, 0);
     }
     const double *gap = sample->head;
-    answer->flags =
+    const auto out =
         c.run(Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
-              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives));
+              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
+              Row(sample->current, sample->current + drives));
+    static constexpr uint16_t states[] = {16 * ANHYST_STATE_RUN + ANHYST_PHASE_HOVER,
+                                          16 * ANHYST_STATE_FAULT + ANHYST_PHASE_DESCEND,
+                                          16 * ANHYST_STATE_FAULT + ANHYST_PHASE_REST};
+    int last = 0;
+    while (out.lost >> last) {
+      last++;
+    }
+    answer->flags = out.flags;
+    answer->state = static_cast<uint16_t>(256 * last + states[out.state]);
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);
@@ -196,6 +225,8 @@ private:
   Row decouple_;
   Row weigh_;
   Row reach_;
+  Row land_;
+  Row yields_;
   Row pull_;
   Row current_;
   Row demand_;
@@ -210,7 +241,7 @@ template <class F> void bind_axes(nb::module_ &m, const char *name)
   nb::class_<Axes, LoopController>(m, name)
       .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
            "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
-      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a)
+      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a)
       .def("correct", &Axes::correct, "rows"_a.noconvert());
 }
 
@@ -232,8 +263,10 @@ void bind_tracking(nb::module_ &m)
       .def("correct", &Tracking<TrackingF32>::correct, "rows"_a.noconvert());
   bind<TrackingQ31>(m, "FixedTracking");
   nb::class_<Layout>(m, "WrenchLayout")
-      .def(nb::init<const InTable &, const std::vector<uint16_t> &, uint16_t, double, double>(),
-           "pull"_a.noconvert(), "against"_a, "kind"_a, "idle"_a, "least"_a)
+      .def(nb::init<const InTable &, const std::vector<uint16_t> &, uint16_t, double, double,
+                    double, const std::vector<double> &>(),
+           "pull"_a.noconvert(), "against"_a, "kind"_a, "idle"_a, "least"_a, "most"_a, "yields"_a)
+      .def("lose", &Layout::lose, "drive"_a)
       .def("share", &Layout::share, "wrench"_a);
   bind_axes<TrackingF64>(m, "TrackingAxes");
   bind_axes<TrackingF32>(m, "TrackingAxesF32");

@@ -83,6 +83,15 @@ class ScanCase(Table):
         return self
 
 
+class LossCase(Table):
+    """``kind = "loss"``: amplifiers of magnets fail, one in each run, during the test set-point."""
+
+    kind: Literal["loss"]
+    circuit: Literal["open", "short"]  # as which the winding is left
+    magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # all if left out
+    at_s: NotNegative | None = None  # when it pulls most if left out
+
+
 class ForceCase(Table):
     """``kind = "force"``: a triangle of force between two shares of the largest one."""
 
@@ -131,6 +140,7 @@ CaseEntry = Annotated[
     | Annotated[LoadCase, Tag(f"{BRANCH}load")]
     | Annotated[TrajectoryCase, Tag(f"{BRANCH}triangle")]
     | Annotated[ScanCase, Tag(f"{BRANCH}scan")]
+    | Annotated[LossCase, Tag(f"{BRANCH}loss")]
     | Annotated[ForceCase, Tag(f"{BRANCH}force")]
     | Annotated[HeldCase, Tag(f"{BRANCH}held")]
     | Annotated[MovingCase, Tag(f"{BRANCH}moving")]
@@ -138,7 +148,7 @@ CaseEntry = Annotated[
     Discriminator(
         tag_by("kind", sine="triangle"),
         custom_error_type="unknown_choice",
-        custom_error_message='kind must be "step", "load", "triangle", "sine", "scan", "force", '
-        '"held", "moving" or "displacement"; correct it',
+        custom_error_message='kind must be "step", "load", "triangle", "sine", "scan", "loss", '
+        '"force", "held", "moving" or "displacement"; correct it',
     ),
 ]

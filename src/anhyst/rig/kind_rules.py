@@ -13,6 +13,7 @@ from anhyst.rig.case_table import (
     HeldCase,
     LoadCase,
     MovingCase,
+    LossCase,
     ScanCase,
     StepCase,
     TrajectoryCase,
@@ -88,7 +89,7 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     PositionSensorTable: ("direction", "position_m"),
     BodyTable: ("centre_m", "inertia_kg_m2", "tilt_rad"),
     ScanCase: ("direction",),
-    TrackingTable: ("force_min_N",),
+    TrackingTable: ("force_min_N", "lost_A", "lost_s", "land_m_per_s"),
     SpreadTable: ("centre_m", "head_m"),
 }
 """Keys without a use where there is one coordinate."""
@@ -154,7 +155,7 @@ RULES: Mapping[FileKind, KindRule] = {
         },
         needed=_BODY_NEEDS,
         unused={**_BODY_UNUSED, SpreadTable: _no_spread(FileKind.STAGE)},
-        several={LikeTable: MANY, PositionSensorTable: MANY},
+        several={LikeTable: MANY, PositionSensorTable: MANY, LossCase: SOME},
     ),
     FileKind.FORCE: KindRule(
         tables={
@@ -210,6 +211,7 @@ _TITLES: Mapping[type[Table], tuple[str, str]] = {
     LoadCase: ("case", 'a [[case]] of kind "load"'),
     TrajectoryCase: ("case", 'a [[case]] of kind "triangle" or "sine"'),
     ScanCase: ("case", 'a [[case]] of kind "scan"'),
+    LossCase: ("case", 'a [[case]] of kind "loss"'),
     ForceCase: ("case", 'a [[case]] of kind "force"'),
     HeldCase: ("case", 'a [[case]] of kind "held"'),
     MovingCase: ("case", 'a [[case]] of kind "moving"'),

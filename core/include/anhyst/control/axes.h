@@ -16,6 +16,10 @@
    plausible errors asked for is held, and ANHYST_SAMPLE_IMPLAUSIBLE is set. So wrong readings wind
    up no integral, however long they last; how many are too many is the caller's to judge.
 
+   A drive whose current stays off what it was told is lost: it is told nothing any more, and the
+   others share out without it. What the body goes on without was found beforehand; without any
+   other, or two of them, it lands: the target goes down, and then nothing is driven.
+
    Single precision resolves a nanometre over 8 mm only. There heads and target are to be counted
    from a pose near the target, best from the target itself: integers or doubles are subtracted
    before they are rounded, and target is zero. Declarations are in generic/axes.h. */
@@ -29,6 +33,8 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+typedef enum { ANHYST_AXES_FLY, ANHYST_AXES_LAND, ANHYST_AXES_REST } anhyst_axes_state;
 
 #include "anhyst/numeric/f64.h"
 #include "anhyst/control/generic/axes.h"

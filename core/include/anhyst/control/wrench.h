@@ -7,8 +7,15 @@
    force, which is below zero where it pushes too. The forces are those of least squares that make
    the wrench; what would pull less than its least is set to it and the rest is found again, as long
    as the others can still make any wrench, in at most ANHYST_WRENCH_PASSES passes. Each pass solves
-   as many equations as there are axes. Nothing here allocates memory; loops are bounded by the
-   numbers of axes and drives. Declarations are in generic/wrench.h. */
+   as many equations as there are axes.
+
+   A drive that is lost pulls nothing; one that it pulled against stands alone from then on. What
+   the others do not make within their bounds is then given up along the axes that yield most: the
+   forces are those of least squares of what is missing, each axis by what it yields, and of the
+   forces, in so many passes too.
+
+   Nothing here allocates memory; loops are bounded by the numbers of axes and drives. Declarations
+   are in generic/wrench.h. */
 #ifndef ANHYST_WRENCH_H
 #define ANHYST_WRENCH_H
 

@@ -27,7 +27,10 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
               ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
               ANHYST_NAME(are_numbers)(settings->reach, axes, 1) &&
               ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
-              settings->current_step > R(0.0) && range <= R(1073741824.0) * settings->current_step;
+              settings->current_step > R(0.0) &&
+              range <= R(1073741824.0) * settings->current_step && settings->follow >= R(0.0) &&
+              settings->follow <= R(1.0) && settings->off >= R(0.0) && settings->off < R(1e30) &&
+              settings->off_ticks > 0U && ANHYST_NAME(are_numbers)(settings->land, axes, 1);
   int i;
   for (i = 0; valid && i < (int)axes; i++) {
     valid = settings->reach[i] > R(0.0) &&
@@ -58,6 +61,37 @@ static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int colum
   }
 }
 
+/* Finds what is lost, and what follows from it. */
+static void ANHYST_NAME(watch)(ANHYST_NAME(anhyst_axes) *c,
+                               const ANHYST_NAME(anhyst_axes_sample) *sample)
+{
+  const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
+  int i;
+  for (i = 0; settings->off > R(0.0) && i < (int)settings->layout.drives; i++) {
+    const uint16_t bit = (uint16_t)(1U << i);
+    ANHYST_REAL off;
+    c->due[i] += settings->follow * (c->told[i] - c->due[i]);
+    off = sample->current[i] - c->due[i];
+    if (off > settings->off || off < -settings->off) {
+      c->wrong[i]++;
+    } else if (ANHYST_NAME(is_number)(off)) {
+      c->wrong[i] = 0;
+    }
+    if (c->wrong[i] >= settings->off_ticks && !(c->share.lost & bit)) {
+      if (c->flight == ANHYST_AXES_FLY && (c->share.lost || !(settings->spare & bit))) {
+        c->flight = ANHYST_AXES_LAND;
+      }
+      ANHYST_NAME(anhyst_wrench_lose)(&c->share, i);
+    }
+    if (c->share.lost & bit) {
+      c->wrong[i] = 0;
+    }
+  }
+  if (c->flight == ANHYST_AXES_LAND && c->landing++ >= settings->land_ticks) {
+    c->flight = ANHYST_AXES_REST;
+  }
+}
+
 /* The wrench that errors and feedforward ask for; flags. */
 static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
                                      const ANHYST_NAME(anhyst_axes_sample) *sample,
@@ -72,6 +106,9 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
   ANHYST_NAME(multiply)(settings->see, axes, (int)settings->heads, sample->head, error);
   for (k = 0; k < axes; k++) {
     error[k] = sample->target[k] - error[k];
+    if (c->landing) {
+      error[k] += (ANHYST_REAL)c->landing * settings->land[k];
+    }
     plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
   ANHYST_NAME(multiply)(settings->decouple, axes, axes, error, apart);
@@ -106,19 +143,26 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
   ANHYST_REAL force[ANHYST_WRENCH_DRIVES];
   int i;
+  ANHYST_NAME(watch)(c, sample);
+  out->lost = c->share.lost;
+  out->state = c->flight;
   out->flags = ANHYST_NAME(control)(c, sample, out->demand);
   if (!ANHYST_NAME(anhyst_wrench_share)(&c->share, out->demand, force)) {
     out->flags |= ANHYST_DEMAND_LIMITED;
   }
   for (i = 0; i < (int)settings->layout.drives; i++) {
     ANHYST_NAME(anhyst_force_controller) *drive = c->drive[i];
-    const ANHYST_REAL wanted = ANHYST_NAME(anhyst_force_controller_solve)(
-        drive, force[i], sample->gap[i], sample->flux[i]);
-    out->flags |= drive->flags;
+    ANHYST_REAL wanted = R(0.0);
+    if (c->flight != ANHYST_AXES_REST && !(c->share.lost >> i & 1)) {
+      wanted = ANHYST_NAME(anhyst_force_controller_solve)(drive, force[i], sample->gap[i],
+                                                          sample->flux[i]);
+      out->flags |= drive->flags;
+    }
     if (wanted < settings->current_low || wanted > settings->current_high) {
       out->flags |= ANHYST_CURRENT_LIMITED;
     }
     out->current[i] = ANHYST_NAME(driven)(settings, wanted);
+    c->told[i] = out->current[i];
     (void)ANHYST_NAME(anhyst_force_controller_commit)(drive, out->current[i], sample->gap[i]);
   }
 }

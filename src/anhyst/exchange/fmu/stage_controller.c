@@ -78,7 +78,8 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
                                      .target = sample->target,
                                      .forward = sample->load,
                                      .gap = sample->head,
-                                     .flux = sample->flux};
+                                     .flux = sample->flux,
+                                     .current = sample->current};
   anhyst_axes_answer_f64 out = {.current = answer->current, .demand = answer->demand};
   law->settings = &settings;
   law->share.layout = &settings.layout;

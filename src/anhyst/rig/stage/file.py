@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import linprog
 
 from anhyst._core import WrenchLayout
 from anhyst.compensate.force_controller import ForceController
@@ -36,6 +37,9 @@ from anhyst.support.toml_file import (
     FileFault,
 )
 
+_YIELDS = {"x": 1e-1, "y": 1e-2, "z": 1e-4, "rx": 1e-4, "ry": 1e-4, "rz": 1e-3}
+_INSIDE = 1e-6
+"""Part of its range by which every force can be off its bounds where a body can be pushed any way."""
 _SAME = 1e-9
 """By which lines of a pair may miss each other, m or parts of a direction."""
 HELD_S = 0.02
@@ -207,7 +211,48 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
 
     Raises ValueError where the magnets cannot push along every coordinate.
     """
-    return WrenchLayout(pull_rows(file), opposed(file), kind, idle, least_of(file))
+    least, most = least_of(file), file.tracking.force_max_N
+    return WrenchLayout(pull_rows(file), opposed(file), kind, idle, least, most, yields(file))
+
+
+def yields(file: RigFile) -> list[float]:
+    """Return how readily each coordinate is given up once a magnet is lost, of 1.
+
+    Height and tilt least, then the turn about z, then y, then x.
+    """
+    return [_YIELDS[axis] for axis in file.body.free]
+
+
+@cache
+def _spare(pull: bytes, magnets: int, weight: tuple[float, ...], least: float, most: float) -> int:
+    rows = np.frombuffer(pull).reshape(magnets, -1)
+    found = 0
+    for lost in range(magnets):
+        left = np.delete(rows, lost, axis=0)
+        if np.linalg.matrix_rank(left) < len(weight):
+            continue
+        # The largest distance to the bounds of forces that carry the weight: those beyond which the
+        # body can be pushed any way.
+        count, one = magnets - 1, np.ones((magnets - 1, 1))
+        inside = np.block([[-np.eye(count), one], [np.eye(count), one]])
+        limits = np.repeat([-least, most], count)
+        made = np.column_stack([left.T, np.zeros(len(weight))])
+        best = linprog(
+            [*np.zeros(count), -1.0], inside, limits, made, -np.array(weight), (None, None)
+        )
+        if best.status == 0 and best.x[-1] > _INSIDE * (most - least):
+            found |= 1 << lost
+    return found
+
+
+def spare(file: RigFile) -> int:
+    """Return the magnets, bit by bit, without one of which the others hold every coordinate.
+
+    They carry the weight, and can push either way beside.
+    """
+    pull = pull_rows(file)
+    bounds = least_of(file), file.tracking.force_max_N
+    return _spare(pull.tobytes(), len(pull), tuple(weight(file).tolist()), *bounds)
 
 
 def usual_allocation(file: RigFile) -> Allocation:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst._core import (
     POSITION_MAGNETS,
@@ -56,6 +57,7 @@ from anhyst.rig.stage.file import (
     head_rows,
     mass_matrix,
     scan_direction,
+    spare,
     unit_of,
     usual_allocation,
     weight,
@@ -69,6 +71,10 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
+LANDED = 1.5
+"""By how much farther than to the end stop a body is set down, so that it lies there in the end."""
+MOST_TICKS = 65535
+"""Of a landing."""
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
 _COMMAND_NONE = 0
@@ -219,11 +225,17 @@ def _track_axes(
 
 
 def fly(
-    setup: StageSetup, seed: int, reference: FloatArray, frame: FloatArray, wrench: FloatArray
+    setup: StageSetup,
+    seed: int,
+    reference: FloatArray,
+    frame: FloatArray,
+    wrench: FloatArray,
+    command: NDArray[np.uint32] | None = None,
 ) -> Recording:
     """Return the loop's own record of a body of several coordinates that follows a reference.
 
     The frame has a row more than the reference, which goes along the direction of the set-point.
+    A command a tick says what fails, as in plant/include/anhyst_plant/loop.h.
     """
     rig, n = setup.rig, reference.size
     along = scan_direction(rig.settings)
@@ -234,7 +246,7 @@ def fly(
         np.zeros(n),
         np.zeros(n * along.size),
         wrench.ravel(),
-        np.zeros(n, dtype=np.uint32),
+        np.zeros(n, dtype=np.uint32) if command is None else command,
         frame.ravel(),
     )
     return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
@@ -418,7 +430,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     file, at = setup.rig.settings, head_rows(setup.rig.settings)
     decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
-    mass = file.body.mass_kg
+    mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
     return {
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
@@ -426,12 +438,13 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
         "reach": np.array([[ODD * _stop(file, axis)] for axis in file.body.free]),
+        "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 
 
 def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
     """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
-    settings = controller_settings(setup)
+    settings = controller_settings(setup) | watch_settings(setup.rig)
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
@@ -468,6 +481,20 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "current_low": low,
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
+    }
+
+
+def watch_settings(rig: StageRig) -> dict[str, float]:
+    """Return by what a controller of several coordinates finds lost magnets, and how it lands."""
+    table, timing = rig.settings.tracking, rig.settings.timing
+    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * rig.settings.amplifier.bandwidth_Hz)
+    down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    return {
+        "follow": 1.0 - math.exp(-rig.dt / late),
+        "off": table.lost_A or 0.0,
+        "off_ticks": max(1, round(table.lost_s / rig.dt)),
+        "spare": spare(rig.settings) if table.lost_A else 0,
+        "land_ticks": min(math.ceil(down), MOST_TICKS),
     }
 
 

@@ -12,6 +12,13 @@ typedef struct {
   ANHYST_REAL current_low;               /* of what the amplifiers accept, A */
   ANHYST_REAL current_high;
   ANHYST_REAL current_step; /* of their converters, > 0 */
+  /* What is done about drives that are lost. */
+  ANHYST_REAL follow;  /* part of a step of current that has flowed a tick later, 0..1 */
+  ANHYST_REAL off;     /* by which the current of one is off at least, A; 0: none is looked at */
+  uint16_t off_ticks;  /* for so many ticks on end, > 0 */
+  uint16_t spare;      /* those without one of which the body goes on, bit by bit */
+  uint16_t land_ticks; /* which a landing takes */
+  const ANHYST_REAL *land; /* of each axis, by what the target moves in a tick of it */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
@@ -21,6 +28,7 @@ typedef struct {
   const ANHYST_REAL *forward; /* wrench that is fed forward, the weight in it */
   const ANHYST_REAL *gap;     /* of each drive, m */
   const ANHYST_REAL *flux;    /* density in each, T; NAN without a probe */
+  const ANHYST_REAL *current; /* in each, A; what is no number says nothing */
 } ANHYST_NAME(anhyst_axes_sample);
 
 /* What follows. */
@@ -28,6 +36,8 @@ typedef struct {
   ANHYST_REAL *current; /* of each drive, A */
   ANHYST_REAL *demand;  /* wanted wrench */
   uint16_t flags;       /* see flags.h, or-ed over the drives */
+  uint16_t lost;        /* drives, bit by bit */
+  uint16_t state;       /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes_answer);
 
 typedef struct {
@@ -35,7 +45,12 @@ typedef struct {
   ANHYST_NAME(anhyst_force_controller) *const *drive;
   ANHYST_NAME(anhyst_wrench) share;
   ANHYST_NAME(anhyst_biquad_state) state[ANHYST_WRENCH_AXES];
-  ANHYST_REAL asked[ANHYST_WRENCH_AXES]; /* accelerations of the last plausible errors */
+  ANHYST_REAL asked[ANHYST_WRENCH_AXES];  /* accelerations of the last plausible errors */
+  ANHYST_REAL told[ANHYST_WRENCH_DRIVES]; /* currents */
+  ANHYST_REAL due[ANHYST_WRENCH_DRIVES];  /* those that should flow */
+  uint16_t wrong[ANHYST_WRENCH_DRIVES];   /* ticks for which others did */
+  uint16_t landing;                       /* ticks of it so far */
+  uint16_t flight;                        /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes);
 
 /* Starts at rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where settings are not valid; what is pointed

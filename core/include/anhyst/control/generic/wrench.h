@@ -9,6 +9,10 @@ typedef struct {
       *against; /* for each drive that which pulls against it, itself where it is alone */
   ANHYST_NAME(anhyst_allocation) pair; /* how pairs share; single where there are none */
   ANHYST_REAL least; /* of a drive that stands alone, N; below 0 where it goes both ways */
+  /* Once a drive is lost: the most of the others, N, and of each axis how readily it is given up.
+   */
+  ANHYST_REAL most;
+  const ANHYST_REAL *yields; /* > 0, of 1 */
 } ANHYST_NAME(anhyst_wrench_layout);
 
 typedef struct {
@@ -18,6 +22,9 @@ typedef struct {
 /* What every search begins with. */
 typedef struct {
   const ANHYST_NAME(anhyst_wrench_layout) *layout;
+  uint16_t against[ANHYST_WRENCH_DRIVES]; /* as in the layout, without what is lost */
+  uint16_t lost;                          /* drives, bit by bit */
+  int whole; /* whether the others can still push along every axis, if those alone could push too */
   ANHYST_REAL scale[ANHYST_WRENCH_AXES]; /* of each axis, so that all weigh alike */
   ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled */
   ANHYST_NAME(anhyst_wrench_factor) factor;                   /* with all drives free */
@@ -28,7 +35,10 @@ typedef struct {
 anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
                                               const ANHYST_NAME(anhyst_wrench_layout) *layout);
 
+/* Does without a drive from now on. */
+void ANHYST_NAME(anhyst_wrench_lose)(ANHYST_NAME(anhyst_wrench) *w, int drive);
+
 /* Forces of the drives, N, for a wrench. 1 where they make it; else 0, and each drive alone still
-   pulls its least; what is no number counts as no force. */
+   pulls its least; what is no number counts as no force. Lost drives pull nothing. */
 int ANHYST_NAME(anhyst_wrench_share)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
                                      ANHYST_REAL *force);
