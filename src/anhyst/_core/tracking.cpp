@@ -139,6 +139,7 @@ public:
                  given.take<Real>("current_high"),
                  given.take<Real>("current_step"),
                  given.take<Real>("follow"),
+                 given.take<Real>("slew"),
                  given.take<Real>("off"),
                  given.take<uint16_t>("off_ticks"),
                  given.take<uint16_t>("spare"),

@@ -20,17 +20,17 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
   const uint16_t axes = settings->layout.axes;
   const ANHYST_REAL range = settings->current_high - settings->current_low;
   ANHYST_NAME(anhyst_wrench) share;
-  int valid = ANHYST_NAME(anhyst_wrench_init)(&share, &settings->layout) == ANHYST_OK &&
-              settings->heads >= axes &&
-              ANHYST_NAME(are_numbers)(settings->see, axes, settings->heads) &&
-              ANHYST_NAME(are_numbers)(settings->decouple, axes, axes) &&
-              ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
-              ANHYST_NAME(are_numbers)(settings->reach, axes, 1) &&
-              ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
-              settings->current_step > R(0.0) &&
-              range <= R(1073741824.0) * settings->current_step && settings->follow >= R(0.0) &&
-              settings->follow <= R(1.0) && settings->off >= R(0.0) && settings->off < R(1e30) &&
-              settings->off_ticks > 0U && ANHYST_NAME(are_numbers)(settings->land, axes, 1);
+  int valid =
+      ANHYST_NAME(anhyst_wrench_init)(&share, &settings->layout) == ANHYST_OK &&
+      settings->heads >= axes && ANHYST_NAME(are_numbers)(settings->see, axes, settings->heads) &&
+      ANHYST_NAME(are_numbers)(settings->decouple, axes, axes) &&
+      ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
+      ANHYST_NAME(are_numbers)(settings->reach, axes, 1) &&
+      ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
+      settings->current_step > R(0.0) && range <= R(1073741824.0) * settings->current_step &&
+      settings->follow >= R(0.0) && settings->follow <= R(1.0) && settings->slew >= R(0.0) &&
+      settings->off >= R(0.0) && settings->off < R(1e30) && settings->off_ticks > 0U &&
+      ANHYST_NAME(are_numbers)(settings->land, axes, 1);
   int i;
   for (i = 0; valid && i < (int)axes; i++) {
     valid = settings->reach[i] > R(0.0) &&
@@ -61,6 +61,21 @@ static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int colum
   }
 }
 
+/* By how much a current is off the way from where it should be at least to where it was told to go.
+ */
+static ANHYST_REAL ANHYST_NAME(off_its_way)(ANHYST_NAME(anhyst_axes) *c, int i, ANHYST_REAL read)
+{
+  const ANHYST_REAL slew = c->settings->slew;
+  const ANHYST_REAL told = c->told[i];
+  const ANHYST_REAL step = c->settings->follow * (told - c->due[i]);
+  ANHYST_REAL low;
+  ANHYST_REAL high;
+  c->due[i] += step > slew ? slew : step < -slew ? -slew : step;
+  low = told < c->due[i] ? told : c->due[i];
+  high = told < c->due[i] ? c->due[i] : told;
+  return read < low ? low - read : read > high ? read - high : R(0.0) * read;
+}
+
 /* Finds what is lost, and what follows from it. */
 static void ANHYST_NAME(watch)(ANHYST_NAME(anhyst_axes) *c,
                                const ANHYST_NAME(anhyst_axes_sample) *sample)
@@ -69,12 +84,10 @@ static void ANHYST_NAME(watch)(ANHYST_NAME(anhyst_axes) *c,
   int i;
   for (i = 0; settings->off > R(0.0) && i < (int)settings->layout.drives; i++) {
     const uint16_t bit = (uint16_t)(1U << i);
-    ANHYST_REAL off;
-    c->due[i] += settings->follow * (c->told[i] - c->due[i]);
-    off = sample->current[i] - c->due[i];
-    if (off > settings->off || off < -settings->off) {
+    const ANHYST_REAL off = ANHYST_NAME(off_its_way)(c, i, sample->current[i]);
+    if (off > settings->off) {
       c->wrong[i]++;
-    } else if (ANHYST_NAME(is_number)(off)) {
+    } else if (off <= settings->off) {
       c->wrong[i] = 0;
     }
     if (c->wrong[i] >= settings->off_ticks && !(c->share.lost & bit)) {

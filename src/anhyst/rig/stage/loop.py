@@ -73,6 +73,8 @@ AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 
 LANDED = 1.5
 """By how much farther than to the end stop a body is set down, so that it lies there in the end."""
+_SURE = 0.5
+"""Part of what supply and inductance let a current change by that it does change by at least."""
 MOST_TICKS = 65535
 """Of a landing."""
 ODD = 2.0
@@ -486,11 +488,12 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
 
 def watch_settings(rig: StageRig) -> dict[str, float]:
     """Return by what a controller of several coordinates finds lost magnets, and how it lands."""
-    table, timing = rig.settings.tracking, rig.settings.timing
-    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * rig.settings.amplifier.bandwidth_Hz)
+    table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
+    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
     return {
         "follow": 1.0 - math.exp(-rig.dt / late),
+        "slew": _SURE * amplifier.supply / rig.settings.magnet.poles.inductance(rig.gap) * rig.dt,
         "off": table.lost_A or 0.0,
         "off_ticks": max(1, round(table.lost_s / rig.dt)),
         "spare": spare(rig.settings) if table.lost_A else 0,

@@ -14,6 +14,7 @@ typedef struct {
   ANHYST_REAL current_step; /* of their converters, > 0 */
   /* What is done about drives that are lost. */
   ANHYST_REAL follow;  /* part of a step of current that has flowed a tick later, 0..1 */
+  ANHYST_REAL slew;    /* by which a current at least moves in a tick if it has to, A */
   ANHYST_REAL off;     /* by which the current of one is off at least, A; 0: none is looked at */
   uint16_t off_ticks;  /* for so many ticks on end, > 0 */
   uint16_t spare;      /* those without one of which the body goes on, bit by bit */
