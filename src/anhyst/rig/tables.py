@@ -310,8 +310,8 @@ class TrackingTable(Table):
     force_min_N: NotNegative = 0.5  # of a magnet without another against it
     # a magnet is lost whose current is off by so much for so long; none is looked at if left out
     lost_A: Positive | None = None
-    lost_s: Positive = 0.5e-3
-    land_m_per_s: Positive = 5e-3  # how fast a body is set down that cannot go on without it
+    lost_s: Positive = 0.25e-3
+    land_m_per_s: Positive = 2e-3  # how fast a body is set down that cannot go on without it
     calibration: str | None = None  # file of anhyst calibrate
     calibrate: bool = False  # every motion teaches what the next one is corrected by
 

@@ -37,7 +37,7 @@ from anhyst.support.toml_file import (
     FileFault,
 )
 
-_YIELDS = {"x": 1e-1, "y": 1e-2, "z": 1e-4, "rx": 1e-4, "ry": 1e-4, "rz": 1e-3}
+_YIELDS = {"x": 1e-2, "y": 5e-3, "z": 1e-4, "rx": 3e-3, "ry": 3e-3, "rz": 1e-4}
 _INSIDE = 1e-6
 """Part of its range by which every force can be off its bounds where a body can be pushed any way."""
 _SAME = 1e-9

@@ -315,12 +315,12 @@ def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
     for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
-        end = _stop(file, axis)
+        end = stop_of(file, axis)
         bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
     return find_loss(bounds, planned)
 
 
-def _stop(file: RigFile, axis: str) -> float:
+def stop_of(file: RigFile, axis: str) -> float:
     """Return how far a coordinate goes either way before an end stop, m or rad."""
     return file.body.tilt_rad if unit_of(axis) == "rad" else travel_m(file)
 
@@ -439,7 +439,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": np.array([[ODD * _stop(file, axis)] for axis in file.body.free]),
+        "reach": np.array([[ODD * stop_of(file, axis)] for axis in file.body.free]),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 

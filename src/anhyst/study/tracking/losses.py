@@ -1,0 +1,224 @@
+"""Magnets that are lost: the amplifier of each fails in a flight of its own, and what becomes of the body.
+
+Long stroke and set-point brake to rest from the tick on at which the controller finds the loss, but
+where the magnets that are left make all that the rest of the set-point asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from anhyst.rig.case_table import LossCase
+from anhyst.rig.recording import Recording, column, peak
+from anhyst.rig.stage.file import (
+    StageRig,
+    error_columns,
+    pull_rows,
+    scan_direction,
+    spare,
+    usual_allocation,
+    wrench_layout,
+)
+from anhyst.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    axes_recorded,
+    fed_wrench,
+    feed,
+    fly,
+    of_axes,
+    stop_of,
+)
+from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
+from anhyst.support.arrays import FloatArray
+
+LIFTED_S = 0.01
+"""From when on a magnet is lost: the weight is taken up in one step before."""
+HELD_S = 0.1
+"""For which a body that braked is still watched."""
+END_S = 0.02
+"""Of it, or of the whole set-point, the end that is judged."""
+PARTS = (1.0, 0.5, 0.25, 0.1)
+"""Of the largest acceleration, at which it may brake."""
+_SHORT, _FAILS = 512, 16
+_LOST = 256
+"""In the state that a loop records: times the number of the magnet that was lost last."""
+_LANDED = 80
+
+
+@dataclass(frozen=True)
+class LostMagnet:
+    """What became of a body one of whose magnets was lost."""
+
+    magnet: str
+    at_s: float
+    current_A: float  # then
+    spare: bool  # whether the others hold every coordinate, by linear programme
+    noticed_s: float | None  # so much later
+    outcome: (
+        str  # "unnoticed", "flies on", "brakes", "lands", or "falls" where it hit a stop in the air
+    )
+    # of each coordinate the largest error from the loss on, and at the end; none of one that is down
+    error: dict[str, float]
+    error_end: dict[str, float]
+    # how fast it comes onto stops, relative to the long stroke: downwards, and anywhere at a magnet;
+    # 0 where it never does
+    down_m_per_s: float
+    touch_m_per_s: float
+    # the same where all currents end when the loss is found, and where it is not looked for
+    let_go: tuple[float, float]
+    unaware: tuple[float, float]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it by name."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """A set-point as it is flown: a value a tick, of place and acceleration one more."""
+
+    place: FloatArray  # m
+    acceleration: FloatArray  # m/s2
+    forward: FloatArray  # N
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Flights over the test set-point in which magnets are lost."""
+
+    setup: StageSetup
+    gains: Feedforward
+    case: LossCase
+    seed: int = 1
+
+    def all(self) -> list[LostMagnet]:
+        """Lose every magnet that the case names in a flight of its own."""
+        placed = [one.name for one in self._rig.settings.placed]
+        whole = self._whole()
+        calm = self._flown(whole, {})
+        return [self._lose(placed.index(name), whole, calm) for name in self.case.magnets or placed]
+
+    @property
+    def _rig(self) -> StageRig:
+        return self.setup.rig
+
+    def _lose(self, magnet: int, whole: _Plan, calm: Recording) -> LostMagnet:
+        dt, file = self._rig.dt, self._rig.settings
+        since = round(LIFTED_S / dt)
+        density = np.abs(calm[column("flux_density", "T", magnet + 1)])
+        at = since + int(np.argmax(density[since:]))
+        if self.case.at_s is not None:
+            at = min(round(self.case.at_s / dt), len(calm) - 1)
+        fails = {at: 1 << magnet}
+        run = self._flown(whole, fails)
+        found = np.flatnonzero(run["state"] >= _LOST)
+        plan, outcome, now = whole, "unnoticed", at
+        if found.size:
+            now, outcome = int(found[0]), "flies on"
+            if run["state"][-1] % _LOST == _LANDED or not self._makes(magnet, whole.forward[now:]):
+                plan, outcome = self._braked(magnet, whole, now), "brakes"
+                run = self._flown(plan, fails)
+        down, touch = self._touches(run)
+        if run["state"][-1] % _LOST == _LANDED:
+            outcome = "lands"
+        elif touch > 0.0:
+            outcome = "falls"
+        names = [] if outcome in ("lands", "falls") else error_columns(file.body.free)
+        unaware = replace(self._rig, settings=file.changed({"control.lost_A": None}))
+        other = replace(self, setup=replace(self.setup, rig=unaware))
+        return LostMagnet(
+            magnet=file.placed[magnet].name,
+            at_s=at * dt,
+            current_A=float(calm[column("current", "A", magnet + 1)][at]),
+            spare=bool(spare(file) >> magnet & 1),
+            noticed_s=(now - at) * dt if found.size else None,
+            outcome=outcome,
+            error={name: peak(run[name][at:]) for name in names},
+            error_end={name: peak(run[name][-round(END_S / dt) :]) for name in names},
+            down_m_per_s=down,
+            touch_m_per_s=touch,
+            let_go=self._touches(self._flown(plan, fails | {now: (1 << len(file.placed)) - 1})),
+            unaware=self._touches(other._flown(plan, fails)),
+        )
+
+    def _whole(self) -> _Plan:
+        rig = self._rig
+        motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2)
+        time = instants(rig, ticks_of(rig, motion) + 1)
+        place, acceleration, _, _ = motion.at(time)
+        return _Plan(place, acceleration, feed(self.setup, motion, self.gains))
+
+    def _braked(self, magnet: int, whole: _Plan, now: int) -> _Plan:
+        """Return the plan that brakes to rest from a tick on, and is held there.
+
+        The acceleration goes to zero along a line first, in a jerk phase of the set-point.
+        """
+        rig, file, mass = self._rig, self._rig.settings, self.setup.believed.settings.body.mass_kg
+        motion = motion_of(file.scan, file.scan.test_m_per_s2)
+        a, lasts = float(whole.acceleration[now]), motion.jerk_phase
+        ahead = (file.timing.delay_ticks + 0.5) * rig.dt
+        around = whole.place[max(now - 1, 0) : now + 2]
+        v = float((around[-1] - around[0]) / ((around.size - 1) * rig.dt))
+        time = instants(rig, round(lasts / rig.dt) + 1)
+        eased = whole.place[now] + v * time + a * (time**2 / 2.0 - time**3 / (6.0 * lasts))
+        later = time[:-1] + ahead
+        falls = a * np.maximum(1.0 - later / lasts, 0.0)
+        easing = np.column_stack([falls, -a / lasts * (later < lasts), 0.0 * later])
+        v += 0.5 * a * lasts
+        able = (part * max(motion.peaks) for part in PARTS)
+        most = next(
+            (one for one in able if self._makes(magnet, np.array([-mass * one * np.sign(v)]))),
+            PARTS[-1] * max(motion.peaks),
+        )
+        course = braking(v, 0.0, replace(motion, peaks=(most,)), rig.dt, ahead)
+        gains = np.array([self.gains.acceleration, self.gains.jerk, self.gains.snap])
+        still = np.zeros(round(HELD_S / rig.dt))
+        place, slows = eased[-1] + course.place, a * (1.0 - time[:-1] / lasts)
+        fed = mass * (np.vstack([easing, course.ahead[:, :3]]) @ gains)
+        return _Plan(
+            np.concatenate([whole.place[:now], eased[:-1], place, place[-1] + still]),
+            np.concatenate([whole.acceleration[:now], slows, course.acceleration, [0.0], still]),
+            np.concatenate([whole.forward[:now], fed, still]),
+        )
+
+    def _makes(self, magnet: int, forward: FloatArray) -> bool:
+        """Whether forces fed forward are made without a magnet."""
+        file = self._rig.settings
+        layout = wrench_layout(file, usual_allocation(file), self._rig.idle)
+        layout.lose(magnet)
+        return all(
+            layout.share(one)[1] for one in fed_wrench(self.setup.believed, forward).tolist()
+        )
+
+    def _flown(self, plan: _Plan, fails: Mapping[int, int]) -> Recording:
+        """Return a flight in which from some ticks on amplifiers fail, bit by bit."""
+        rig, n = self._rig, plan.forward.size
+        delay = round(STRAY_LATE / rig.dt)
+        late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
+        stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
+        frame = np.outer(plan.place + stray, scan_direction(rig.settings))
+        command = np.zeros(n, dtype=np.uint32)
+        for at, which in fails.items():
+            command[at:] = which << _FAILS | (_SHORT if self.case.circuit == "short" else 0)
+        wrench = fed_wrench(self.setup.believed, plan.forward)
+        run = fly(self.setup, self.seed, plan.place[:n], frame, wrench, command)
+        own = {name: run[name] for name in run.columns}
+        return Recording(own | axes_recorded(rig, run, plan.place, frame))
+
+    def _touches(self, run: Recording) -> tuple[float, float]:
+        """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""
+        file, free = self._rig.settings, self._rig.settings.body.free
+        poses = np.column_stack([run[name] for name in of_axes("pose", free)])
+        ends = np.array([stop_of(file, axis) for axis in free])
+        speeds = np.diff(poses, axis=0) / self._rig.dt
+        onto = np.diff((np.abs(poses) > ends).astype(int), axis=0) > 0
+        at_magnets = np.abs(speeds @ pull_rows(file).T).max(axis=1)
+        down = np.zeros(len(speeds))
+        if "z" in free:
+            down = -speeds[:, free.index("z")] * (onto & (poses[1:] < 0.0))[:, free.index("z")]
+        return max(0.0, float(down.max(initial=0.0))), float((at_magnets * onto.any(axis=1)).max(initial=0.0))
