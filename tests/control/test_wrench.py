@@ -45,6 +45,9 @@ LAYOUTS = {
 }
 RANGE = np.array([440.0, 220.0, 120.0, 8.0, 8.0, 25.0])
 """Of random wrenches, N and N m."""
+MOST = 240.0
+"""Of what one drive pulls with, N."""
+YIELDS = [1e-2, 5e-3, 1e-4, 3e-3, 3e-3, 1e-4]
 WEIGHT = np.array([0.0, 0.0, 196.2, 0.0, 0.0, 0.0])
 
 
@@ -113,10 +116,6 @@ def test_pairs_make_the_wrench_and_keep_the_product_of_their_forces() -> None:
 def test_drives_that_cannot_push_along_an_axis_are_refused() -> None:
     with pytest.raises(ValueError, match="along every axis"):
         layout(LAYOUTS["10"][:6], paired=True)
-
-
-MOST = 240.0
-"""Of what one drive pulls with, N."""
 
 
 def reaches(pull: FloatArray) -> FloatArray:

@@ -300,6 +300,7 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     """Print how every variant followed the set-points."""
     from anhyst.reports.bearing.look import interval_text
     from anhyst.reports.tracking.verdict import limits, verdict, verdicts
+    from anhyst.study.tracking.losses import LOSS_NOTES
 
     plant = found.rig.settings
     rows = table(
@@ -331,6 +332,7 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
         *(f"lost: {one}" for one in found.lost_in),
         rows,
         *((crossed, "in nm and nrad") if own.crossed else ()),
+        *((_losses(found), *LOSS_NOTES) if found.losses else ()),
         f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
         f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
         *(() if found.lost_in else judged),
@@ -342,6 +344,16 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
         *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )
+
+
+def _losses(found: TrackingStudy) -> Table:
+    """Return what became of a stage without each of its magnets."""
+    from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_TITLE
+
+    rows = table(LOSS_TITLE, LOSS_HEAD)
+    for one in found.losses:
+        rows.add_row(*one.cells())
+    return rows
 
 
 def show_piezo(found: PiezoTracking, out: Path) -> None:

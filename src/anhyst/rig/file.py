@@ -17,6 +17,7 @@ from anhyst.rig.case_table import (
     ForceCase,
     HeldCase,
     LoadCase,
+    LossCase,
     MovingCase,
     ScanCase,
     StepCase,
@@ -123,6 +124,7 @@ class RigFile(Table):
     step: ClassVar = The("cases", StepCase)
     load_case: ClassVar = Maybe("cases", LoadCase)
     scan: ClassVar = The("cases", ScanCase)
+    loss: ClassVar = Maybe("cases", LossCase)
     held: ClassVar = The("cases", HeldCase)
     moving: ClassVar = The("cases", MovingCase)
     moved: ClassVar = The("cases", DisplacementCase)

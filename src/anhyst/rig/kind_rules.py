@@ -291,6 +291,9 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
             text = f"'{name}' is taken; choose another name"
             yield FileFault(("magnet", number, "name"), text, code="name-taken")
     for place, magnet in file.tables():
+        if isinstance(magnet, LossCase) and not set(magnet.magnets or []) <= {*called}:
+            text = f"there is no such [[magnet]]; name one or more of {', '.join(called)}"
+            yield FileFault((*place, "magnets"), text, code="unknown-name")
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"
             yield FileFault((*place, "iron"), text, code="unknown-name")

@@ -24,6 +24,7 @@ from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdict
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.file import unit_of
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
+from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_NOTES, LOSS_TITLE
 from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
 from anhyst.support.arrays import FloatArray
@@ -133,6 +134,10 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
     sections = [_scan(study), _settling(study), _limits(study), _learning(study)]
     if study.rig.settings.several:
         sections.insert(1, _cross_talk(study))
+    if study.losses:
+        rows = [one.cells() for one in study.losses]
+        losses = table(LOSS_TITLE, [*LOSS_HEAD], rows, " ".join(LOSS_NOTES), texts=2)
+        sections.append(Section("losses", "Magnets lost", (losses,)))
     text = render_page(
         _headline(study),
         [*sections, _origin(study, command)],

@@ -42,6 +42,8 @@ HELD_S = 0.1
 """For which a body that braked is still watched."""
 END_S = 0.02
 """Of it, or of the whole set-point, the end that is judged."""
+LIES_S = 0.02
+"""After it came down, a body lies: what slides later, it does without friction here."""
 PARTS = (1.0, 0.5, 0.25, 0.1)
 """Of the largest acceleration, at which it may brake."""
 _SHORT, _FAILS = 512, 16
@@ -50,13 +52,34 @@ _LOST = 256
 _LANDED = 80
 
 
+LOSS_TITLE = "a magnet lost in flight, each when it pulls most"
+LOSS_HEAD = (
+    "magnet",
+    "the stage",
+    "at ms",
+    "A",
+    "can be spared",
+    "found after ms",
+    "largest error",
+    "at the end",
+    "down mm/s",
+    "let go",
+    "onto any stop mm/s",
+    "let go",
+)
+LOSS_NOTES = (
+    "errors in nm and nrad, the largest of all coordinates;",
+    "let go: all currents end when the loss is found; speeds until it lies",
+)
+
+
 @dataclass(frozen=True)
 class LostMagnet:
     """What became of a body one of whose magnets was lost."""
 
     magnet: str
     at_s: float
-    current_A: float  # then
+    current_A: float  # noqa: N815 - carries its unit; then
     spare: bool  # whether the others hold every coordinate, by linear programme
     noticed_s: float | None  # so much later
     outcome: (
@@ -72,6 +95,29 @@ class LostMagnet:
     # the same where all currents end when the loss is found, and where it is not looked for
     let_go: tuple[float, float]
     unaware: tuple[float, float]
+
+    def cells(self) -> list[str]:
+        """Return what a table says of it, in the columns of :data:`LOSS_HEAD`."""
+
+        def most(error: Mapping[str, float]) -> str:
+            sizes = [
+                1e9 * max((v for k, v in error.items() if k.endswith(u)), default=0.0)
+                for u in ("_m", "_rad")
+            ]
+            return ", ".join(f"{size:.3g}" for size in sizes) if error else ""
+
+        speeds = [self.down_m_per_s, self.let_go[0], self.touch_m_per_s, self.let_go[1]]
+        return [
+            self.magnet,
+            self.outcome,
+            f"{1e3 * self.at_s:.1f}",
+            f"{self.current_A:.2f}",
+            "yes" if self.spare else "no",
+            "" if self.noticed_s is None else f"{1e3 * self.noticed_s:.2f}",
+            most(self.error),
+            most(self.error_end),
+            *(f"{1e3 * one:.1f}" for one in speeds),
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """Return it by name."""
@@ -220,5 +266,11 @@ class Losses:
         at_magnets = np.abs(speeds @ pull_rows(file).T).max(axis=1)
         down = np.zeros(len(speeds))
         if "z" in free:
-            down = -speeds[:, free.index("z")] * (onto & (poses[1:] < 0.0))[:, free.index("z")]
-        return max(0.0, float(down.max(initial=0.0))), float((at_magnets * onto.any(axis=1)).max(initial=0.0))
+            below = onto[:, free.index("z")] & (poses[1:, free.index("z")] < 0.0)
+            lies = int(np.argmax(below)) + round(LIES_S / self._rig.dt)
+            down = -speeds[:, free.index("z")] * below
+            onto[lies:] &= not below.any()
+            down[lies:] = 0.0
+        return max(0.0, float(down.max(initial=0.0))), float(
+            (at_magnets * onto.any(axis=1)).max(initial=0.0)
+        )

@@ -25,6 +25,7 @@ from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
 from anhyst.study.tracking.learner import Learner, at_work
+from anhyst.study.tracking.losses import Losses, LostMagnet
 from anhyst.study.tracking.measures import (
     BANDS_M,
     Measures,
@@ -201,11 +202,14 @@ class TrackingStudy(Result):
     tried : mapping of str to TriedVariant
     left_out : mapping of str to str
         Variants that could not be made, and why.
+    losses : sequence of LostMagnet
+        What became of the compensator's own stage without each magnet that the rig file loses.
     """
 
     rig: StageRig
     tried: Mapping[MethodName, TriedVariant]
     left_out: Mapping[MethodName, str]
+    losses: Sequence[LostMagnet] = ()
 
     @property
     def lost_in(self) -> list[str]:
@@ -234,6 +238,7 @@ class TrackingStudy(Result):
             "left_out": dict(self.left_out),
             "lost_in": self.lost_in,
             "variants": {name: _figures(one) for name, one in self.tried.items()},
+            **({"losses": [one.as_dict() for one in self.losses]} if self.losses else {}),
         }
 
     def facts(self) -> dict[str, str]:
@@ -443,7 +448,11 @@ def explore_stage(
     made, left_out = make_variants(rig, known, names)
     refuse_unstable(made[OWN], out)
     tried = all_of(partial(try_variant, known), list(made.values()), progress)
-    return TrackingStudy(rig, dict(zip(made, tried, strict=True)), left_out)
+    found = TrackingStudy(rig, dict(zip(made, tried, strict=True)), left_out)
+    if rig.settings.loss is None or found.lost_in:
+        return found
+    flights = Losses(made[OWN], found.tried[OWN].gains, rig.settings.loss)
+    return replace(found, losses=flights.all())
 
 
 def simulate_stage(
