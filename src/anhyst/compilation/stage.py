@@ -46,6 +46,8 @@ from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import Quantity
 
+DEAD_ROWS = 200
+"""Of the golden vectors the last, in which the first magnet is lost."""
 NEWTON_AMPERE, GAP = Names("N", "A"), Quantity("gap", "gap", "m")
 TABLES = {
     "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
@@ -55,6 +57,8 @@ TABLES = {
     "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
     "mass": "Masses and moments of inertia about the point that the pose is of.",
     "weight": "Wrench of the weight, N and N m.",
+    "yields": "How readily each coordinate is given up once a magnet is lost, of 1.",
+    "land": "By what the target of each moves in a tick where the body is set down, m and rad.",
 }
 """Tables of the controller, in the order in which they stand in the C."""
 
@@ -73,7 +77,8 @@ class StageController:
     # tables of TABLES; `at`, what each head reads of a pose, and `pid`, a filter a coordinate
     rows: Mapping[str, FloatArray]
     against: Sequence[int]  # for each magnet that which pulls against it, itself where alone
-    settings: Mapping[str, float]  # allocation, idle force and limits of the currents
+    # allocation, idle force, limits of the currents, by what a lost magnet is found
+    settings: Mapping[str, float]
     force_min: float  # N, of a magnet that is alone
     force_max: float  # N, of each magnet
     magnets: Sequence[ForceController]  # one each, in single precision or in fixed point
@@ -166,6 +171,11 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "force_max": literal(stage.force_max),
         **{f"current_{end}": settings[f"current_{end}"] for end in ("low", "high", "step")},
         **{end: literal(settings[f"current_{end}"]) for end in ("low", "high", "step")},
+        **{key: literal(settings[key]) for key in ("follow", "slew", "off")},
+        **{key: int(settings[key]) for key in ("off_ticks", "spare", "land_ticks")},
+        "watched": settings["off"] > 0.0,
+        "off_A": f"{settings['off']:.6g}",
+        "dead": DEAD_ROWS,
         "at": f"{{{', '.join(_row(row, repr) for row in stage.rows['at'].tolist())}}}",
         "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
         "pid": [_biquad(row) for row in stage.rows["pid"].tolist()],

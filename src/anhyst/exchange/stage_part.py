@@ -20,7 +20,15 @@ from anhyst.exchange.bearing_part import (
 from anhyst.exchange.part import WRAPPER, Causality, Part, Variable, header, kernel_of, row
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import column
-from anhyst.rig.stage.file import StageRig, least_of, opposed, pull_rows, read_stage, unit_of
+from anhyst.rig.stage.file import (
+    StageRig,
+    least_of,
+    opposed,
+    pull_rows,
+    read_stage,
+    unit_of,
+    yields,
+)
 from anhyst.rig.stage.loop import (
     StageSetup,
     axes_rows,
@@ -29,6 +37,7 @@ from anhyst.rig.stage.loop import (
     identify_stage,
     make_stage,
     pid,
+    watch_settings,
 )
 from anhyst.study.tracking.simulate import check_calibration
 from anhyst.support.arrays import FloatArray
@@ -142,7 +151,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
     see: FloatArray = np.zeros(1)
     if file.several:
         rows = axes_rows(setup)
-        law, see = _law_of_axes(file, rows, pair), rows["see"]
+        law, see = _law_of_axes(file, rows, pair) | watch_settings(setup.rig), rows["see"]
     law |= {f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")}
     return header(
         "stage_numbers",
@@ -172,11 +181,13 @@ def _law_of_axes(
             "against": f"(const uint16_t[]){fields(opposed(file))}",
             "pair": pair,
             "least": least_of(file),
+            "most": file.tracking.force_max_N,
+            "yields": f"(const double[]){row(yields(file))}",
         },
         "heads": len(file.position_sensors),
         **{
             name: f"(const double[]){row(rows[name].ravel())}"
-            for name in ("see", "decouple", "weigh", "reach")
+            for name in ("see", "decouple", "weigh", "reach", "land")
         },
         "pid": f"(const anhyst_biquad_f64[]){fields([*map(_biquad, rows['pid'].tolist())])}",
     }

@@ -113,11 +113,14 @@ def stage_form(free: Sequence[str], heads: int, magnets: int) -> RecordForm:
         *(f"head {one}" for one in range(1, heads + 1)),
         *(f"forward {axis}" for axis in free),
         *(f"gap {one}" for one in range(1, magnets + 1)),
+        *(f"read {one}" for one in range(1, magnets + 1)),
     )
     outputs = (
         *(f"current {one}" for one in range(1, magnets + 1)),
         *(f"demand {axis}" for axis in free),
         "flags",
+        "lost",
+        "state",
     )
     parts = ("clock", "tick, no limit", "tick, at a limit", *[""] * 5, "tick")
     return RecordForm((*inputs, *outputs), inputs, parts, {}, "sizes")

@@ -14,10 +14,10 @@ from anhyst.compensate.twin import Io
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import Compiled, check_folder, write_folder
 from anhyst.compilation.play import CompiledPlay
-from anhyst.compilation.stage import StageController, stage_sources
+from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.verb import compile_actuator
 from anhyst.model.actuator import Model
-from anhyst.rig.recording import Loss, column
+from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
     StageRig,
     least_of,
@@ -27,6 +27,7 @@ from anhyst.rig.stage.file import (
     read_stage,
     scan_direction,
     weight,
+    yields,
 )
 from anhyst.rig.stage.loop import (
     Feedforward,
@@ -41,6 +42,7 @@ from anhyst.rig.stage.loop import (
     identify_stage,
     make_stage,
     track,
+    watch_settings,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support.arrays import FloatArray
@@ -252,8 +254,10 @@ def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
 def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
     """Return every number of a controller."""
     rig, file, timing = setup.rig, setup.rig.settings, setup.rig.settings.timing
-    settings, body = controller_settings(setup), setup.believed.settings
+    settings = controller_settings(setup) | watch_settings(rig)
+    body = setup.believed.settings
     own = {"pull": pull_rows(file), "mass": mass_matrix(body), "weight": weight(body)}
+    own["yields"] = np.array([yields(file)])
     return StageController(
         name=name,
         rig=file.name,
@@ -275,16 +279,20 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
 def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     """Fly the test set-point and return what the controller was given and answered, by column.
 
-    The answers are those of a fresh controller to inputs in single precision.
+    The answers are those of a fresh controller to inputs in single precision. Where it looks at
+    currents, none is read of the first magnet in the end.
     """
     file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
     given = fly_it(setup, rows).astype(np.float32)
     magnets, heads = len(file.placed), len(file.position_sensors)
     controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
+    if file.tracking.lost_A is not None:
+        given[end + magnets, -DEAD_ROWS:] = 0.0
     answers = []
     for row in given.T.tolist():
-        current, demand, flags = controller.tick(row[:begin], row[begin:end], row[end:])
-        answers.append([*current, *demand, flags])
+        gap, read = row[end : end + magnets], row[end + magnets :]
+        current, demand, *told = controller.tick(row[:begin], row[begin:end], gap, read)
+        answers.append([*current, *demand, *told])
     signals = [*given, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 
@@ -306,7 +314,14 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     for head, row in enumerate(axes_rows(setup)["at"].tolist()):
         for axis, part in enumerate(row):
             off[head] -= part * target[:, axis]
-    return np.vstack([off, wrench.T, read[:magnets]])
+    return np.vstack(
+        [
+            off,
+            wrench.T,
+            read[:magnets],
+            *(run[one] for one in of_magnets([("current_read", "A")], 1, magnets)),
+        ]
+    )
 
 
 def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
@@ -318,7 +333,8 @@ def _fly_one(setup: StageSetup, rows: int) -> FloatArray:
     assert file.gap_total_m is not None
     off, gap = run["position_read_m"] - run["reference_m"], run["gap_read_m"]
     forward = feed(setup, motion, Feedforward())
-    return np.vstack([off, forward, gap, file.gap_total_m - gap])[:, :rows]
+    read = np.zeros((2, gap.size))  # a body of one coordinate looks at no current
+    return np.vstack([off, forward, gap, file.gap_total_m - gap, *read])[:, :rows]
 
 
 def _refuse_lost(rig: StageRig, loss: Loss | None) -> None:
@@ -335,9 +351,12 @@ def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
         *(f"head_{one}" for one in range(1, heads + 1)),
         *(f"forward_{axis}" for axis in free),
         *(f"gap_{one}" for one in range(1, magnets + 1)),
+        *(f"read_{one}" for one in range(1, magnets + 1)),
         *(f"current_{one}" for one in range(1, magnets + 1)),
         *(f"demand_{axis}" for axis in free),
         "flags",
+        "lost",
+        "state",
     ]
 
 

@@ -54,6 +54,7 @@ void subject_draw(uint32_t step)
     const float walked = force[i] + draw() / 64.0F;
     force[i] = step % 1024U < 128U ? draw() : walked;
     force[i] = force[i] > 0.0F && force[i] < 1.0F ? force[i] : 0.5F;
+    in->read[i] = now.signals.out.current[i];
     in->gap[i] += span * draw() / 256.0F;
     if (harness_draw() % 256U == 0U) {
       in->gap[i] = COUNT(GAP_LOW_M) + span * 2.0F * draw();
