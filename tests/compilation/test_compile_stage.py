@@ -80,6 +80,21 @@ def test_what_was_simulated_is_what_would_be_flashed(
         assert np.array_equal(compiled.vectors[f"current_{number}"], flown(setup, number))
 
 
+@pytest.mark.parametrize("number_format", ["f32", "fixed"])
+def test_a_lost_magnet_is_compiled_to_the_bit(number_format: NumberFormat, tmp_path: Path) -> None:
+    setup = single(True, "full", number_format)
+    watched = setup.rig.settings.changed({"control.lost_A": 0.25})
+    compiled = folder_of(replace(setup, rig=replace(setup.rig, settings=watched)), tmp_path)
+    replays(compiled.out)
+    lost, state = compiled.vectors["lost"], compiled.vectors["state"]
+    found = int(np.argmax(lost > 0))
+    assert ROWS - 200 < found < ROWS - 190
+    assert not lost[:found].any()
+    assert (lost[found:] == 1).all()
+    assert (state[found:] == 1).all()
+    assert not compiled.vectors["current_1"][found:].any()
+
+
 def test_one_axis_is_compiled_as_a_body_of_one_coordinate(tmp_path: Path) -> None:
     setup = single(False, "full")
     compiled = folder_of(setup, tmp_path)
@@ -179,14 +194,15 @@ def test_readings_that_cannot_be_are_flagged_and_move_no_integral(
     controller, gaps = axes_controller(setup), [0.45e-3] * 10
     forward, true = [0.0, 0.0, 20.0 * 9.81, 0.0, 0.0, 0.0], [2e-7] * 6
     other = axes_controller(setup)
-    *held, _ = controller.tick(true, forward, gaps)
-    other.tick(true, forward, gaps)
+    none = [math.nan] * 10
+    *held, _, _, _ = controller.tick(true, forward, gaps, none)
+    other.tick(true, forward, gaps, none)
     for reading in (math.nan, math.inf, -math.inf, 0.5e-3, -0.3e-3, 1e30):
         for _ in range(3):
-            *wrong, flags = controller.tick([reading] + [1e-7] * 5, forward, gaps)
+            *wrong, flags, _, _ = controller.tick([reading] + [1e-7] * 5, forward, gaps, none)
             assert flags == 8
             assert wrong == held
-    assert controller.tick(true, forward, gaps) == other.tick(true, forward, gaps)
+    assert controller.tick(true, forward, gaps, none) == other.tick(true, forward, gaps, none)
 
 
 @pytest.mark.parametrize(
