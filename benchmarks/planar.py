@@ -9,10 +9,15 @@ from __future__ import annotations
 
 import tomllib
 
+from tests.study.test_losses import laid
+
 from anhyst.rig.bearing.make_setup import identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
+from anhyst.rig.case_table import LossCase
 from anhyst.rig.stage.file import read_stage
+from anhyst.rig.stage.loop import Feedforward
 from anhyst.study.engine.verdict import Interval
+from anhyst.study.tracking.losses import Losses
 from anhyst.study.tracking.simulate import TrackingStudy, TriedVariant, explore_stage
 from rows import ROOT, Row
 from tracking import with_iron
@@ -50,6 +55,20 @@ def of_iron(iron: str, study: TrackingStudy) -> list[Row]:
     return found
 
 
+def lost_rows() -> list[Row]:
+    """Return what became of layouts without each of their magnets."""
+    found = []
+    for name, movable in (("8", 0), ("10", 0), ("12", 8), ("14", 14)):
+        for peaks in ((22.0, 10.0, 18.0), (10.0, 8.0)):
+            case = LossCase(kind="loss", circuit="open")
+            each = Losses(laid(name, peaks), Feedforward(), case).all()
+            held = sum(one.outcome in ("flies on", "brakes") for one in each)
+            text = "; ".join(" ".join(one.cells()) for one in each)
+            what = f"planar, {name} magnets, {peaks[0]:g} m/s2: losses survived"
+            found.append(Row(what, f"{movable}", f"{held}; {text}", held == movable))
+    return found
+
+
 def rows() -> list[Row]:
     """Return the lines of this table."""
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
@@ -58,4 +77,4 @@ def rows() -> list[Row]:
         rig = with_iron(read_stage(RIG), families[name])
         magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
         found += of_iron(name, explore_stage(rig, magnet))
-    return found
+    return found + lost_rows()
