@@ -63,7 +63,7 @@ def layout(lines: Sequence[Line], paired: bool, idle: float = 5.0) -> WrenchLayo
     for i, j in np.argwhere(np.abs(pull[:, None] + pull).max(axis=2) < 1e-12).tolist():
         if paired:
             against[i] = j
-    return WrenchLayout(pull, against, Allocation.CLASS_AB, idle, LEAST, MOST, YIELDS)
+    return WrenchLayout(pull, against, Allocation.CLASS_AB, idle, LEAST, MOST, yields=YIELDS)
 
 
 def wrenches(count: int, size: float = 1.0) -> FloatArray:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
+_Reals = Sequence[float]
 _Numbers = Mapping[str, float]
 _Path = tuple[_Array, _Array, _Array, int, int]
 POSITION_MAGNETS: int  # of a position controller, at most
@@ -532,15 +533,8 @@ class FixedTracking(LoopController):
 class WrenchLayout:
     """Drives that only pull, around a body, by the names of core/include/anhyst/control/wrench.h."""
 
-    def __init__(
-        self,
-        pull: _Array,
-        against: Sequence[int],
-        kind: int,
-        idle: float,
-        least: float,
-        most: float,
-        yields: Sequence[float],
+    def __init__(  # forces: idle, least and most, N
+        self, pull: _Array, against: Sequence[int], kind: int, *forces: float, yields: _Reals
     ) -> None: ...
     def lose(self, drive: int) -> None: ...  # from 0 on
     def share(self, wrench: Sequence[float]) -> tuple[list[float], bool]:
@@ -555,11 +549,7 @@ class TrackingAxes(LoopController):
     def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
     # currents, wrench, flags, lost magnets bit by bit, state as in axes.h; heads off target, m
     def tick(
-        self,
-        head: Sequence[float],
-        forward: Sequence[float],
-        gap: Sequence[float],
-        read: Sequence[float],
+        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals
     ) -> tuple[list[float], list[float], int, int, int]: ...
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too

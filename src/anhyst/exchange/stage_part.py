@@ -27,6 +27,7 @@ from anhyst.rig.stage.file import (
     pull_rows,
     read_stage,
     unit_of,
+    watch_settings,
     yields,
 )
 from anhyst.rig.stage.loop import (
@@ -37,7 +38,6 @@ from anhyst.rig.stage.loop import (
     identify_stage,
     make_stage,
     pid,
-    watch_settings,
 )
 from anhyst.study.tracking.simulate import check_calibration
 from anhyst.support.arrays import FloatArray

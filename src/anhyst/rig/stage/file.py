@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -14,7 +15,7 @@ from anhyst._core import WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.control.position import Allocation
-from anhyst.rig.bearing.file import BearingRig, plant_faults
+from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
 from anhyst.rig.calibration import (
     CENTRE,
     OF_ONE,
@@ -42,6 +43,12 @@ _INSIDE = 1e-6
 """Part of its range by which every force can be off its bounds where a body can be pushed any way."""
 _SAME = 1e-9
 """By which lines of a pair may miss each other, m or parts of a direction."""
+LANDED = 1.5
+"""By how much farther than to the end stop a body is set down, so that it lies there in the end."""
+_SURE = 0.5
+"""Part of what supply and inductance let a current change by that it does change by at least."""
+MOST_TICKS = 65535
+"""Of a landing."""
 HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
@@ -212,7 +219,9 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     Raises ValueError where the magnets cannot push along every coordinate.
     """
     least, most = least_of(file), file.tracking.force_max_N
-    return WrenchLayout(pull_rows(file), opposed(file), kind, idle, least, most, yields(file))
+    return WrenchLayout(
+        pull_rows(file), opposed(file), kind, idle, least, most, yields=yields(file)
+    )
 
 
 def yields(file: RigFile) -> list[float]:
@@ -340,3 +349,18 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
 def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
     """Return what the file that a rig names says of a method; None where it says nothing."""
     return None if rig.calibration is None else rig.calibration.of(method)
+
+
+def watch_settings(rig: StageRig) -> dict[str, float]:
+    """Return by what a controller of several coordinates finds lost magnets, and how it lands."""
+    table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
+    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
+    down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    return {
+        "follow": 1.0 - math.exp(-rig.dt / late),
+        "slew": _SURE * amplifier.supply / rig.settings.magnet.poles.inductance(rig.gap) * rig.dt,
+        "off": table.lost_A or 0.0,
+        "off_ticks": max(1, round(table.lost_s / rig.dt)),
+        "spare": spare(rig.settings) if table.lost_A else 0,
+        "land_ticks": min(math.ceil(down), MOST_TICKS),
+    }

@@ -57,9 +57,9 @@ from anhyst.rig.stage.file import (
     head_rows,
     mass_matrix,
     scan_direction,
-    spare,
     unit_of,
     usual_allocation,
+    watch_settings,
     weight,
     wrench_layout,
 )
@@ -71,12 +71,6 @@ from anhyst.support.fixed_point import q31
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
 
-LANDED = 1.5
-"""By how much farther than to the end stop a body is set down, so that it lies there in the end."""
-_SURE = 0.5
-"""Part of what supply and inductance let a current change by that it does change by at least."""
-MOST_TICKS = 65535
-"""Of a landing."""
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
 _COMMAND_NONE = 0
@@ -483,21 +477,6 @@ def controller_settings(setup: StageSetup) -> dict[str, float]:
         "current_low": low,
         "current_high": high,
         "current_step": (high - low) / ((1 << amplifier.dac_bits) - 1),
-    }
-
-
-def watch_settings(rig: StageRig) -> dict[str, float]:
-    """Return by what a controller of several coordinates finds lost magnets, and how it lands."""
-    table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
-    late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
-    down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
-    return {
-        "follow": 1.0 - math.exp(-rig.dt / late),
-        "slew": _SURE * amplifier.supply / rig.settings.magnet.poles.inductance(rig.gap) * rig.dt,
-        "off": table.lost_A or 0.0,
-        "off_ticks": max(1, round(table.lost_s / rig.dt)),
-        "spare": spare(rig.settings) if table.lost_A else 0,
-        "land_ticks": min(math.ceil(down), MOST_TICKS),
     }
 
 

@@ -26,6 +26,7 @@ from anhyst.rig.stage.file import (
     pull_rows,
     read_stage,
     scan_direction,
+    watch_settings,
     weight,
     yields,
 )
@@ -42,7 +43,6 @@ from anhyst.rig.stage.loop import (
     identify_stage,
     make_stage,
     track,
-    watch_settings,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support.arrays import FloatArray
