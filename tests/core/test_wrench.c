@@ -186,7 +186,8 @@ static void what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number(voi
 {
   const double one[2] = {1.0, 1.0};
   const uint16_t alone[2] = {0, 1};
-  const anhyst_wrench_layout_f64 layout = {1, 2, one, alone, {0.0, ANHYST_ALLOCATE_SINGLE}, -40.0};
+  const anhyst_wrench_layout_f64 layout = {
+      1, 2, one, alone, {0.0, ANHYST_ALLOCATE_SINGLE}, -40.0, 240.0, yields};
   const double push = -60.0;
   const double beyond = -100.0;
   const double none = (double)NAN;
@@ -205,7 +206,8 @@ static void bad_layouts_are_refused(void)
   const double one[2] = {1.0, -1.0};
   const uint16_t alone[2] = {0, 1};
   const uint16_t astray[2] = {1, 1};
-  anhyst_wrench_layout_f64 layout = {1, 2, one, alone, {5.0, ANHYST_ALLOCATE_CLASS_AB}, 0.5};
+  anhyst_wrench_layout_f64 layout = {1,   2,     one,   alone, {5.0, ANHYST_ALLOCATE_CLASS_AB},
+                                     0.5, 240.0, yields};
   CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_OK);
   layout.against = astray;
   CHECK(anhyst_wrench_init_f64(&drives, &layout) == ANHYST_BAD_PARAMETER);
