@@ -18,8 +18,8 @@ from anhyst.dashboard.session import LiveSession
 from anhyst.rig.bench.protocol import Bench
 from anhyst.study.bench import address_of, open_board, prepare_board
 from anhyst.study.kept import prepared_once
-from anhyst.study.prepared import Prepared, PreparedStage
-from anhyst.study.tracking.beside import BenchLearner
+from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage
+from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, kind_of
@@ -216,6 +216,9 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
         stage = prepared.open()
         if prepared.whole.settings.several:
             return stage, None, None  # what one coordinate teaches is known of no others
-        return stage, None, BenchLearner(prepared.whole, prepared.magnet, stage)
+        return stage, None, StageLearner(prepared.whole, prepared.magnet, stage)
+    if isinstance(prepared, PreparedBearing):
+        bearing = prepared.open()
+        return bearing, Improver(prepared, bearing), BearingLearner(prepared, bearing)
     bench = prepared.open()
     return bench, Improver(prepared, bench), None

@@ -107,6 +107,7 @@ class Learner:
             return self._refuse(motion, before, fresh)
         explained = faded * self._sums if self.seen else 0.0
         self.values, self.seen, self._rows, self._sums = values, seen, rows, sums + explained
+        self.mass_kg = None
         return bool(seen)
 
     def _refuse(self, motion: Motion, before: FloatArray, fresh: FloatArray) -> bool:
