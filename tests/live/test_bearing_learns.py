@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command
+from anhyst.dashboard.verb import opened
 from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.rig.bearing.drift import Drift, changed, drifted_file
 from anhyst.rig.bearing.make_setup import calibrated
+from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.prepared import PreparedBearing, block_of
 from anhyst.study.tracking.beside import BearingLearner
 from anhyst.study.tracking.learner import Learner
@@ -24,9 +26,9 @@ from tests.study import bearings
 WRONG = Drift(pinning=0.2, gap_offset=10e-6)
 
 
-def prepared(firmware: Path, setup: object = None) -> PreparedBearing:
+def prepared(firmware: Path) -> PreparedBearing:
     """The example, whose plant is not what its controller was made for."""
-    of = bearings.single() if setup is None else bearings.pair()
+    of = bearings.single()
     rig = changed(of.rig, {"spread.gap_zero_m": 5e-6})
     rig = replace(rig, settings=drifted_file(rig.settings, WRONG))
     return PreparedBearing(replace(of, rig=rig), bearings.knowledge().model, firmware)
@@ -36,8 +38,13 @@ class Beside:
     """A bench and its learner in step, without a session."""
 
     def __init__(self, found: PreparedBearing) -> None:
-        self.prepared, self.bench = found, found.open()
-        self.learner = BearingLearner(found, self.bench)
+        self.prepared = found
+        bench, improver, learner = opened(found)
+        assert isinstance(bench, BearingBench)
+        assert improver is not None
+        assert isinstance(learner, BearingLearner)
+        improver.close()
+        self.bench, self.learner = bench, learner
 
     def advance(self, seconds: float, swing: float = 0.0) -> None:
         for _ in range(round(200 * seconds)):
@@ -142,7 +149,8 @@ def test_a_model_that_somebody_else_swapped_in_stays_in_force(firmware: Path) ->
 
 def test_a_pair_that_shares_one_block_is_not_learnt_on(firmware: Path) -> None:
     beside = Beside(prepared(firmware))
-    learner = BearingLearner(prepared(firmware, "pair"), beside.bench)
+    known = bearings.knowledge()
+    learner = BearingLearner(bearings.pair(), known, lambda _: [], beside.bench)
     with refused("not-learnt-here"):
         learner.turn(True)
     assert "share one block" in learner.status()["refused"]

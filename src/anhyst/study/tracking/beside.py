@@ -12,6 +12,8 @@ import numpy as np
 
 from anhyst.compensate.interface import MethodName
 from anhyst.link.blocks import GENERATION_AT, regenerate
+from anhyst.model.actuator import Model
+from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Bench, Signal, Subscription
@@ -20,7 +22,6 @@ from anhyst.rig.calibration import ParameterName
 from anhyst.rig.recording import column, peak, rms
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import COMMANDS, READ, StageSetup
-from anhyst.study.prepared import PreparedBearing, block_of
 from anhyst.study.tracking.bodies import BearingLaw
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
@@ -284,11 +285,16 @@ class BearingLearner(BenchLearner):
 
     unit = "N"
 
-    def __init__(self, prepared: PreparedBearing, bench: BearingBench) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        known: IdentifiedMagnet,
+        compiled: Callable[[Model], Sequence[int]],
+        bench: BearingBench,
+    ) -> None:
         super().__init__(bench)
-        setup = prepared.setup
-        self._prepared, self._bench, self._method = prepared, bench, setup.name
-        self._known = IdentifiedMagnet(prepared.measured, prepared.model)
+        self._setup, self._bench, self._method = setup, bench, setup.name
+        self._known, self._compiled = known, compiled  # to a block for the running board
         self._columns = {one: _place(bench.signals, one) for one in _OF_BEARING}
         self._law: BearingLaw | None = None
         self._memory = np.zeros((0, 1 + len(bench.signals)))
@@ -330,7 +336,7 @@ class BearingLearner(BenchLearner):
         """Learn from a second, and let what was found act."""
         if self._refusal is not None:
             return
-        setup = self._prepared.setup
+        setup = self._setup
         law = self._law = self._law or BearingLaw(
             setup.rig, setup.controller, self._known, self._method
         )
@@ -387,7 +393,7 @@ class BearingLearner(BenchLearner):
             zero = numbers["gap_zero_m"]
             over = 2.0 * abs(zero)  # the gaps of the board stay those of the build
             magnet = calibrated(self._known, numbers["scale_1"], zero, numbers["width"], over)
-            return block_of(self._prepared.compile(magnet.model)).words.tolist(), numbers
+            return self._compiled(magnet.model), numbers
         except (InputError, np.linalg.LinAlgError) as error:
             self._trouble, self.on = f"learning ended: {error}", False
             return None
@@ -404,10 +410,10 @@ class BearingLearner(BenchLearner):
 
     @property
     def _refusal(self) -> InputError | None:
-        rig, why = self._prepared.setup.rig, ""
+        rig, why = self._setup.rig, ""
         if rig.calibration is not None:
             why = "control.calibration: learning begins without one; leave it out"
-        elif not self._prepared.alone:
+        elif len(rig.magnets) > 1:
             why = "both magnets of a pair share one block; calibrate from a recording"
         elif self._method != "full":
             why = f"'{self._method}' is not calibrated while it runs; choose 'full'"
