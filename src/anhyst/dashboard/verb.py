@@ -231,4 +231,4 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
 
 def _words(prepared: PreparedBearing, model: Model) -> Sequence[int]:
     """Compile a model to a block for the running board."""
-    return block_of(prepared.compile(model)).words.tolist()
+    return [int(word) for word in block_of(prepared.compile(model)).words]
