@@ -16,7 +16,7 @@ from anhyst.dashboard.verb import opened
 from anhyst.rig.bench.stage import StageVariant
 from anhyst.rig.stage.loop import Feedforward, make_stage
 from anhyst.study.prepared import PreparedStage
-from anhyst.study.tracking.beside import BenchLearner
+from anhyst.study.tracking.beside import StageLearner
 from anhyst.study.tracking.calibrate import calibrate
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.motion import Motion
@@ -43,7 +43,7 @@ class Beside:
     def __init__(self) -> None:
         found = prepared()
         self.bench = found.open()
-        self.learner = BenchLearner(found.whole, found.magnet, self.bench)
+        self.learner = StageLearner(found.whole, found.magnet, self.bench)
 
     def advance(self, ticks: int) -> None:
         while ticks > 0:
@@ -76,16 +76,16 @@ def test_a_stage_that_learns_from_its_laps_leaves_a_third_of_its_error(beside: B
     beside.learner.turn(True)
     beside.laps(5)
     after = beside.learner.laps[-1]
-    assert after.average_m < before.average_m / 3.0
+    assert after.average < before.average / 3.0
     assert after.refused == 0
     assert set(after.values) >= {"scale_1", "scale_2", "width"}
-    assert beside.learner.status()["before_m"]["full"] >= before.average_m / 2.0
+    assert beside.learner.status()["before"]["full"] >= before.average / 2.0
 
 
 def test_a_stage_whose_motion_would_teach_something_else_is_not_learnt_on(beside: Beside) -> None:
     found = prepared()
     slow = found.whole.settings.changed({"amplifier.bandwidth_Hz": 1000.0})
-    learner = BenchLearner(replace(found.whole, settings=slow), found.magnet, beside.bench)
+    learner = StageLearner(replace(found.whole, settings=slow), found.magnet, beside.bench)
     with refused("amplifier-too-slow amplifier.bandwidth_Hz"):
         learner.turn(True)
     learner.turn(False)
@@ -97,13 +97,13 @@ def test_what_was_learnt_is_forgotten_on_one_tick_and_learnt_again(beside: Besid
     start(beside)
     beside.learner.turn(True)
     beside.laps(4)
-    learnt = beside.learner.laps[-1].average_m
+    learnt = beside.learner.laps[-1].average
     beside.learner.turn(False)
     due = beside.learner.revert()
     beside.laps(2)
     assert due <= beside.bench.laps[-1].begin
     assert beside.learner.laps[-1].values == {}
-    assert beside.learner.laps[-1].average_m > 2.0 * learnt
+    assert beside.learner.laps[-1].average > 2.0 * learnt
 
 
 def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside: Beside) -> None:
@@ -119,7 +119,7 @@ def test_a_swap_that_waits_for_the_body_to_rest_is_taken_back_by_a_revert(beside
     beside.learner.revert()
     beside.laps(2)
     other.laps(2)
-    ratio = beside.learner.laps[-1].average_m / other.learner.laps[-1].average_m
+    ratio = beside.learner.laps[-1].average / other.learner.laps[-1].average
     assert 0.8 < ratio < 1.25
 
 
@@ -139,7 +139,7 @@ def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside
     start(beside)
     beside.learner.turn(True)
     beside.laps(6)
-    before = beside.learner.status()["before_m"]["full"]
+    before = beside.learner.status()["before"]["full"]
     last = beside.learner.laps[-1].lap
     waiting = [beside.bench.advance(200)]
     while beside.bench.laps[-1].number < last + 4:
@@ -147,7 +147,7 @@ def test_laps_of_what_was_forgotten_are_no_measure_of_what_is_learnt_next(beside
     beside.learner.revert()
     for rows in waiting:
         beside.learner.take(rows, lambda act: act())
-    assert beside.learner.status()["before_m"]["full"] == before
+    assert beside.learner.status()["before"]["full"] == before
     beside.laps(6)
     assert beside.learner.on
     assert beside.learner.status()["trouble"] == ""
@@ -208,12 +208,12 @@ def test_what_makes_the_error_grow_is_taken_back_and_ends_learning(
     # an estimator gone astray: one current is believed to do a hundredth more than it does
     monkeypatch.setattr(Learner, "learn", lambda learner, _: learner.values.update(scale_1=0.01))
     beside.laps(6)
-    assert max(one.average_m for one in beside.learner.laps) > 2.0 * good.average_m
+    assert max(one.average for one in beside.learner.laps) > 2.0 * good.average
     monkeypatch.undo()
     assert not beside.learner.on
     assert "grew from" in beside.learner.status()["trouble"]
     beside.laps(2)
-    assert beside.learner.laps[-1].average_m < 1.5 * good.average_m
+    assert beside.learner.laps[-1].average < 1.5 * good.average
 
 
 @pytest.mark.slow
@@ -231,7 +231,7 @@ def test_each_method_learns_from_the_laps_that_it_drove_itself(beside: Beside) -
     start(beside)
     beside.learner.turn(True)  # from the first tick on
     beside.laps(2)
-    assert beside.learner.status()["before_m"]["full"] == beside.learner.laps[0].average_m
+    assert beside.learner.status()["before"]["full"] == beside.learner.laps[0].average
     beside.bench.apply({"compensation": 0.0})
     beside.laps(3)
     methods = [one.method for one in beside.learner.laps]

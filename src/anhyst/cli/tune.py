@@ -220,12 +220,12 @@ def calibrate(
         for one in found.file.method:
             for number in one.parameter:
                 values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
-                unseen = "frozen: not seen" if one.taken else "not taken"
-                drawn.add_row(one.name, number.name, *values, unseen if number.frozen else "")
+                unseen = "frozen: not seen" if number.frozen else ""
+                drawn.add_row(one.name, number.name, *values, unseen if one.taken else "not taken")
         written = [f"written: {out}"] if out is not None and found.learnt else []
         show(drawn, *(f"{name}: {text}" for name, text in facts.items()), *written)
     if not found.learnt:
         raise NegativeResult(
-            "nothing was learnt: too little motion or force was asked for, or no law explains the motion",
+            "nothing is taken: too little motion or force was asked for, or no law explains it",
             code="nothing-learnt",
         )

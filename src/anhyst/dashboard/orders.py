@@ -154,7 +154,9 @@ def _learn(session: LiveSession, who: str, fields: Fields) -> Mapping[str, Any]:
     learner = session.learner
     if learner is None:
         raise InputError(
-            "learn: a stage alone learns from its motion", code="not-for-this-kind", key="learn"
+            "learn: a stage or a bearing alone learns from its motion",
+            code="not-for-this-kind",
+            key="learn",
         )
     if fields.get("revert") is True:
         applied = learner.revert()

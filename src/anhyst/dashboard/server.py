@@ -97,7 +97,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "frequencies": [LOWEST_HZ, HIGHEST_HZ],
         "folder": str(session.recorder.folder.resolve()),
         "kept": KEPT_S,
-        "learns": session.learner is not None,
+        "learns": None if session.learner is None else session.learner.unit,
         "limits": None if session.improver is None else session.improver.limits(),
         "loops": loops_of(session),
     }

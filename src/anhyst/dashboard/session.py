@@ -28,7 +28,7 @@ from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
-_LATE = 1000
+_LATE = 10_000
 """Chunks that wait for a learner; more than it is ever late by."""
 
 _LOG = 500

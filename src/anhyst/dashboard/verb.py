@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import secrets
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import uvicorn
@@ -15,11 +16,13 @@ from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recorder import RecordingFile, start_recording
 from anhyst.dashboard.server import MESSAGE_MOST, LiveServer
 from anhyst.dashboard.session import LiveSession
+from anhyst.model.actuator import Model
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.protocol import Bench
 from anhyst.study.bench import address_of, open_board, prepare_board
 from anhyst.study.kept import prepared_once
-from anhyst.study.prepared import Prepared, PreparedStage
-from anhyst.study.tracking.beside import BenchLearner
+from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage, block_of
+from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind, kind_of
@@ -216,6 +219,16 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
         stage = prepared.open()
         if prepared.whole.settings.several:
             return stage, None, None  # what one coordinate teaches is known of no others
-        return stage, None, BenchLearner(prepared.whole, prepared.magnet, stage)
+        return stage, None, StageLearner(prepared.whole, prepared.magnet, stage)
+    if isinstance(prepared, PreparedBearing):
+        bearing = prepared.open()
+        known = IdentifiedMagnet(prepared.measured, prepared.model)
+        learner = BearingLearner(prepared.setup, known, partial(_words, prepared), bearing)
+        return bearing, Improver(prepared, bearing), learner
     bench = prepared.open()
     return bench, Improver(prepared, bench), None
+
+
+def _words(prepared: PreparedBearing, model: Model) -> Sequence[int]:
+    """Compile a model to a block for the running board."""
+    return [int(word) for word in block_of(prepared.compile(model)).words]

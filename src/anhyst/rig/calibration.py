@@ -99,8 +99,8 @@ class CalibratedMethod(Table):
 
     @property
     def taken(self) -> bool:
-        """Whether anything corrects the method."""
-        return any(not one.frozen for one in self.parameter)
+        """Whether anything corrects the method: what does not fit does not."""
+        return self.fits and any(not one.frozen for one in self.parameter)
 
     @property
     def judgement(self) -> str:
@@ -118,8 +118,9 @@ class CalibratedMethod(Table):
         return left if self.taken else f"{left}; nothing is taken"
 
     def value(self, name: ParameterName) -> float:
-        """Return a number of it."""
-        return next((one.value for one in self.parameter if one.name == name), 0.0)
+        """Return a number that corrects it."""
+        found = self.parameter if self.fits else []
+        return next((one.value for one in found if one.name == name), 0.0)
 
     def widths(self, count: int) -> list[float]:
         """Return by how much the loop of each magnet is wider."""

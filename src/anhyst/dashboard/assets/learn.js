@@ -1,4 +1,4 @@
-// The improve view of a stage: what its motion taught, lap after lap, and what that gained.
+// What the motion of a stage or a bearing taught, lap after lap, and what that gained.
 
 import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
@@ -8,13 +8,17 @@ const MOST = 500; // laps that are drawn
 const UNITS = {
   scale_1: ["%", 100],
   scale_2: ["%", 100],
+  gap_zero_m: ["µm", 1e6],
   width: ["%", 100],
   payload: ["%", 100],
   lag_s: ["µs", 1e6],
   bias_N: ["N", 1],
   cable_N_per_m: ["N/m", 1],
 };
-const NM = 1e9;
+const ERRORS = {
+  m: { what: "moving average", axis: "moving average of the error / nm", unit: "nm", factor: 1e9 },
+  N: { what: "force off by", axis: "force off by, rms / N", unit: "N", factor: 1 },
+};
 
 export class Learning {
   #shown = ""; // what is drawn, and how large
@@ -23,9 +27,10 @@ export class Learning {
 
   constructor(place, bench, order) {
     this.bench = bench;
+    this.of = ERRORS[bench.learns];
     this.button = make("button", { id: "learn", onclick: () => order("learn", { on: !this.#now?.on }) });
     this.back = make("button", { textContent: "revert", onclick: () => order("learn", { revert: true }) });
-    this.back.title = "forgets all that was learnt, when the body next rests";
+    this.back.title = "forgets all that was learnt";
     this.gained = make("output", { className: "reading", id: "gained" });
     this.said = make("output", { className: "soft", id: "learnt-said" });
     this.legend = make("span");
@@ -33,7 +38,7 @@ export class Learning {
     const left = make("figure");
     const right = make("figure");
     this.values = new Plane(left, "t / s", "learnt / stated deviation");
-    this.errors = new Plane(right, "t / s", "moving average of the error / nm");
+    this.errors = new Plane(right, "t / s", this.of.axis);
     place.replaceChildren(
       make("div", { className: "bar" }, this.button, this.back, this.gained),
       make("div", { className: "bar" }, this.said, this.legend),
@@ -59,7 +64,8 @@ export class Learning {
     refuse(this.back, refused.learn);
     const last = this.#laps.at(-1);
     const parts = [learn.trouble, last && learn.said[last.method]].filter(Boolean);
-    const waits = learn.on ? "learns once a set-point was followed: press run" : "nothing was learnt yet";
+    const moved = this.bench.learns === "m" ? "a set-point was followed: press run" : "the reference moves: start the generator";
+    const waits = learn.on ? `learns once ${moved}` : "nothing was learnt yet";
     this.said.textContent = parts.join("; ") || waits;
     this.#gain();
   }
@@ -67,9 +73,11 @@ export class Learning {
   #gain() {
     const last = this.#laps.at(-1);
     if (!last || !this.#now) return;
-    const before = this.#now.before_m[last.method];
-    const were = before === undefined ? "" : `${short(NM * before)} nm before, `;
-    this.gained.textContent = `${last.method}: moving average ${were}${short(NM * last.average_m)} nm now, peak ${short(NM * last.peak_m)} nm`;
+    const before = this.#now.before[last.method];
+    const { what, unit, factor } = this.of;
+    const said = (value) => `${short(factor * value)} ${unit}`;
+    const were = before === undefined ? "" : `${said(before)} before, `;
+    this.gained.textContent = `${last.method}: ${what} ${were}${said(last.average)} now, peak ${said(last.peak)}`;
   }
 
   // Laps of the method that drove the last one.
@@ -111,7 +119,7 @@ export class Learning {
     const own = this.#own();
     this.#drawValues(own.filter((one) => Object.keys(one.values).length));
     const times = this.#times(this.#laps);
-    const averages = this.#laps.map((one) => NM * one.average_m);
+    const averages = this.#laps.map((one) => this.of.factor * one.average);
     this.errors.begin([...limits(times), ...limits([0], averages)]);
     this.legend.replaceChildren();
     for (const [n, method] of [...new Set(this.#laps.map((one) => one.method))].entries()) {
@@ -119,7 +127,7 @@ export class Learning {
       name.style.color = COLOURS[n];
       this.legend.append(name);
       const laps = this.#laps.filter((one) => one.method === method);
-      for (const one of laps) this.errors.dot(one.tick / this.bench.rate, NM * one.average_m, COLOURS[n]);
+      for (const one of laps) this.errors.dot(one.tick / this.bench.rate, this.of.factor * one.average, COLOURS[n]);
     }
   }
 
@@ -151,8 +159,8 @@ export class Learning {
     return {
       t_s: this.#times(laps),
       method: laps.map((one) => one.method),
-      average_m: laps.map((one) => one.average_m),
-      peak_m: laps.map((one) => one.peak_m),
+      [`average_${this.bench.learns}`]: laps.map((one) => one.average),
+      [`peak_${this.bench.learns}`]: laps.map((one) => one.peak),
       ...Object.fromEntries(
         names.flatMap((name) => [
           [name, part(name, 0)],

@@ -17,7 +17,7 @@ import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
 
-const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum"];
+const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning"];
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
@@ -31,7 +31,7 @@ link.addEventListener("frame", (event) => feed(event.detail));
 link.addEventListener("status", (event) => status(event.detail));
 link.addEventListener("parameters", (event) => page?.parameters.take(event.detail.parameters, event.detail.applied));
 link.addEventListener("improve", (event) => page?.improve.show(event.detail.results));
-link.addEventListener("learnt", (event) => page?.improve.learnt(event.detail.laps));
+link.addEventListener("learnt", (event) => (page?.learning ?? page?.improve)?.learnt(event.detail.laps));
 link.addEventListener("loops", (event) => page?.loop.know(event.detail.loops));
 link.addEventListener("lost", (event) => lost(event.detail));
 
@@ -58,11 +58,13 @@ function open(bench) {
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
-    improve: new (bench.learns ? Learning : Improve)(at("improve"), bench, order),
+    improve: new (bench.learns && !bench.limits ? Learning : Improve)(at("improve"), bench, order),
+    learning: bench.learns && bench.limits ? new Learning(at("learning"), bench, order) : null,
     levitation: new LevitationView(at("levitation"), bench, store),
     spectrum: new SpectrumView(at("spectrum"), bench, store),
     panel: new Panel(at("panel"), bench, order, parameters),
   };
+  at("tabs").lastChild.hidden = !page.learning;
   at("title").textContent = bench.title;
   document.title = `${bench.title} – anhyst live`;
   at("log").replaceChildren(make("ol"));
@@ -100,6 +102,7 @@ function status(now) {
   });
   page.parameters.status(now);
   page.improve.status(now);
+  page.learning?.status(now);
   page.sets.status(now);
   role(now);
   for (const entry of now.log) write(entry);
@@ -171,7 +174,8 @@ function askToken() {
   });
 }
 
-function choose(name) {
+function choose(wanted) {
+  const name = wanted === "learning" && !page?.learning ? "improve" : wanted;
   view = name;
   page?.bench.choices.set("view", name);
   const none = page?.[name]?.table ? "" : "nothing is drawn in this view";

@@ -1,4 +1,4 @@
-"""What a stage learns while it runs on a bench: lap after lap, beside it."""
+"""What a stage or a bearing learns while it runs on a bench, beside it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.bench.protocol import Signal, Subscription
+from anhyst.link.blocks import GENERATION_AT, regenerate
+from anhyst.model.actuator import Model
+from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated
+from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
 from anhyst.rig.calibration import ParameterName
-from anhyst.rig.recording import column, peak
+from anhyst.rig.recording import column, peak, rms
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import COMMANDS, READ, StageSetup
+from anhyst.study.tracking.bodies import BearingLaw
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
@@ -29,8 +34,11 @@ KEPT = 500
 ROOM_S = 20.0
 """Rows that are kept for a lap and what its iron remembers, s; after a longer rest a lap is waited for."""
 GREW = 1.5
-"""Times the least moving average, in two laps in a row, beyond which what was learnt is taken back."""
+"""Times the least error, in two laps in a row, beyond which what was learnt is taken back."""
 _NEEDED = ("demand_N", *READ, *COMMANDS)
+_OF_BEARING = ("reference_m", "gap_read_m", "command_A", "load_N", "demand_N", "state", "phase")
+LEAST, LITTLE = 50, 0.1
+"""Comparisons of a second that teaches; part of a stated deviation below which nothing is swapped."""
 
 
 Numbers = Mapping[ParameterName, float]
@@ -45,8 +53,10 @@ class LearntLap(NamedTuple):
     tick: int  # its last
     lap: int
     method: MethodName
-    average_m: float  # largest moving average of the error over the slit, while it cruised
-    peak_m: float  # largest error
+    average: (
+        float  # of a stage the largest moving average of the error over the slit, while it cruised
+    )
+    peak: float  # largest error
     learning: bool  # whether it was to teach
     refused: int  # laps of this method so far that taught nothing, since nothing explained them
     # number by name: estimate, standard deviation that is left, what is applied, what is stated
@@ -84,36 +94,36 @@ class _Kept:
 
 
 class BenchLearner:
-    """Calibrates the methods of a stage bench from its laps, each from those that it drove itself.
+    """Calibrates the methods of a bench from its motions, each from those that it drove itself.
 
     :meth:`run` is a thread of its own; what it found acts through `do`, which a session gives: in
     the thread of the bench, as the orders do.
     """
 
-    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
-        self.on = rig.settings.tracking.calibrate
+    unit = "m"
+    """Of the errors of its laps."""
+
+    def __init__(self, bench: Bench, on: bool = False) -> None:
+        self.on = on
         self.laps: deque[LearntLap] = deque(maxlen=KEPT)
-        self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._columns = [_place(bench.signals, name) for name in (*_NEEDED, "error_m", "lap")]
+        self._clock = bench
         self._learners: dict[MethodName, Learner] = {}
-        self._before: dict[MethodName, float] = {}  # moving average while nothing was applied, m
-        self._laws: dict[MethodName, MotionLaw] = {}
-        self._kept: dict[MethodName, _Kept] = {}
+        self._before: dict[MethodName, float] = {}  # error where nothing is applied
         self._rows: deque[FloatArray] = deque()
         self._trouble = ""
         self._since = 0  # tick before which nothing teaches that waits to be looked at
 
     def turn(self, on: bool) -> None:
-        """Learn from the lap that is under way on, or no more; what is applied stays."""
+        """Learn from what is under way on, or no more; what is applied stays."""
         if on and (why := self._refusal):
             raise why
-        self.on, self._since = on, self._bench.tick
+        self.on, self._since = on, self._clock.tick
 
     def revert(self) -> int:
-        """Forget all that was learnt, and put in force what the rig file says; in the bench's thread."""
-        self._since = self._bench.tick  # first: what waits finds either this or its learner gone
-        self._learners, self._kept, self._trouble = {}, {}, ""
-        return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
+        """Forget all that was learnt; in the bench's thread."""
+        self._since = self._clock.tick  # first: what waits finds either this or its learner gone
+        self._learners, self._trouble = {}, ""
+        return self._since
 
     def status(self) -> Mapping[str, Any]:
         """Return what a page shows beside the laps."""
@@ -123,7 +133,7 @@ class BenchLearner:
             "refused": str(self._refusal or ""),
             "trouble": self._trouble,
             "said": {method: one.found.judgement for method, one in learners.items()},
-            "before_m": dict(self._before),
+            "before": dict(self._before),
         }
 
     def run(self, subscription: Subscription, do: Do) -> None:
@@ -137,7 +147,42 @@ class BenchLearner:
         if self._rows and rows[0, 0] != self._rows[-1][-1, 0] + 1:
             self._rows.clear()  # some were missed
         self._rows.append(rows)
-        while sum(map(len, self._rows)) > ROOM_S * self._bench.rate:
+        self._look(rows, do)
+
+    def _look(self, rows: FloatArray, do: Do) -> None:
+        """Learn from what ends with rows."""
+        raise NotImplementedError  # pragma: no cover
+
+    def _say(self, lap: LearntLap, learner: Learner | None) -> None:
+        """Keep what a page draws of a lap."""
+        if learner is not None:
+            lap = lap._replace(refused=learner.refused, values=_values(learner))
+        self.laps.append(lap)
+
+    @property
+    def _refusal(self) -> InputError | None:
+        """Return why nothing can be learnt, or None."""
+        raise NotImplementedError  # pragma: no cover
+
+
+class StageLearner(BenchLearner):
+    """Calibrates a stage from its laps; what it found acts when the body next rests."""
+
+    def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
+        super().__init__(bench, rig.settings.tracking.calibrate)
+        self._rig, self._magnet, self._bench = rig, magnet, bench
+        self._columns = [_place(bench.signals, name) for name in (*_NEEDED, "error_m", "lap")]
+        self._laws: dict[MethodName, MotionLaw] = {}
+        self._kept: dict[MethodName, _Kept] = {}
+
+    def revert(self) -> int:
+        """Forget all that was learnt, and put in force what the rig file says."""
+        super().revert()
+        self._kept = {}
+        return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
+
+    def _look(self, rows: FloatArray, do: Do) -> None:
+        while len(self._rows) > 1 and sum(map(len, self._rows)) > ROOM_S * self._bench.rate:
             self._rows.popleft()
         for lap in tuple(self._bench.laps):
             end = lap.begin + lap.ticks - 1
@@ -178,11 +223,8 @@ class BenchLearner:
             if setup is not None and learner is not None:
                 self._bench.correct(setup)
                 kept.put(setup, learner.applied)
-            values = {} if learner is None else _values(learner)
-            refused = 0 if learner is None else learner.refused
-            self.laps.append(
-                LearntLap(end, lap.number, lap.method, average, most, on, refused, values)
-            )
+            new = LearntLap(end, lap.number, lap.method, average, most, on, 0, {})
+            self._say(new, learner)
 
         do(act)
 
@@ -215,7 +257,6 @@ class BenchLearner:
 
     @property
     def _refusal(self) -> InputError | None:
-        """Return why nothing can be learnt of this stage, or None."""
         try:
             refuse_uncalibratable(self._rig)
         except InputError as error:
@@ -227,6 +268,167 @@ class BenchLearner:
             code="not-both",
             key="control.calibration",
         )
+
+
+WINDOW_S, TAIL_S = 1.0, 0.1
+"""Rows of a bearing that are looked at together, and those before of which every one is kept."""
+BLOCK, MEMORY = 20, 100_000
+"""Of older rows so many become the two that the iron remembers best; beyond so many once more."""
+
+
+class BearingLearner(BenchLearner):
+    """Calibrates a bearing from every second in which its reference moved; a block is swapped then.
+
+    The firmware lets fade what the current would jump by. Errors are what the force is off by; what
+    nothing would have been learnt for is what the law as it was fitted leaves of the same second.
+    """
+
+    unit = "N"
+
+    def __init__(
+        self,
+        setup: Setup,
+        known: IdentifiedMagnet,
+        compiled: Callable[[Model], Sequence[int]],
+        bench: BearingBench,
+    ) -> None:
+        super().__init__(bench)
+        self._setup, self._bench, self._method = setup, bench, setup.name
+        self._known, self._compiled = known, compiled  # to a block for the running board
+        self._columns = {one: _place(bench.signals, one) for one in _OF_BEARING}
+        self._law: BearingLaw | None = None
+        self._memory = np.zeros((0, 1 + len(bench.signals)))
+        self._first = self._ours = bench.read_block()
+        self._applied: Numbers = {}
+        self._waits = False  # for an armature that lies without a current
+        self._off = False  # whether the last second was worse than without what is applied
+
+    def revert(self) -> int:
+        """Forget all that was learnt, and put in force what the rig file says."""
+        super().revert()
+        return self._swap(self._first, {})
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows beside the laps."""
+        waits = "rows were missed, and what the iron remembers is not known: land, and lift again"
+        shown = super().status()
+        return {**shown, "trouble": shown["trouble"] or (waits if self._waits else "")}
+
+    def _look(self, rows: FloatArray, do: Do) -> None:
+        if len(self._rows) == 1:  # the first, or rows were missed: it begins where no current flows
+            self._memory = self._memory[:0]
+            self._waits = bool(rows[0, self._columns["command_A"]] > 0.0)
+            if self._waits:
+                self._rows.clear()
+                return
+        if sum(map(len, self._rows)) < (WINDOW_S + TAIL_S) * self._bench.rate:
+            return
+        table = np.concatenate(self._rows)
+        self._end(table, do)
+        tail = round(TAIL_S * self._bench.rate)
+        old = _thinned(table[:-tail], self._columns)
+        self._memory = np.concatenate([self._memory, old])
+        if len(self._memory) > MEMORY:
+            self._memory = _thinned(self._memory, self._columns)
+        self._rows = deque([table[-tail:]])
+
+    def _end(self, table: FloatArray, do: Do) -> None:
+        """Learn from a second, and let what was found act."""
+        if self._refusal is not None:
+            return
+        setup = self._setup
+        law = self._law = self._law or BearingLaw(
+            setup.rig, setup.controller, self._known, self._method
+        )
+        whole = np.concatenate([self._memory, table])
+        read = {name: whole[:, place] for name, place in self._columns.items()}
+        begin = len(self._memory) + round(TAIL_S * self._bench.rate)
+        motion = law.motion(read, begin)
+        compared = motion.compared
+        if compared.size < LEAST:
+            return
+        off = (motion.pushed - motion.filtered(read["demand_N"], motion.late))[compared]
+        fitted = dict.fromkeys(law.names, 0.0)
+        without = rms((motion.pushed - law.net(motion, fitted))[compared])
+        end, learners, on = int(table[-1, 0]), self._learners, self.on
+        grew = any(self._applied.values())
+        grew = grew and rms(off) > GREW * max(without, law.leaves * motion.force)
+        back, self._off = grew and self._off, grew
+        new = None
+        if on and not back and end - len(table) >= self._since:
+            new = self._learn(learners, law, motion, WINDOW_S)
+
+        def act() -> None:
+            if learners is not self._learners:
+                return  # it was reverted meanwhile
+            self._before[self._method] = without
+            if back:
+                self.revert()
+                self._trouble, self.on = (
+                    f"learning ended: the force was off by {rms(off):.3g} N, and by {without:.3g} N "
+                    "without what was learnt, which is in force no more",
+                    False,
+                )
+            elif new is not None:
+                self._swap(*new)
+            lap = LearntLap(end, 0, self._method, rms(off), peak(off), on, 0, {})
+            self._say(lap, self._learners.get(self._method))
+
+        do(act)
+
+    def _learn(
+        self, learners: dict[MethodName, Learner], law: BearingLaw, motion: Motion, seconds: float
+    ) -> tuple[Sequence[int], Numbers] | None:
+        """Take a second in; return the block that is to be put in force, if anything changes."""
+        learner = learners.setdefault(self._method, Learner(law, FORGET_S))
+        try:
+            learner.learn(motion)
+            learner.step(seconds)
+            numbers = dict(learner.applied)
+            if all(
+                abs(one - self._applied.get(name, 0.0)) <= LITTLE * learner.priors[name]
+                for name, one in numbers.items()
+            ):
+                return None
+            zero = numbers["gap_zero_m"]
+            over = 2.0 * abs(zero)  # the gaps of the board stay those of the build
+            magnet = calibrated(self._known, numbers["scale_1"], zero, numbers["width"], over)
+            return self._compiled(magnet.model), numbers
+        except (InputError, np.linalg.LinAlgError) as error:
+            self._trouble, self.on = f"learning ended: {error}", False
+            return None
+
+    def _swap(self, words: Sequence[int], numbers: Numbers) -> int:
+        """Put a block in force, unless somebody swapped another model in; in the bench's thread."""
+        now = self._bench.read_block()
+        if regenerate(now, 0) != regenerate(self._ours, 0):
+            self._trouble, self.on = "learning ended: another model is in force", False
+            return self._bench.tick
+        self._ours = regenerate(words, (now[GENERATION_AT] + 1) & 0xFFFF)
+        self._applied = numbers
+        return self._bench.swap_block(self._ours)
+
+    @property
+    def _refusal(self) -> InputError | None:
+        rig, why = self._setup.rig, ""
+        if rig.calibration is not None:
+            why = "control.calibration: learning begins without one; leave it out"
+        elif len(rig.magnets) > 1:
+            why = "both magnets of a pair share one block; calibrate from a recording"
+        elif self._method != "full":
+            why = f"'{self._method}' is not calibrated while it runs; choose 'full'"
+        return InputError(f"{rig.path}: {why}", code="not-learnt-here") if why else None
+
+
+def _thinned(rows: FloatArray, columns: Mapping[str, int]) -> FloatArray:
+    """Keep of each block of rows those at which the magnet is driven least and most."""
+    blocks = len(rows) // BLOCK
+    whole = blocks * BLOCK
+    driven = rows[:whole, columns["command_A"]] / rows[:whole, columns["gap_read_m"]]
+    driven = driven.reshape(blocks, BLOCK)
+    ends = np.column_stack([driven.argmin(axis=1), driven.argmax(axis=1)])
+    kept = np.unique(ends + BLOCK * np.arange(blocks)[:, None])
+    return np.concatenate([rows[kept], rows[whole:]])
 
 
 def _values(learner: Learner) -> dict[str, tuple[float, float, float, float]]:

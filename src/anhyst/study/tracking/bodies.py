@@ -268,6 +268,8 @@ class BearingMotion(Motion):
 class BearingLaw(MotionLaw):
     """A method of each magnet of a bearing as it is fitted to the loops, and with other numbers."""
 
+    leaves = 0.0043
+
     def __init__(
         self,
         bearing: BearingRig,

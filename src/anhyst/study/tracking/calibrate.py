@@ -337,16 +337,16 @@ def calibrate(
     alone = isinstance(recordings, Recording | str | Path)
     given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
     files = [Path(one) for one in given if not isinstance(one, Recording)]
-    if not given or len({one.resolve() for one in files}) < len(files):
+    if out is not None:
+        check_writable(out, [whole.path, *whole.measured.files, *files])
+    laws, known = _laws(whole, controller, magnet)
+    motions = [_motion(laws("full"), one) for one in given]
+    if not given or len({one.read["command_A"].tobytes() for one in motions}) < len(given):
         raise InputError(
             "RUNS: name at least one recording, and each once; the same one teaches nothing new",
             code="recordings-not-once",
             key="RUNS",
         )
-    if out is not None:
-        check_writable(out, [whole.path, *whole.measured.files, *files])
-    laws, known = _laws(whole, controller, magnet)
-    motions = [_motion(laws("full"), one) for one in given]
     file, probes = whole.settings, _beside(laws("full").rig)
     left_out: set[MethodName] = set() if has_layers(known.model) else {"at-rest"}
     if isinstance(whole, BearingRig):

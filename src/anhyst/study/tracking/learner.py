@@ -38,10 +38,8 @@ STEPS: Mapping[str, float] = {
     "lag_s": 25e-6,
 }
 """By which a parameter of a magnet is moved for its derivative along the path."""
-KIND = 0.0037
-"""Of the moving force: what a law of the right kind leaves at most, root mean square."""
 FAULT = 0.01
-"""The same of anything that is worth learning; where more is left, nothing is taken."""
+"""Of the moving force: what any motion leaves that is worth learning from, root mean square."""
 GROWN, LEFT = 2.5, 0.001
 """A motion of which the estimate leaves so many times what it left so far teaches nothing: its plant,
 or a sensor, is not what it was. Of less than that part of the force any law may be wrong."""
@@ -109,6 +107,7 @@ class Learner:
             return self._refuse(motion, before, fresh)
         explained = faded * self._sums if self.seen else 0.0
         self.values, self.seen, self._rows, self._sums = values, seen, rows, sums + explained
+        self.mass_kg = None
         return bool(seen)
 
     def _refuse(self, motion: Motion, before: FloatArray, fresh: FloatArray) -> bool:
@@ -123,7 +122,7 @@ class Learner:
         found = held * np.linalg.lstsq(whole, right)[0]
         missed = self._trust * rms(new[:, -1] - new[:, :-1] @ found)
         heavier = float(found[[name == "payload" for name in self._names] + [True]].sum())
-        explained = missed <= math.hypot(KIND * motion.force, self.noise_N)
+        explained = missed <= math.hypot(self.law.leaves * motion.force, self.noise_N)
         mass = self.law.rig.settings.body.mass_kg * (1.0 + heavier)
         self.mass_kg = mass if explained and abs(heavier) > LIGHT else None
         return False
@@ -141,7 +140,9 @@ class Learner:
         return self._trust * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
     def step(self, seconds: float) -> None:
-        """Let what is applied follow the estimate for some time."""
+        """Let what is applied follow the estimate for some time; it stays where that does not fit."""
+        if not self.found.fits:
+            return
         for name, wanted in self.values.items():
             most = RATE * self.priors[name] * seconds
             change = min(max(wanted - self.applied[name], -most), most)
@@ -149,7 +150,8 @@ class Learner:
 
     def stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage that is corrected by what is applied; its plant may have drifted."""
-        return self.law.stage(self._method(self.applied), drift)
+        applied = self._method(self.applied).model_copy(update={"fits": True})
+        return self.law.stage(applied, drift)
 
     def work(self, drift: Drift, motion: SetPoint, gains: Feedforward, seed: int) -> Recording:
         """Follow a set-point with what is applied, and learn from it."""
@@ -179,7 +181,7 @@ class Learner:
             name=self.law.method,
             residual_N=missed,
             force_N=moved,
-            fits=moved > 0.0 and missed <= math.hypot(KIND * moved, self.noise_N),
+            fits=moved > 0.0 and missed <= math.hypot(self.law.leaves * moved, self.noise_N),
             refused=self.refused,
             mass_kg=self.mass_kg,
             parameter=[

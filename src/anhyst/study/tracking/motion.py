@@ -172,6 +172,11 @@ class MotionLaw:
         return MOVED[self.method]
 
     @property
+    def leaves(self) -> float:
+        """Of the moving force: what is left at most where it fits; nothing is taken of what leaves more."""
+        return 0.0075 if self.method == "play" else 0.0037
+
+    @property
     def force_max(self) -> float:
         """Largest force that is asked for, N."""
         return self.rig.settings.tracking.force_max_N
