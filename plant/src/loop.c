@@ -117,8 +117,8 @@ static void fail(anhyst_plant_loop *loop, uint32_t command)
 {
   int j;
   for (j = 0; j < loop->body->magnets && j < 16; j++) {
-    const int fails = command >> (ANHYST_LOOP_FAILS + j) & 1U;
-    loop->state->actuator[j].failure = !fails                        ? ANHYST_PLANT_WORKS
+    const uint32_t fails = command >> (ANHYST_LOOP_FAILS + j) & 1U;
+    loop->state->actuator[j].failure = fails == 0U                   ? ANHYST_PLANT_WORKS
                                        : command & ANHYST_LOOP_SHORT ? ANHYST_PLANT_SHORT
                                                                      : ANHYST_PLANT_OPEN;
   }

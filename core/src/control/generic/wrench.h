@@ -41,6 +41,18 @@ static int ANHYST_NAME(weigh)(ANHYST_NAME(anhyst_wrench) *w)
   return 1;
 }
 
+/* What the free drives make along one axis for what they make along another. */
+static ANHYST_REAL ANHYST_NAME(product)(const ANHYST_NAME(anhyst_wrench) *w,
+                                        const ANHYST_NAME(search) *s, int i, int k)
+{
+  ANHYST_REAL sum = R(0.0);
+  int j;
+  for (j = 0; j < (int)w->layout->drives; j++) {
+    sum += s->free[j] ? w->pull[j][i] * w->pull[j][k] : R(0.0);
+  }
+  return sum;
+}
+
 /* The factor of Cholesky; 0 where the free drives cannot push along every axis. */
 static int ANHYST_NAME(factorise)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(search) *s)
 {
@@ -50,12 +62,8 @@ static int ANHYST_NAME(factorise)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NA
   int k;
   for (i = 0; i < n; i++) {
     for (k = 0; k <= i; k++) {
-      ANHYST_REAL sum = R(0.0);
-      ANHYST_REAL whole;
-      for (j = 0; j < (int)w->layout->drives; j++) {
-        sum += s->free[j] ? w->pull[j][i] * w->pull[j][k] : R(0.0);
-      }
-      whole = s->yields ? R(0.0) : sum;
+      ANHYST_REAL sum = ANHYST_NAME(product)(w, s, i, k);
+      const ANHYST_REAL whole = s->yields ? R(0.0) : sum;
       sum += s->yields && i == k ? s->yields[i] : R(0.0);
       for (j = 0; j < k; j++) {
         sum -= s->factor.lower[i][j] * s->factor.lower[k][j];
