@@ -30,7 +30,7 @@ typedef struct {
   double *current;   /* references to the amplifiers, A, within limits and on the DAC's grid */
   double *reference; /* position now controlled to, of each coordinate */
   double *demand;    /* wanted net force, likewise */
-  uint16_t state; /* 16*state + phase, see levitation.h, + 256 times the number of the last magnet
+  uint16_t state; /* 16*state + phase, see levitation.h, + 256 times the highest number of a magnet
                      that is lost */
   uint16_t flags; /* see flags.h, or-ed over the drives, and levitation.h */
   int gone;       /* there is no controller any more, and nothing else of this is to be believed */

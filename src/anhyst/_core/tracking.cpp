@@ -202,12 +202,12 @@ private:
     static constexpr uint16_t states[] = {16 * ANHYST_STATE_RUN + ANHYST_PHASE_HOVER,
                                           16 * ANHYST_STATE_FAULT + ANHYST_PHASE_DESCEND,
                                           16 * ANHYST_STATE_FAULT + ANHYST_PHASE_REST};
-    int last = 0;
-    while (out.lost >> last) {
-      last++;
+    int highest = 0;
+    while (out.lost >> highest) {
+      highest++;
     }
     answer->flags = out.flags;
-    answer->state = static_cast<uint16_t>(256 * last + states[out.state]);
+    answer->state = static_cast<uint16_t>(256 * highest + states[out.state]);
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);

@@ -16,7 +16,7 @@
    plausible errors asked for is held, and ANHYST_SAMPLE_IMPLAUSIBLE is set. So wrong readings wind
    up no integral, however long they last; how many are too many is the caller's to judge.
 
-   A drive whose current stays off what it was told is lost: it is told nothing any more, and the
+   A drive whose current stays off what was commanded is lost: none is commanded any more, and the
    others share out without it. What the body goes on without was found beforehand; without any
    other, or two of them, it lands: the target goes down, and then nothing is driven.
 

@@ -61,18 +61,19 @@ static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int colum
   }
 }
 
-/* By how much a current is off the way from where it should be at least to where it was told to go.
+/* By how much a current is off the way from where it should be at least to where it was commanded
+ * to go.
  */
 static ANHYST_REAL ANHYST_NAME(off_its_way)(ANHYST_NAME(anhyst_axes) *c, int i, ANHYST_REAL read)
 {
   const ANHYST_REAL slew = c->settings->slew;
-  const ANHYST_REAL told = c->told[i];
-  const ANHYST_REAL step = c->settings->follow * (told - c->due[i]);
+  const ANHYST_REAL wanted = c->commanded[i];
+  const ANHYST_REAL step = c->settings->follow * (wanted - c->due[i]);
   ANHYST_REAL low;
   ANHYST_REAL high;
   c->due[i] += step > slew ? slew : step < -slew ? -slew : step;
-  low = told < c->due[i] ? told : c->due[i];
-  high = told < c->due[i] ? c->due[i] : told;
+  low = wanted < c->due[i] ? wanted : c->due[i];
+  high = wanted < c->due[i] ? c->due[i] : wanted;
   return read < low ? low - read : read > high ? read - high : R(0.0) * read;
 }
 
@@ -85,19 +86,16 @@ static void ANHYST_NAME(watch)(ANHYST_NAME(anhyst_axes) *c,
   for (i = 0; settings->off > R(0.0) && i < (int)settings->layout.drives; i++) {
     const uint16_t bit = (uint16_t)(1U << i);
     const ANHYST_REAL off = ANHYST_NAME(off_its_way)(c, i, sample->current[i]);
-    if (off > settings->off) {
-      c->wrong[i]++;
-    } else if (off <= settings->off) {
+    if ((c->share.lost & bit) || off <= settings->off) {
       c->wrong[i] = 0;
+    } else if (off > settings->off) {
+      c->wrong[i]++;
     }
-    if (c->wrong[i] >= settings->off_ticks && !(c->share.lost & bit)) {
+    if (c->wrong[i] >= settings->off_ticks) {
       if (c->flight == ANHYST_AXES_FLY && (c->share.lost || !(settings->spare & bit))) {
         c->flight = ANHYST_AXES_LAND;
       }
       ANHYST_NAME(anhyst_wrench_lose)(&c->share, i);
-    }
-    if (c->share.lost & bit) {
-      c->wrong[i] = 0;
     }
   }
   if (c->flight == ANHYST_AXES_LAND && c->landing++ >= settings->land_ticks) {
@@ -175,7 +173,7 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
       out->flags |= ANHYST_CURRENT_LIMITED;
     }
     out->current[i] = ANHYST_NAME(driven)(settings, wanted);
-    c->told[i] = out->current[i];
+    c->commanded[i] = out->current[i];
     (void)ANHYST_NAME(anhyst_force_controller_commit)(drive, out->current[i], sample->gap[i]);
   }
 }

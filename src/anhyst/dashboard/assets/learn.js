@@ -75,9 +75,9 @@ export class Learning {
     if (!last || !this.#now) return;
     const before = this.#now.before[last.method];
     const { what, unit, factor } = this.of;
-    const said = (value) => `${short(factor * value)} ${unit}`;
-    const were = before === undefined ? "" : `${said(before)} before, `;
-    this.gained.textContent = `${last.method}: ${what} ${were}${said(last.average)} now, peak ${said(last.peak)}`;
+    const text = (value) => `${short(factor * value)} ${unit}`;
+    const were = before === undefined ? "" : `${text(before)} before, `;
+    this.gained.textContent = `${last.method}: ${what} ${were}${text(last.average)} now, peak ${text(last.peak)}`;
   }
 
   // Laps of the method that drove the last one.

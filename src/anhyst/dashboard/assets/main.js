@@ -50,6 +50,7 @@ function open(bench) {
   const store = new Store(bench.signals.length, bench.every);
   const parameters = new Parameters(at("parameters"), order, bench.choices);
   parameters.take(bench.parameters, 0);
+  const both = bench.learns && bench.limits; // a view of its own, beside that of better models
   page = {
     bench,
     store,
@@ -58,8 +59,8 @@ function open(bench) {
     scope: new Scope(at("scope"), bench, store),
     loop: new LoopView(at("loop"), bench, store),
     steps: new StepView(at("steps"), bench, (tick) => parameters.label(tick)),
-    improve: new (bench.learns && !bench.limits ? Learning : Improve)(at("improve"), bench, order),
-    learning: bench.learns && bench.limits ? new Learning(at("learning"), bench, order) : null,
+    improve: new (bench.learns && !both ? Learning : Improve)(at("improve"), bench, order),
+    learning: both ? new Learning(at("learning"), bench, order) : null,
     levitation: new LevitationView(at("levitation"), bench, store),
     spectrum: new SpectrumView(at("spectrum"), bench, store),
     panel: new Panel(at("panel"), bench, order, parameters),

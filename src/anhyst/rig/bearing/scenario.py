@@ -16,8 +16,9 @@ from anhyst.rig.tables import DisturbanceTable
 from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import passed, sine
 
-DROP = 256
-"""Bit of a command: the sample of the gap is dropped; ``plant/include/anhyst_plant/loop.h``."""
+DROP, SHORT, FAILS = 256, 512, 16
+"""Of a command: bits of a dropped sample and of a short circuit, first bit of the amplifiers that fail;
+``plant/include/anhyst_plant/loop.h``."""
 
 SELFTEST_TICKS = 25
 """Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""

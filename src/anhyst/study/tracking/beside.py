@@ -53,9 +53,8 @@ class LearntLap(NamedTuple):
     tick: int  # its last
     lap: int
     method: MethodName
-    average: (
-        float  # of a stage the largest moving average of the error over the slit, while it cruised
-    )
+    # error; of a stage the largest moving average over the slit, while it cruised
+    average: float
     peak: float  # largest error
     learning: bool  # whether it was to teach
     refused: int  # laps of this method so far that taught nothing, since nothing explained them
@@ -153,6 +152,10 @@ class BenchLearner:
         """Learn from what ends with rows."""
         raise NotImplementedError  # pragma: no cover
 
+    def _stop(self, why: str) -> None:
+        """Learn no more, and show why."""
+        self._trouble, self.on = f"learning ended: {why}", False
+
     def _say(self, lap: LearntLap, learner: Learner | None) -> None:
         """Keep what a page draws of a lap."""
         if learner is not None:
@@ -231,10 +234,9 @@ class StageLearner(BenchLearner):
     def _go_back(self, learner: Learner, best: Numbers, least: float, average: float) -> StageSetup:
         """End learning, and return what the method was corrected by when its laps left least."""
         learner.applied = dict.fromkeys(learner.applied, 0.0) | dict(best)
-        self._trouble, self.on = (
-            f"learning ended: the moving average of {learner.law.method} grew from "
-            f"{1e9 * least:.3g} to {1e9 * average:.3g} nm; what left least is in force again",
-            False,
+        self._stop(
+            f"the moving average of {learner.law.method} grew from {1e9 * least:.3g} to "
+            f"{1e9 * average:.3g} nm; what left least is in force again"
         )
         return learner.stage()
 
@@ -252,7 +254,7 @@ class StageLearner(BenchLearner):
             learner.step(lap.motion.duration)
             return None if learner.applied == before else learner.stage()
         except (InputError, np.linalg.LinAlgError) as error:
-            self._trouble, self.on = f"learning ended: {error}", False
+            self._stop(str(error))
             return None
 
     @property
@@ -356,7 +358,7 @@ class BearingLearner(BenchLearner):
         back, self._off = grew and self._off, grew
         new = None
         if on and not back and end - len(table) >= self._since:
-            new = self._learn(learners, law, motion, WINDOW_S)
+            new = self._learn(learners, law, motion)
 
         def act() -> None:
             if learners is not self._learners:
@@ -364,10 +366,9 @@ class BearingLearner(BenchLearner):
             self._before[self._method] = without
             if back:
                 self.revert()
-                self._trouble, self.on = (
-                    f"learning ended: the force was off by {rms(off):.3g} N, and by {without:.3g} N "
-                    "without what was learnt, which is in force no more",
-                    False,
+                self._stop(
+                    f"the force was off by {rms(off):.3g} N, and by {without:.3g} N without what "
+                    "was learnt, which is in force no more"
                 )
             elif new is not None:
                 self._swap(*new)
@@ -377,13 +378,13 @@ class BearingLearner(BenchLearner):
         do(act)
 
     def _learn(
-        self, learners: dict[MethodName, Learner], law: BearingLaw, motion: Motion, seconds: float
+        self, learners: dict[MethodName, Learner], law: BearingLaw, motion: Motion
     ) -> tuple[Sequence[int], Numbers] | None:
         """Take a second in; return the block that is to be put in force, if anything changes."""
         learner = learners.setdefault(self._method, Learner(law, FORGET_S))
         try:
             learner.learn(motion)
-            learner.step(seconds)
+            learner.step(WINDOW_S)
             numbers = dict(learner.applied)
             if all(
                 abs(one - self._applied.get(name, 0.0)) <= LITTLE * learner.priors[name]
@@ -395,14 +396,14 @@ class BearingLearner(BenchLearner):
             magnet = calibrated(self._known, numbers["scale_1"], zero, numbers["width"], over)
             return self._compiled(magnet.model), numbers
         except (InputError, np.linalg.LinAlgError) as error:
-            self._trouble, self.on = f"learning ended: {error}", False
+            self._stop(str(error))
             return None
 
     def _swap(self, words: Sequence[int], numbers: Numbers) -> int:
         """Put a block in force, unless somebody swapped another model in; in the bench's thread."""
         now = self._bench.read_block()
         if regenerate(now, 0) != regenerate(self._ours, 0):
-            self._trouble, self.on = "learning ended: another model is in force", False
+            self._stop("another model is in force")
             return self._bench.tick
         self._ours = regenerate(words, (now[GENERATION_AT] + 1) & 0xFFFF)
         self._applied = numbers

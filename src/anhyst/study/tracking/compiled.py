@@ -291,8 +291,8 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     answers = []
     for row in given.T.tolist():
         gap, read = row[end : end + magnets], row[end + magnets :]
-        current, demand, *told = controller.tick(row[:begin], row[begin:end], gap, read)
-        answers.append([*current, *demand, *told])
+        current, demand, *status = controller.tick(row[:begin], row[begin:end], gap, read)
+        answers.append([*current, *demand, *status])
     signals = [*given, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 
@@ -314,14 +314,8 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     for head, row in enumerate(axes_rows(setup)["at"].tolist()):
         for axis, part in enumerate(row):
             off[head] -= part * target[:, axis]
-    return np.vstack(
-        [
-            off,
-            wrench.T,
-            read[:magnets],
-            *(run[one] for one in of_magnets([("current_read", "A")], 1, magnets)),
-        ]
-    )
+    currents = (run[one] for one in of_magnets([("current_read", "A")], 1, magnets))
+    return np.vstack([off, wrench.T, read[:magnets], *currents])
 
 
 def _fly_one(setup: StageSetup, rows: int) -> FloatArray:

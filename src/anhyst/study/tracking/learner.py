@@ -122,7 +122,7 @@ class Learner:
         found = held * np.linalg.lstsq(whole, right)[0]
         missed = self._trust * rms(new[:, -1] - new[:, :-1] @ found)
         heavier = float(found[[name == "payload" for name in self._names] + [True]].sum())
-        explained = missed <= math.hypot(self.law.leaves * motion.force, self.noise_N)
+        explained = self._explains(missed, motion.force)
         mass = self.law.rig.settings.body.mass_kg * (1.0 + heavier)
         self.mass_kg = mass if explained and abs(heavier) > LIGHT else None
         return False
@@ -141,7 +141,7 @@ class Learner:
 
     def step(self, seconds: float) -> None:
         """Let what is applied follow the estimate for some time; it stays where that does not fit."""
-        if not self.found.fits:
+        if not self._fits:
             return
         for name, wanted in self.values.items():
             most = RATE * self.priors[name] * seconds
@@ -150,8 +150,7 @@ class Learner:
 
     def stage(self, drift: Drift = NO_DRIFT) -> StageSetup:
         """Return the stage that is corrected by what is applied; its plant may have drifted."""
-        applied = self._method(self.applied).model_copy(update={"fits": True})
-        return self.law.stage(applied, drift)
+        return self.law.stage(self._method(self.applied, fits=True), drift)
 
     def work(self, drift: Drift, motion: SetPoint, gains: Feedforward, seed: int) -> Recording:
         """Follow a set-point with what is applied, and learn from it."""
@@ -164,9 +163,18 @@ class Learner:
     @property
     def found(self) -> CalibratedMethod:
         """What was found."""
-        return self._method(self.values)
+        return self._method(self.values, self._fits)
 
-    def _method(self, values: Mapping[ParameterName, float]) -> CalibratedMethod:
+    def _explains(self, missed: float, force: float) -> bool:
+        """Whether a law leaves no more than one of the right kind does, N of a moving force."""
+        return missed <= math.hypot(self.law.leaves * force, self.noise_N)
+
+    @property
+    def _fits(self) -> bool:
+        moved, missed = self._moved_and_missed
+        return moved > 0.0 and self._explains(missed, moved)
+
+    def _method(self, values: Mapping[ParameterName, float], fits: bool) -> CalibratedMethod:
         moved, missed = self._moved_and_missed
         left = self._left(self._rows, self.seen, missed)
         if "payload" in left:  # the sum of both scales was held, and nothing tells it
@@ -181,7 +189,7 @@ class Learner:
             name=self.law.method,
             residual_N=missed,
             force_N=moved,
-            fits=moved > 0.0 and missed <= math.hypot(self.law.leaves * moved, self.noise_N),
+            fits=fits,
             refused=self.refused,
             mass_kg=self.mass_kg,
             parameter=[

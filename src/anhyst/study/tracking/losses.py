@@ -7,11 +7,12 @@ where the magnets that are left make all that the rest of the set-point asks for
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.control.states import Phase, State
+from anhyst.rig.bearing.scenario import FAILS, SHORT
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
@@ -46,12 +47,9 @@ LIES_S = 0.02
 """After it came down, a body lies: what slides later, it does without friction here."""
 PARTS = (1.0, 0.5, 0.25, 0.1)
 """Of the largest acceleration, at which it may brake."""
-_SHORT, _FAILS = 512, 16
 _LOST = 256
-"""In the state that a loop records: times the number of the magnet that was lost last."""
-_LANDED = 80
-
-
+"""In the state that a loop records: times the highest number of a magnet that is lost."""
+_DOWN = 16 * State.FAULT + Phase.REST
 LOSS_TITLE = "a magnet lost in flight, each when it pulls most"
 LOSS_HEAD = (
     "magnet",
@@ -82,9 +80,8 @@ class LostMagnet:
     current_A: float  # noqa: N815 - carries its unit; then
     spare: bool  # whether the others hold every coordinate, by linear programme
     noticed_s: float | None  # so much later
-    outcome: (
-        str  # "unnoticed", "flies on", "brakes", "lands", or "falls" where it hit a stop in the air
-    )
+    # "unnoticed", "flies on", "brakes", "lands", or "falls" where it hit a stop in the air
+    outcome: str
     # of each coordinate the largest error from the loss on, and at the end; none of one that is down
     error: dict[str, float]
     error_end: dict[str, float]
@@ -118,10 +115,6 @@ class LostMagnet:
             most(self.error_end),
             *(f"{1e3 * one:.1f}" for one in speeds),
         ]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return it by name."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -166,11 +159,11 @@ class Losses:
         plan, outcome, now = whole, "unnoticed", at
         if found.size:
             now, outcome = int(found[0]), "flies on"
-            if run["state"][-1] % _LOST == _LANDED or not self._makes(magnet, whole.forward[now:]):
+            if run["state"][-1] % _LOST == _DOWN or not self._makes(magnet, whole.forward[now:]):
                 plan, outcome = self._braked(magnet, whole, now), "brakes"
                 run = self._flown(plan, fails)
         down, touch = self._touches(run)
-        if run["state"][-1] % _LOST == _LANDED:
+        if run["state"][-1] % _LOST == _DOWN:
             outcome = "lands"
         elif touch > 0.0:
             outcome = "falls"
@@ -250,7 +243,7 @@ class Losses:
         frame = np.outer(plan.place + stray, scan_direction(rig.settings))
         command = np.zeros(n, dtype=np.uint32)
         for at, which in fails.items():
-            command[at:] = which << _FAILS | (_SHORT if self.case.circuit == "short" else 0)
+            command[at:] = which << FAILS | (SHORT if self.case.circuit == "short" else 0)
         wrench = fed_wrench(self.setup.believed, plan.forward)
         run = fly(self.setup, self.seed, plan.place[:n], frame, wrench, command)
         own = {name: run[name] for name in run.columns}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -238,7 +238,7 @@ class TrackingStudy(Result):
             "left_out": dict(self.left_out),
             "lost_in": self.lost_in,
             "variants": {name: _figures(one) for name, one in self.tried.items()},
-            **({"losses": [one.as_dict() for one in self.losses]} if self.losses else {}),
+            **({"losses": [asdict(one) for one in self.losses]} if self.losses else {}),
         }
 
     def facts(self) -> dict[str, str]:

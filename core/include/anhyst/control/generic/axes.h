@@ -46,12 +46,12 @@ typedef struct {
   ANHYST_NAME(anhyst_force_controller) *const *drive;
   ANHYST_NAME(anhyst_wrench) share;
   ANHYST_NAME(anhyst_biquad_state) state[ANHYST_WRENCH_AXES];
-  ANHYST_REAL asked[ANHYST_WRENCH_AXES];  /* accelerations of the last plausible errors */
-  ANHYST_REAL told[ANHYST_WRENCH_DRIVES]; /* currents */
-  ANHYST_REAL due[ANHYST_WRENCH_DRIVES];  /* those that should flow */
-  uint16_t wrong[ANHYST_WRENCH_DRIVES];   /* ticks for which others did */
-  uint16_t landing;                       /* ticks of it so far */
-  uint16_t flight;                        /* anhyst_axes_state */
+  ANHYST_REAL asked[ANHYST_WRENCH_AXES];       /* accelerations of the last plausible errors */
+  ANHYST_REAL commanded[ANHYST_WRENCH_DRIVES]; /* currents */
+  ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* those that should flow */
+  uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* ticks for which others did */
+  uint16_t landing;                            /* ticks of it so far */
+  uint16_t flight;                             /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes);
 
 /* Starts at rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where settings are not valid; what is pointed
