@@ -480,10 +480,20 @@ static void cells_start(anhyst_compensator *c)
 }
 
 #if ANHYST_MEMORIES > 1
+int32_t anhyst_cells_flux_of(const int16_t *words, const anhyst_candidate *at)
+{
+  const int32_t falling = at->memory.p < 0 ? -1 : 0;
+  const int32_t x = turned(at->memory.x, falling);
+  const int32_t rise = rise_on(at, words[ANHYST_WORD_CELLS_AIR]);
+  const int32_t flux = turned(at->flux + share_of(rise, part_at(x, at->fine)), falling);
+  return anhyst_shl_q31(flux, 2);
+}
+
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
-  return anhyst_shl_q31(reach(words, from, plays, arms, target, to), 2);
+  (void)reach(words, from, plays, arms, target, to);
+  return anhyst_cells_flux_of(words, to);
 }
 
 int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
@@ -495,15 +505,6 @@ int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, co
   along.segment = spot_on(&along, along.row, along.x).at;
   at->m = joins_at(&along, along.active, along.x);
   return anhyst_shl_q31(arrive(&along, words, at), 2);
-}
-
-int32_t anhyst_cells_flux_of(const int16_t *words, const anhyst_candidate *at)
-{
-  const int32_t falling = at->memory.p < 0 ? -1 : 0;
-  const int32_t x = turned(at->memory.x, falling);
-  const int32_t rise = rise_on(at, words[ANHYST_WORD_CELLS_AIR]);
-  const int32_t flux = turned(at->flux + share_of(rise, part_at(x, at->fine)), falling);
-  return anhyst_shl_q31(flux, 2);
 }
 
 const anhyst_kernel *anhyst_cells_for_block(const int16_t *words)
