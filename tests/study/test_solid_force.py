@@ -20,6 +20,7 @@ from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.draft.drafting import init_force_control
 from anhyst.identification import identify
 from anhyst.model.dynamics import Layers
+from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN
 from anhyst.reports.force.figures import draw
 from anhyst.rig.force.bench import ActuatorStand
@@ -208,15 +209,21 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     page = (out / "report.html").read_text()
     assert "C verified" in page
     assert "full, iron at rest" in page
-    worst = {name: worst_of_the_last_cycle(read_rig(path), out, name) for name in ("full", "at-rest")}
+    worst = {
+        name: worst_of_the_last_cycle(read_rig(path), out, name) for name in ("full", "at-rest")
+    }
     assert worst["full"] < 0.2 * worst["at-rest"]
 
 
 def worst_of_the_last_cycle(rig: Rig, out: Path, name: str) -> float:
     """Give a magnet what the compiled model asks for over triangles of 50 Hz; N."""
-    plan = make_plan(read_model(out / "stroke" / name / "model.toml"), CompileRequest("full", "q31", 20e3), 0)
+    plan = make_plan(
+        read_model(out / "stroke" / name / "model.toml"), CompileRequest("full", "q31", 20e3), 0
+    )
     part = np.arange(1600) / 400.0
-    demand = 150.0 * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0))) * np.minimum(2.0 * part, 1.0)
+    demand = (
+        150.0 * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0))) * np.minimum(2.0 * part, 1.0)
+    )
     current = twin_of(plan.block, "q31").run(demand, np.full(1600, GAPS[0]))
     magnet = rig.actuator()
     assert isinstance(magnet, Electromagnet)
