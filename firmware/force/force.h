@@ -29,11 +29,11 @@ struct app_body {
 };
 
 /* The state of a controller with its task, without what it knows of its sensors: 200 bytes where a
-   pointer has four or fewer, and 112 for each further memory of solid iron. */
+   pointer has four or fewer, and 120 for each further memory of solid iron. */
 typedef char
     app_force_is_at_most_200_bytes[sizeof(struct app_body) - 3 * sizeof(app_sensor) + 16 <=
                                            184 + 4 * (sizeof(void *) > 4 ? sizeof(void *) : 4) +
-                                               112UL * (ANHYST_MEMORIES - 1)
+                                               120UL * (ANHYST_MEMORIES - 1)
                                        ? 1
                                        : -1];
 

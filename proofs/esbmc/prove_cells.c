@@ -224,9 +224,10 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
   return any_within(NOT_MET, BEYOND);
 }
 
-static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t wanted, int met)
+static int32_t go_beyond(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                         const anhyst_arms *arms, int32_t wanted, anhyst_candidate *at, int met)
 {
-  const equation solve = {c->words[ANHYST_WORD_CELLS_AIR], arms, wanted};
+  const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
   SHOW(is_target(&solve) && met != MET);
   return nondet_i32();
 }
@@ -373,7 +374,7 @@ static void prove_slid(void)
   int32_t flux = 0;
   const int met = met_on_segment(block_words, solve.arms, solve.target, at, &flux);
   if (met != MET) {
-    (void)go_beyond(&c, solve.arms, solve.target, met);
+    (void)go_beyond(block_words, &c.memory, c.plays, solve.arms, solve.target, at, met);
   }
   SHOW(is_candidate(at));
 }

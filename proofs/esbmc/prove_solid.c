@@ -78,6 +78,7 @@ static void prove_surface(void)
   c.words = words;
   any_tick(&tick, &c);
   meet_flux(&tick, 0, whole_of(nondet_i32(), tick.share[0]));
+  set_circuit(&tick);
   SHOW(outside(&tick).falls >= 0);
 }
 

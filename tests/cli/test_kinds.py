@@ -65,7 +65,7 @@ WORKS = {
     "simulate": RIGS,
     "calibrate": {"bearing", *STAGES},
     "tune": {"bearing", *STAGES},
-    "force-control": {"force"},
+    "force-control": MEASURED | {"force"},
     "excite": {"bearing", *STAGES, "force"},
     "live": {"bearing", *STAGES, "force", "compiled"},
     "xcp": set[str](),

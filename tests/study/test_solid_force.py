@@ -11,12 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from anhyst.cli.app import main
 from anhyst.cli.force_control import show_force
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.compensate.twin import twin_of
 from anhyst.data import History, Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.draft.drafting import init_force_control
 from anhyst.identification import identify
 from anhyst.model.dynamics import Layers
+from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN
 from anhyst.reports.force.figures import draw
 from anhyst.rig.force.bench import ActuatorStand
@@ -31,6 +35,7 @@ from tests.refusals import refused
 from tests.truths import truth
 
 GAPS, TOP = (0.3e-3, 0.5e-3), 3.0
+REACHED = 408.0  # N, at the smaller gap
 SWEEPS = (3.0, 30.0, 300.0)  # A/s: triangles of 0.5, 5 and 50 Hz
 SOLID = "solid = { depth_m = 4e-3, conductivity_S_per_m = 2e6, path_m = 0.06 }"
 IRON = """
@@ -186,6 +191,49 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
     still = json.loads((run.out / "stroke/at-rest/controller/manifest.json").read_text())
     assert manifest["memory"] != still["memory"]
     assert (run.out / "fig7.png").is_file()
+
+
+@pytest.mark.slow
+def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
+    folder: Path, tmp_path: Path
+) -> None:
+    """On the magnet itself its C leaves a fifth of what iron taken to be at rest leaves."""
+    path, loops = foreign(folder)
+    files = []
+    for name, sweep in zip(("slow", "middle", "fast"), SWEEPS, strict=True):
+        files.append(tmp_path / f"{name}.csv")
+        loops.with_loops(one for one in loops.loops if one.label == f"{sweep:g}").save(files[-1])
+        files[-1].with_suffix(".toml").write_text(f'history = "{loops.loops[0].history}"\n')
+    out = tmp_path / "run"
+    assert main(["force-control", *map(str, files), "--out", str(out)]) == 0
+    assert json.loads((out / "stroke/full/controller/verify.json").read_text())["passed"]
+    page = (out / "report.html").read_text()
+    assert "C verified" in page
+    assert "full, iron at rest" in page
+    worst = {
+        name: worst_of_the_last_cycle(read_rig(path), out, name) for name in ("full", "at-rest")
+    }
+    assert worst["full"] < 0.2 * worst["at-rest"]
+
+
+def worst_of_the_last_cycle(rig: Rig, out: Path, name: str) -> float:
+    """Let a magnet follow triangles of 50 Hz between 10 and 50 % of what it reaches there; N."""
+    plan = make_plan(
+        read_model(out / "stroke" / name / "model.toml"), CompileRequest("full", "q31", 20e3), 0
+    )
+    part = np.arange(1600) / 400.0
+    demand = (
+        REACHED
+        * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0)))
+        * np.minimum(2.0 * part, 1.0)
+    )
+    current = twin_of(plan.block, "q31").run(demand, np.full(1600, GAPS[0]))
+    magnet = rig.actuator()
+    assert isinstance(magnet, Electromagnet)
+    magnet.step(0.0, GAPS[0])
+    magnet.seconds = 1.0 / 20e3
+    force = np.array([magnet.step(one, GAPS[0]) for one in current.tolist()])
+    return float(np.abs(force - demand)[-400:].max())
 
 
 @pytest.mark.slow

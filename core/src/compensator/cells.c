@@ -300,6 +300,21 @@ static inline int32_t share_of(int32_t rise, int32_t part)
   return 2 * anhyst_scale(rise, (int16_t)part);
 }
 
+/* What is known where a path has come to; gives h*x + m there, over 4. */
+static int32_t arrive(const cell_path *along, const int16_t *words, anhyst_candidate *to)
+{
+  to->y_slope = (int16_t)(along->segment - words);
+  to->fine = (uint16_t)fineness(along, along->x);
+  to->memory.x = turned(along->x, along->falling);
+  to->memory.y = turned(along->rest, along->falling);
+  to->memory.p = along->falling == 0 ? along->active : -along->active;
+  to->memory.turn = along->frozen;
+  to->memory.level = along->low;
+  describe(words, begin_of(along->x, to->fine), along->rest, to);
+  const int32_t rise = rise_on(to, words[ANHYST_WORD_CELLS_AIR]);
+  return turned(to->flux + share_of(rise, part_at(along->x, to->fine)), along->falling);
+}
+
 /* Solves from a memory on; gives h*x + m there, over 4. Between the two directions, where rows are
    not quite odd, it stays. */
 static int32_t travel(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
@@ -327,16 +342,7 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
   } else {
     to->m = joins_at(&along, along.active, along.x);
   }
-  to->y_slope = (int16_t)(along.segment - words);
-  to->fine = (uint16_t)fineness(&along, along.x);
-  to->memory.x = turned(along.x, along.falling);
-  to->memory.y = turned(along.rest, along.falling);
-  to->memory.p = along.falling == 0 ? along.active : -along.active;
-  to->memory.turn = along.frozen;
-  to->memory.level = along.low;
-  describe(words, begin_of(along.x, to->fine), along.rest, to);
-  const int32_t rise = rise_on(to, solve.air);
-  return turned(to->flux + share_of(rise, part_at(along.x, to->fine)), along.falling);
+  return arrive(&along, words, to);
 }
 
 /* Takes a candidate on to where the next segment begins, if no cell joins before; whether it does.
@@ -400,26 +406,31 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
 
 /* Goes to a target that lies beyond the segment of a candidate, or else from the memory on; gives
    h*x + m there, over 4. */
-static int32_t go_beyond(anhyst_compensator *c, const anhyst_arms *arms, int32_t wanted, int met)
+static int32_t go_beyond(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                         const anhyst_arms *arms, int32_t wanted, anhyst_candidate *at, int met)
 {
-  anhyst_candidate *at = &c->next;
   int32_t flux = 0;
-  for (int more = NEAR - 1; met == BEYOND && more > 0 && stepped(c->words, at); more--) {
-    met = met_on_segment(c->words, arms, wanted, at, &flux);
+  for (int more = NEAR - 1; met == BEYOND && more > 0 && stepped(words, at); more--) {
+    met = met_on_segment(words, arms, wanted, at, &flux);
   }
-  return met == MET ? flux : travel(c->words, &c->memory, c->plays, arms, wanted, at);
+  return met == MET ? flux : travel(words, from, plays, arms, wanted, at);
+}
+
+/* Goes to a target from where a candidate stands, if it says so, or else from the memory on; gives
+   h*x + m there, over 4. */
+static int32_t reach(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+                     const anhyst_arms *arms, int32_t wanted, anhyst_candidate *at)
+{
+  int32_t flux = 0;
+  const int met = at->fine != 0U ? met_on_segment(words, arms, wanted, at, &flux) : NOT_MET;
+  return met == MET ? flux : go_beyond(words, from, plays, arms, wanted, at, met);
 }
 
 static int32_t cells_flux(anhyst_compensator *c, int32_t current)
 {
   const anhyst_arms *arms = &c->arms;
-  anhyst_candidate *at = &c->next;
   const int32_t target = (current >> 2) - (arms->bias >> 2);
-  int32_t flux;
-  const int met = at->fine != 0U ? met_on_segment(c->words, arms, target, at, &flux) : NOT_MET;
-  if (met != MET) {
-    flux = go_beyond(c, arms, target, met);
-  }
+  const int32_t flux = reach(c->words, &c->memory, c->plays, arms, target, &c->next);
   const int32_t half = anhyst_add_q31(flux, flux);
   return anhyst_add_q31(half, half);
 }
@@ -447,7 +458,7 @@ static int32_t cells_field(anhyst_compensator *c)
     (void)cells_flux(c, limit);
     return rises ? ONE - 1 : -ONE;
   }
-  (void)go_beyond(c, 0, target, met);
+  (void)go_beyond(words, &c->memory, c->plays, 0, target, at, met);
   return at->memory.x;
 }
 
@@ -469,10 +480,31 @@ static void cells_start(anhyst_compensator *c)
 }
 
 #if ANHYST_MEMORIES > 1
+int32_t anhyst_cells_flux_of(const int16_t *words, const anhyst_candidate *at)
+{
+  const int32_t falling = at->memory.p < 0 ? -1 : 0;
+  const int32_t x = turned(at->memory.x, falling);
+  const int32_t rise = rise_on(at, words[ANHYST_WORD_CELLS_AIR]);
+  const int32_t flux = turned(at->flux + share_of(rise, part_at(x, at->fine)), falling);
+  return anhyst_shl_q31(flux, 2);
+}
+
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
-  return anhyst_shl_q31(travel(words, from, plays, arms, target, to), 2);
+  (void)reach(words, from, plays, arms, target, to);
+  return anhyst_cells_flux_of(words, to);
+}
+
+int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
+                           anhyst_candidate *at)
+{
+  cell_path along;
+  anhyst_cells_begin(&along, words, memory, plays);
+  along.low = along.x;
+  along.segment = spot_on(&along, along.row, along.x).at;
+  at->m = joins_at(&along, along.active, along.x);
+  return anhyst_shl_q31(arrive(&along, words, at), 2);
 }
 
 const anhyst_kernel *anhyst_cells_for_block(const int16_t *words)

@@ -48,22 +48,6 @@ void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, int32_t 
   }
 }
 
-#if ANHYST_MEMORIES > 1
-int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
-                           anhyst_candidate *at)
-{
-  cell_path along;
-  anhyst_cells_begin(&along, words, memory, plays);
-  const anhyst_spot spot = spot_on(&along, along.row, along.x);
-  const int32_t flux = ((anhyst_value_at(spot) + along.rest) >> 2) +
-                       anhyst_scale(along.x, words[ANHYST_WORD_CELLS_AIR]);
-  at->memory = *memory;
-  at->m_slope = (int16_t)(spot.at[1] - spot.at[0]);
-  at->fine = (uint16_t)fineness(&along, along.x);
-  return anhyst_shl_q31(turned(flux, along.falling), 2);
-}
-#endif
-
 /* Whether all rows of a column lie within less than 1. */
 static int rows_are_near(const cell_path *along, int column)
 {

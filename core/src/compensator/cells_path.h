@@ -196,13 +196,17 @@ const anhyst_kernel *anhyst_cells_for_block(const int16_t *words);
 /* Whether the words about layers are valid; those of the law must be. */
 int anhyst_solid_is_valid(const int16_t *words);
 
-/* Lets the law meet flux_arm*flux + field_arm*field = target, the target over 4; gives the flux. */
+/* Lets the law meet flux_arm*flux + field_arm*field = target, the target over 4; gives the flux.
+   Where the fine of the candidate is not 0, it is one that leads on from the memory. */
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to);
 
-/* The flux under which a memory stands, and the segment that it stands on, as of a candidate. */
+/* Makes a candidate of where a memory stands; gives the flux there. */
 int32_t anhyst_cells_stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
                            anhyst_candidate *at);
+
+/* The flux where a candidate stands. */
+int32_t anhyst_cells_flux_of(const int16_t *words, const anhyst_candidate *at);
 #endif
 
 #endif

@@ -37,6 +37,8 @@ typedef struct {
   int32_t given;                      /* it, or the current beyond its bias */
   int32_t hold;                       /* field from layer to layer for a change of flux, a slope */
   int32_t own;                        /* field of a flux in its layer, a slope, <= 0 */
+  int32_t reluctance;                 /* of what is around thin iron, a slope */
+  int32_t arm;                        /* 1 over the field arm beyond what is laminated, a slope */
   int16_t layers;                     /* N */
   int16_t laminated;                  /* q15 */
   int16_t share[ANHYST_MEMORIES];     /* phi_j, q15 */
@@ -45,6 +47,7 @@ typedef struct {
   int32_t flux[ANHYST_MEMORIES];      /* in the layer itself */
   int32_t field[ANHYST_MEMORIES];     /* E_j, E_l */
   int32_t stiffness[ANHYST_MEMORIES]; /* their slopes over S_j, and over the flux of E_l */
+  int32_t left[ANHYST_MEMORIES];      /* of the equation between a layer and the one before it */
 } solid_tick;
 
 /* What lies further out, from one section on: a field, and by how much it falls as the flux of that
@@ -105,21 +108,27 @@ static int32_t whole_of(int32_t a, int16_t share)
 }
 
 /* Takes up where a memory stands. */
-static void take_up(solid_tick *tick, int16_t at, int32_t flux, const anhyst_candidate *there)
+static void take_up(solid_tick *tick, int16_t at, int32_t flux)
 {
+  const int32_t own = anhyst_shl_q31(anhyst_scale(flux, (int16_t)(tick->own >> 2)), 2);
+  tick->flux[at] = flux;
+  tick->field[at] = anhyst_add_q31(next_of(tick->c, at)->memory.x, own);
+}
+
+/* The slope of the segment on which it stands. */
+static int32_t stiffness_of(const solid_tick *tick, int16_t at)
+{
+  const anhyst_candidate *there = next_of(tick->c, at);
   const int32_t width = (int32_t)((uint32_t)0x8000 << there->fine);
   const int32_t rise =
       (int32_t)there->m_slope * 8192 + anhyst_scale(width, tick->c->words[ANHYST_WORD_CELLS_AIR]);
   const int32_t law = anhyst_quotient(width, rise > 0 ? rise : 1) >> 2;
   const int32_t stiff = law + tick->own > 1 ? law + tick->own : 1;
-  const int32_t own = anhyst_shl_q31(anhyst_scale(flux, (int16_t)(tick->own >> 2)), 2);
-  tick->flux[at] = flux;
-  tick->field[at] = anhyst_add_q31(there->memory.x, own);
-  tick->stiffness[at] = stiff;
-  if (at < tick->layers) {
-    const int32_t shared_stiff = anhyst_quotient(stiff, (int32_t)tick->share[at] * 2);
-    tick->stiffness[at] = shared_stiff > 0 ? shared_stiff : 1;
+  if (at == tick->layers) {
+    return stiff;
   }
+  const int32_t shared_stiff = anhyst_quotient(stiff, (int32_t)tick->share[at] * 2);
+  return shared_stiff > 0 ? shared_stiff : 1;
 }
 
 /* The flux in a layer and deeper. */
@@ -128,20 +137,31 @@ static int32_t section_with(const solid_tick *tick, int16_t layer, int32_t deepe
   return anhyst_add_q31(deeper, shared(tick->flux[layer], tick->share[layer]));
 }
 
-static void stand_at(solid_tick *tick, int16_t at, const anhyst_memory *memory)
+/* Where the search of a memory sets out: where it stands itself, or what was solved. */
+static void set_out(solid_tick *tick, int16_t at, int known, int solved)
 {
-  anhyst_candidate there;
-  const int32_t flux = anhyst_cells_stand(tick->c->words, memory, plays_of(tick->c, at), &there);
-  take_up(tick, at, flux, &there);
+  anhyst_compensator *c = tick->c;
+  anhyst_candidate *there = next_of(c, at);
+  if (!known) {
+    take_up(tick, at, anhyst_cells_stand(c->words, memory_of(c, at), plays_of(c, at), there));
+    tick->stiffness[at] = stiffness_of(tick, at);
+    return;
+  }
+  if (!solved) { /* it can turn where it stands */
+    const int32_t x = there->memory.x;
+    there->memory.level = anhyst_sat_q30(there->memory.p < 0 ? ~x : x);
+  }
+  take_up(tick, at, anhyst_cells_flux_of(c->words, there));
+  tick->stiffness[at] = at > 0 ? c->deeper[at - 1].stiffness : stiffness_of(tick, at);
 }
 
 /* Sections of the state, and where the search sets out: what was solved, or the state. */
-static void begin_tick(solid_tick *tick, anhyst_compensator *c, int from_solved)
+static void begin_tick(solid_tick *tick, anhyst_compensator *c, int solved)
 {
   const int16_t *words = c->words;
   const int16_t surface = words[ANHYST_WORD_SOLID_SURFACE];
   const int16_t inner = (int16_t)((32768 - surface) / (layers_of(words) - 1));
-  int32_t before = 0;
+  const int known = c->next.fine != 0U;
   int32_t now = 0;
   tick->c = c;
   tick->layers = layers_of(words);
@@ -150,18 +170,19 @@ static void begin_tick(solid_tick *tick, anhyst_compensator *c, int from_solved)
   tick->own = (int32_t)words[ANHYST_WORD_SOLID_OWN] * 4;
   for (int16_t j = (int16_t)(tick->layers - 1); j >= 0; j--) {
     tick->share[j] = j > 0 ? inner : surface;
-    stand_at(tick, j, memory_of(c, j));
-    before = section_with(tick, j, before);
-    tick->before[j] = j > 0 ? anhyst_add_q31(before, c->deeper[j - 1].owed) : before;
-    if (from_solved) {
-      stand_at(tick, j, &next_of(c, j)->memory);
-    }
+    set_out(tick, j, known, solved);
     now = section_with(tick, j, now);
     tick->section[j] = now;
+    if (j > 0) {
+      anhyst_deeper *deeper = &c->deeper[j - 1];
+      if (!solved) {
+        deeper->before = anhyst_add_q31(now, deeper->owed);
+      }
+      tick->before[j] = deeper->before;
+    }
   }
   if (tick->laminated > 0) {
-    const int16_t sheets = tick->layers;
-    stand_at(tick, sheets, from_solved ? &next_of(c, sheets)->memory : memory_of(c, sheets));
+    set_out(tick, tick->layers, known, solved);
   }
 }
 
@@ -177,6 +198,22 @@ static int32_t field_in_current(const solid_tick *tick)
   return anhyst_sub_q31(field, anhyst_shl_q31(own, 2));
 }
 
+/* What the arms of a current make of it. */
+static void set_circuit(solid_tick *tick)
+{
+  const anhyst_arms *arms = &tick->c->arms;
+  const int32_t arm = ((int32_t)arms->field_arm * (32768 - tick->laminated)) >> 15;
+  tick->arm = anhyst_quotient(65536, arm > 0 ? arm : 1);
+  tick->reluctance = -tick->own;
+  if (arms->flux_arm > 0) {
+    const int32_t ratio = anhyst_quotient(arms->flux_arm, arms->field_arm);
+    tick->reluctance = anhyst_add_q31(tick->reluctance, ratio);
+  } else if (arms->flux_arm < 0) {
+    const int32_t ratio = anhyst_quotient(-arms->flux_arm, arms->field_arm);
+    tick->reluctance = anhyst_sub_q31(tick->reluctance, ratio);
+  }
+}
+
 /* The line that the circuit, and what is laminated, put before the surface: what is missing of the
    current there, and how it falls. */
 static solid_line outside(const solid_tick *tick)
@@ -186,19 +223,12 @@ static solid_line outside(const solid_tick *tick)
                                       anhyst_scale(field_in_current(tick), arms->field_arm));
   const int32_t missing = anhyst_sub_q31(tick->given, made);
   const int32_t solid = 32768 - tick->laminated;
-  const int32_t arm = ((int32_t)arms->field_arm * solid) >> 15;
-  int32_t reluctance = -tick->own;
-  if (arms->flux_arm > 0) {
-    reluctance = anhyst_add_q31(reluctance, anhyst_quotient(arms->flux_arm, arms->field_arm));
-  } else if (arms->flux_arm < 0) {
-    reluctance = anhyst_sub_q31(reluctance, anhyst_quotient(-arms->flux_arm, arms->field_arm));
-  }
+  int32_t reluctance = tick->reluctance;
   if (tick->laminated > 0) {
     reluctance = anhyst_add_q31(reluctance, shared(tick->stiffness[tick->layers], tick->laminated));
   }
   solid_line line;
-  line.field =
-      anhyst_add_q31(tick->field[0], sloped(missing, anhyst_quotient(65536, arm > 0 ? arm : 1)));
+  line.field = anhyst_add_q31(tick->field[0], sloped(missing, tick->arm));
   line.falls = reluctance > 0 ? anhyst_quotient(reluctance, 2 * solid) : 0;
   return line;
 }
@@ -231,9 +261,13 @@ static void meet(solid_tick *tick, int16_t at, const anhyst_arms *arms, int32_t 
 {
   anhyst_compensator *c = tick->c;
   anhyst_candidate *to = next_of(c, at);
-  const int32_t flux =
-      anhyst_cells_meet(c->words, memory_of(c, at), plays_of(c, at), arms, target, to);
-  take_up(tick, at, flux, to);
+  const int16_t segment = to->y_slope;
+  const uint16_t fine = to->fine;
+  take_up(tick, at,
+          anhyst_cells_meet(c->words, memory_of(c, at), plays_of(c, at), arms, target, to));
+  if (to->y_slope != segment || to->fine != fine) {
+    tick->stiffness[at] = stiffness_of(tick, at);
+  }
 }
 
 static void meet_flux(solid_tick *tick, int16_t at, int32_t flux)
@@ -301,29 +335,29 @@ static int32_t left_at_layer(const solid_tick *tick, int16_t layer)
 }
 
 /* Whether the equations are met, as far as rounding lets them. */
-static int is_met(const solid_tick *tick)
+static int is_met(solid_tick *tick)
 {
+  int met = 1;
   for (int16_t j = 1; j < tick->layers; j++) {
-    const int32_t left = left_at_layer(tick, j);
+    tick->left[j] = left_at_layer(tick, j);
     const int32_t slope = anhyst_add_q31(tick->stiffness[j - 1], tick->hold);
-    if (anhyst_abs_q31(left) > CLOSE + (slope >> 5)) {
-      return 0;
+    if (anhyst_abs_q31(tick->left[j]) > CLOSE + (slope >> 5)) {
+      met = 0;
     }
   }
-  if (!tick->flux_given) {
+  if (met && !tick->flux_given) {
     const solid_line line = outside(tick);
     return anhyst_abs_q31(anhyst_sub_q31(line.field, tick->field[0])) <= CLOSE + (line.falls >> 5);
   }
-  return 1;
+  return met;
 }
 
 /* The flux that the fields have let into a layer and deeper beyond what is found there. */
 static int32_t owed_by(const solid_tick *tick, int16_t layer)
 {
   const int16_t *words = tick->c->words;
-  const int32_t left = left_at_layer(tick, layer);
   const int32_t inverse = ANHYST_Q31_MAX / words[ANHYST_WORD_SOLID_HOLD];
-  const int32_t flux = anhyst_shl_q31(sloped(left, inverse), 1);
+  const int32_t flux = anhyst_shl_q31(sloped(tick->left[layer], inverse), 1);
   return anhyst_clamp(flux >> words[ANHYST_WORD_SOLID_HOLD_SHIFT], -MOST_OWED, MOST_OWED);
 }
 
@@ -337,6 +371,10 @@ static void solve_tick(solid_tick *tick)
   }
   for (int16_t j = 1; j < tick->layers; j++) {
     tick->c->deeper[j - 1].next_owed = owed_by(tick, j);
+    tick->c->deeper[j - 1].stiffness = tick->stiffness[j];
+  }
+  if (tick->laminated > 0) {
+    tick->c->deeper[tick->layers - 1].stiffness = tick->stiffness[tick->layers];
   }
 }
 
@@ -344,7 +382,7 @@ static void solve_tick(solid_tick *tick)
    where the surface saturates before it is reached. */
 static int32_t solid_field(anhyst_compensator *c)
 {
-  solid_tick tick = {0};
+  solid_tick tick;
   begin_tick(&tick, c, 0);
   tick.flux_given = 1;
   tick.given = c->flux;
@@ -359,8 +397,9 @@ static int32_t solid_field(anhyst_compensator *c)
 /* The flux of the section to which a current leads. */
 static int32_t solid_flux(anhyst_compensator *c, int32_t current)
 {
-  solid_tick tick = {0};
+  solid_tick tick;
   begin_tick(&tick, c, c->solved != 0U);
+  set_circuit(&tick);
   tick.flux_given = 0;
   tick.given = anhyst_sub_q31(current, c->arms.bias);
   solve_tick(&tick);

@@ -11,22 +11,20 @@ import anhyst
 from anhyst.cli.console import print_json, show, table, warn
 from anhyst.cli.options import AsJson, BoardChoice, of_its_kind
 from anhyst.cli.progress import progress_bar
+from anhyst.cli.verify import refuse_difference, run_and_write, show_tables
 
 if TYPE_CHECKING:
     from anhyst import ForceControl
 
 
-STAGES = {
-    "end": "stroke's end, after the start-up sequence",
-    "end_demagnetised": "stroke's end, from demagnetised",
-    "positions": "row of positions",
-    "moving": "armature moving",
-}
-
-
 def force_control(
     rig: Annotated[
-        Path, typer.Argument(metavar="RIG", help="Rig file of force control.", callback=of_its_kind)
+        list[Path],
+        typer.Argument(
+            metavar="RIG|LOOPS",
+            help="Rig file of force control; or the loops of a magnet: CSV files, or folders of them.",
+            callback=of_its_kind,
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
     board: Annotated[
@@ -56,30 +54,52 @@ def force_control(
     Models are identified from the loops of the rig, compiled, built into the firmware and run
     over its serial link against the virtual magnet: at the stroke's end, at a row of
     positions, and with the armature moving. Beside them: the simulated program, a constant ratio
-    of force and current, and the best curve without memory. Recordings, figures.json and the
-    paper's figures 6 to 8 are written.
+    of force and current, and the best curve without memory. Recordings, figures.json, the
+    paper's figures 6 to 8 and a page, report.html, are written.
+
+    From loops a rig is drafted into the folder first, as anhyst init --force-control does, and the
+    compiled C of all gaps is verified in the end, as anhyst verify does.
 
     Example: anhyst force-control examples/solenoid/rig.toml --out run
+
+    Example: anhyst force-control slow.csv middle.csv fast.csv --out run
     """
     from anhyst.reports.force.figures import draw
+    from anhyst.support.page.blocks import table as page_table
+    from anhyst.verification.report import tables
 
+    from_loops = len(rig) > 1 or rig[0].suffix != ".toml"
+    if from_loops:
+        anhyst.init(out, rig, force_control=True)
     with progress_bar("force control") as progress:
         found = anhyst.force_control(
-            rig, out, board=board.value, demand=demand, recordings=recordings, progress=progress
+            out / "rig.toml" if from_loops else rig[0],
+            out,
+            board=board.value,
+            demand=demand,
+            recordings=recordings,
+            progress=progress,
         )
-        draw(found)
+    compiled = found.out / "stroke" / "full" / "controller"
+    verified = run_and_write(compiled) if from_loops else None
+    rows = tables(verified) if verified else []
+    draw(found, [page_table(one.title, one.headings, one.cells) for one in rows])
     for text in found.plant.warnings:
         warn(text)
     if as_json:
-        print_json(found.figures)
+        print_json(found.figures | ({"verified": verified.as_dict()} if verified else {}))
     else:
         show_force(found)
+        if verified:
+            show_tables(verified)
     found.refuse_losses()
+    if verified:
+        refuse_difference(compiled, verified)
 
 
 def show_force(found: ForceControl) -> None:
     """Print the worst errors of every controller at every stage of the trials."""
-    from anhyst.study.force.results import TITLES
+    from anhyst.study.force.results import STAGES, TITLES
 
     figures = found.figures
     rows = table(
@@ -96,5 +116,5 @@ def show_force(found: ForceControl) -> None:
         *found.plant.lines,
         f"firmware on {figures['board']} against the simulated program: "
         f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
-        f"{found.out}: figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
+        f"{found.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
     )

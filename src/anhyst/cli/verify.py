@@ -47,17 +47,12 @@ def verify(
 
     Example: anhyst verify controller --on host,cortex-m4,avr
     """
-    from anhyst.verification.report import write_report
-
-    with progress_bar("verifying") as progress:
-        found = anhyst.verify(folder, on, progress=progress)
-    write_report(found, folder)
+    found = run_and_write(folder, on)
     if as_json:
         print_json(found.as_dict())
     else:
-        _show(found)
-    if not found.passed:
-        raise NegativeResult(f"{folder}: {found.first_failure()}", code="verification-failed")
+        show_tables(found)
+    refuse_difference(folder, found)
     if on is not None and found.not_run:
         lacking = [one.text() for one in found.missing if one.target in found.not_run]
         raise InputError(
@@ -67,7 +62,24 @@ def verify(
         )
 
 
-def _show(found: Verification) -> None:
+def run_and_write(folder: Path, on: str | None = None) -> Verification:
+    """Verify a folder and write the outcome into it."""
+    from anhyst.verification.report import write_report
+
+    with progress_bar("verifying") as progress:
+        found = anhyst.verify(folder, on, progress=progress)
+    write_report(found, folder)
+    return found
+
+
+def refuse_difference(folder: Path, found: Verification) -> None:
+    """Raise NegativeResult where a bit differs."""
+    if not found.passed:
+        raise NegativeResult(f"{folder}: {found.first_failure()}", code="verification-failed")
+
+
+def show_tables(found: Verification) -> None:
+    """Print where bits are the same, and what a step costs."""
     from anhyst.verification.report import tables
 
     for rows in tables(found):

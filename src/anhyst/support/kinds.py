@@ -61,7 +61,7 @@ TAKES: Mapping[str, tuple[FileKind, ...]] = {
     "simulate": RIGS,
     "calibrate": (FileKind.BEARING, FileKind.STAGE),
     "tune": (FileKind.BEARING, FileKind.STAGE),
-    "force-control": (FileKind.FORCE,),
+    "force-control": (FileKind.FORCE, *_MEASURED),
     "excite": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE),
     "live": (FileKind.BEARING, FileKind.STAGE, FileKind.FORCE, FileKind.COMPILED),
     "xcp": (FileKind.PORT,),

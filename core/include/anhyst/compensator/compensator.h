@@ -98,6 +98,8 @@ typedef struct {
   anhyst_candidate next;
   int32_t owed; /* flux that diffusion has let into it and deeper beyond what is there, q30 */
   int32_t next_owed;
+  int32_t before; /* flux in it and deeper that the tick which was solved last set out from, q30 */
+  int32_t stiffness; /* of next: slope of its field over that flux, 16 bits behind the point */
 } anhyst_deeper;
 #endif
 

@@ -1,7 +1,8 @@
-"""The figures of the paper's section III, drawn from what was recorded."""
+"""The figures of the paper's section III, drawn from what was recorded, and the page with them."""
 
 from __future__ import annotations
 
+import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,14 +11,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from anhyst.reports.bearing.look import verdict_note
 from anhyst.reports.force.hardware_diagram import figure_hardware
 from anhyst.rig.force.file import Rig
+from anhyst.study.engine.verdict import Judgement
 from anhyst.study.force.force_control import ForceControl
-from anhyst.study.force.results import TITLES
+from anhyst.study.force.results import STAGES, TITLES
 from anhyst.study.force.trials import ForceOutcome
 from anhyst.support.arrays import FloatArray
-from anhyst.support.atomic import write_bytes
-from anhyst.support.page.style import FALLING, MEASURED, RISING, new_figure, styled, write_png
+from anhyst.support.atomic import atomic_writer, write_bytes
+from anhyst.support.page.blocks import Note, PageTable, Picture, Section, Text, table
+from anhyst.support.page.numbers import number
+from anhyst.support.page.page import Headline, Tile, render_page
+from anhyst.support.page.style import (
+    FALLING,
+    MEASURED,
+    RISING,
+    new_figure,
+    styled,
+    svg_text,
+    write_png,
+)
+from anhyst.support.version import running_version
 
 DEMAND = "#C4C4C4"
 AT_REST = "#8C8C8C"
@@ -37,8 +52,17 @@ MOST_POINTS = 1500
 """Points of a curve in a figure at most."""
 
 
-def draw(result: ForceControl) -> None:
-    """Draw every figure as PNG and SVG into the folder of a run."""
+CAPTIONS: Mapping[str, str] = {
+    "fig7": "At the stroke's end: forces above, true force less demand below.",
+    "fig8": "At a row of positions, the armature held.",
+    "moving": "The armature moving over its stroke.",
+    "fig6": "What is connected to what.",
+}
+"""What the figures of the page show, in its order."""
+
+
+def draw(result: ForceControl, verified: Sequence[PageTable] = ()) -> None:
+    """Draw every figure as PNG and SVG into the folder of a run, and the page with all of them."""
     stages: dict[str, list[ForceOutcome]] = {}
     for outcome in result.outcomes:
         stages.setdefault(outcome.trial.stage, []).append(outcome)
@@ -52,6 +76,88 @@ def draw(result: ForceControl) -> None:
     for name, figure in pages.items():
         write_png(figure, result.out / f"{name}.png")
         _write_svg(figure, result.out / f"{name}.svg")
+    pictures = [Picture(svg_text(pages[name], name), text, text) for name, text in CAPTIONS.items()]
+    compiled = Text(
+        "C of the models, with its manifest: end/full/controller and stroke/full/controller; "
+        f"{result.figures['ticks_that_differ']} of {result.figures['firmware_ticks']} ticks of the "
+        "firmware differ from the simulated program."
+    )
+    inputs = (rig.path, *rig.measured.files)
+    files = [(one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in inputs]
+    text = render_page(
+        _headline(result, bool(verified)),
+        [
+            Section("forces", "Forces", tuple(pictures)),
+            Section("controller", "Controller", (compiled, *verified)),
+            Section("origin", "Origin", (table("Files", ["file", "SHA-256"], files, texts=2),)),
+        ],
+        running_version(),
+        kind="Force control",
+        source="a simulation",
+    )
+    with atomic_writer(result.out / "report.html") as stream:
+        stream.write(text)
+
+
+def _headline(result: ForceControl, verified: bool) -> Headline:
+    rig, figures = result.rig, result.figures
+    verdict = figures["verdict"]
+    notes = [
+        verdict_note(Judgement(verdict["level"], verdict["text"]))
+        if verdict
+        else Note("bad", "Force lost", f"{'; '.join(result.lost_in)}.")
+    ]
+    if verified:
+        notes.append(Note("good", "C verified", "The same bits wherever it ran; tables below."))
+    return Headline(
+        title=rig.settings.name,
+        what="The force of a magnet, controlled open loop by firmware that was compiled from "
+        "models of its loops; beside it what knows less.",
+        basis=f"Simulated, seed {rig.settings.seed}: a virtual magnet, amplifier and sensors; "
+        f"firmware on {figures['board']}, {figures['rate_Hz']:g} ticks a second. "
+        + "; ".join(result.plant.lines)
+        + ".",
+        notes=tuple(notes),
+        tiles=_tiles(result),
+        comparison=_comparison(result),
+        holds="Errors of the true force after the lead-in, which a simulation alone knows; the tick "
+        "of delay and the lag of the amplifier are in them.",
+    )
+
+
+def _tiles(result: ForceControl) -> tuple[Tile, ...]:
+    """Return the worst errors of the fastest demand while the armature is held."""
+    demands = {one.trial.demand.name: one.trial.demand for one in result.outcomes}
+    fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
+    worst: dict[str, float] = {}
+    for trial in result.figures["trials"]:
+        if trial["demand"] == fastest and trial["stage"] != "moving":
+            for name, one in trial["controllers"].items():
+                worst[name] = max(worst.get(name, 0.0), one["true"]["worst_percent"])
+    detail = f"worst error, {fastest}, held, % of {result.figures['force_max_N']:g} N"
+    return tuple(
+        Tile(number(worst[one], 2), TITLES[one], detail) for one in _COMPARED if one in worst
+    )
+
+
+def _comparison(result: ForceControl) -> PageTable:
+    """Return worst and rms errors of every controller, by group of trials and demand."""
+    groups: dict[tuple[str, str], dict[str, tuple[float, float]]] = {}
+    for trial in result.figures["trials"]:
+        past = "_demagnetised" if trial["start"] == "demagnetised" else ""
+        found = groups.setdefault((trial["stage"] + past, trial["demand"]), {})
+        for name, one in trial["controllers"].items():
+            before = found.get(name, (0.0, 0.0))
+            new = one["true"]["worst_percent"], one["true"]["rms_percent"]
+            found[name] = max(before[0], new[0]), max(before[1], new[1])
+    shown = [name for name in TITLES if any(name in found for found in groups.values())]
+    rows = [
+        [f"{STAGES[stage]}, {demand}"]
+        + ["{:.2f} / {:.2f}".format(*found[one]) if one in found else "" for one in shown]
+        for (stage, demand), found in groups.items()
+    ]
+    title = f"Errors of the true force, worst / rms, % of {result.figures['force_max_N']:g} N"
+    return table(title, ["", *(TITLES[one] for one in shown)], rows)
 
 
 @styled

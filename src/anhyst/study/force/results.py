@@ -27,6 +27,14 @@ TITLES: Mapping[str, str] = {
 }
 """Controllers, the best first, and what tables call them."""
 
+STAGES: Mapping[str, str] = {
+    "end": "stroke's end, after the start-up sequence",
+    "end_demagnetised": "stroke's end, from demagnetised",
+    "positions": "row of positions",
+    "moving": "armature moving",
+}
+"""Groups of trials as tables call them, by their keys in ``figures.json``."""
+
 
 @dataclass(frozen=True, slots=True)
 class Errors:
