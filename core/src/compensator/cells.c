@@ -345,10 +345,17 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
   return arrive(&along, words, to);
 }
 
+/* Whether a candidate stands on a segment: none does that was not found yet, nor one whose words
+   were damaged. */
+static inline int is_placed(const anhyst_candidate *at) { return (uint16_t)(at->fine - 1U) < 15U; }
+
 /* Takes a candidate on to where the next segment begins, if no cell joins before; whether it does.
  */
 static int stepped(const int16_t *words, anhyst_candidate *at)
 {
+  if (at->y_slope < words[ANHYST_WORD_CELLS_ROWS] || at->y_slope > words[ANHYST_WORD_LENGTH] - 3) {
+    return 0;
+  }
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
   const int32_t end = place_in(begin_of(turned(at->memory.x, falling), at->fine), at->fine, 0x8000);
   if (end > at->m) {
@@ -384,7 +391,9 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
   const int32_t begin = begin_of(turned(at->memory.x, falling), fine);
   const int32_t rise = rise_on(at, solve.air);
   const int32_t whole = left_side(&solve, rise, (int32_t)((uint32_t)0x8000 << fine));
-  const int32_t missing = turned(wanted, falling) - left_side(&solve, at->flux, begin);
+  /* What a damaged candidate says may be anything: differences wrap. */
+  const int32_t missing =
+      (int32_t)((uint32_t)turned(wanted, falling) - (uint32_t)left_side(&solve, at->flux, begin));
   if (missing < 0) {
     return NOT_MET;
   }
@@ -394,13 +403,13 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
   const int32_t part = anhyst_sat_u15(part_of(missing, whole));
   int32_t x = place_in(begin, fine, part);
   if (x < low) {
-    if (low - x > (int32_t)4 << fine) {
+    if ((uint32_t)low - (uint32_t)x > (uint32_t)4 << fine) {
       return NOT_MET;
     }
     x = low;
   }
   at->memory.x = turned(x, falling);
-  *flux = turned(at->flux + share_of(rise, part), falling);
+  *flux = turned((int32_t)((uint32_t)at->flux + (uint32_t)share_of(rise, part)), falling);
   return x <= at->m ? MET : NOT_MET;
 }
 
@@ -422,7 +431,7 @@ static int32_t reach(const int16_t *words, const anhyst_memory *from, const int3
                      const anhyst_arms *arms, int32_t wanted, anhyst_candidate *at)
 {
   int32_t flux = 0;
-  const int met = at->fine != 0U ? met_on_segment(words, arms, wanted, at, &flux) : NOT_MET;
+  const int met = is_placed(at) ? met_on_segment(words, arms, wanted, at, &flux) : NOT_MET;
   return met == MET ? flux : go_beyond(words, from, plays, arms, wanted, at, met);
 }
 
@@ -445,7 +454,7 @@ static int32_t cells_field(anhyst_compensator *c)
   const int32_t target = c->flux >> 2;
   int32_t flux;
   at->memory.level = inside(turned(c->memory.x, at->memory.p < 0 ? -1 : 0));
-  const int met = at->fine != 0U ? met_on_segment(words, 0, target, at, &flux) : NOT_MET;
+  const int met = is_placed(at) ? met_on_segment(words, 0, target, at, &flux) : NOT_MET;
   if (met == MET) {
     return at->memory.x;
   }

@@ -237,7 +237,7 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
   int32_t low = -2 * (ONE - 1);
   int32_t high = 2 * (ONE - 1);
   for (int i = 0; i < HALVINGS; i++) {
-    const int32_t middle = (low + high) / 2;
+    const int32_t middle = low / 2 + high / 2;
     if (carried_to(&along, stairs, middle, words[ANHYST_WORD_CELLS_AIR], flux, plays) < 0) {
       low = middle;
     } else {

@@ -27,16 +27,14 @@ void anhyst_closed_carry(anhyst_compensator *c, const int16_t *words, int32_t fl
   c->memory.p = 0;
 }
 
-static anhyst_memory mirrored(const anhyst_memory *memory)
-{
-  const anhyst_memory other = {-memory->x, -memory->y, -memory->p, 0, 0};
-  return other;
-}
-
-/* The memory in the direction of a path. */
+/* The memory in the direction of a path, within its bounds whatever it says. */
 static anhyst_memory in_direction(const anhyst_memory *memory, int falling)
 {
-  return falling ? mirrored(memory) : *memory;
+  const int32_t x = anhyst_sat_q30(memory->x);
+  const int32_t y = anhyst_sat_q30(memory->y);
+  const anhyst_memory same = {x, y, memory->p, 0, 0};
+  const anhyst_memory other = {-x, -y, anhyst_sub_q31(0, memory->p), 0, 0};
+  return falling ? other : same;
 }
 
 int32_t anhyst_closed_field(anhyst_compensator *c, anhyst_advance *advance)

@@ -1,0 +1,217 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Long runs and faults of a compiled compensator, of whatever law: docs/reliability.md states what
+   is done here and how often. Signals are codes of 16 bits; limits are those of the block. */
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "magnet_parameters.h"
+
+#include "check.h"
+
+enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000 };
+enum { STEP = 16 }; /* of the converter, codes: what all claims of currents allow */
+
+static const int16_t *const words = magnet_parameters;
+static int16_t faulty[WORDS];
+static uint64_t seed;
+
+static uint32_t drawn(uint32_t below)
+{
+  seed = seed * 6364136223846793005ULL + 1442695040888963407ULL;
+  return (uint32_t)(seed >> 33) % below;
+}
+
+static anhyst_compensator fresh(void)
+{
+  anhyst_compensator c;
+  CHECK(anhyst_compensator_init(&c, &MAGNET_KERNEL, words, WORDS) == ANHYST_OK);
+  return c;
+}
+
+static int16_t between(int16_t low, int16_t high, double part)
+{
+  return (int16_t)lround(low + part * (high - low));
+}
+
+static int16_t demand_at(double part)
+{
+  return between(words[ANHYST_WORD_DEMAND_LOW], words[ANHYST_WORD_DEMAND_HIGH], part);
+}
+
+static int is_within(const int16_t *block, int16_t current)
+{
+  return current >= block[ANHYST_WORD_CURRENT_LOW] && current <= block[ANHYST_WORD_CURRENT_HIGH];
+}
+
+/* A tick with a converter of 12 bits; the current. */
+static int16_t tick(anhyst_compensator *c, int16_t demand, int16_t gap)
+{
+  const int16_t current = anhyst_compensator_solve_q15(c, demand, gap);
+  const int32_t coarse = (current + (current < LAST - 8 ? 8 : 0)) & ~15;
+  anhyst_compensator_commit_q15(c, (int16_t)coarse, gap);
+  return current;
+}
+
+/* Small steps and jumps of demand and gap, currents that flow as they were wanted and others. */
+static int16_t anything(anhyst_compensator *c)
+{
+  static int16_t demand;
+  static int16_t gap;
+  const uint32_t kind = drawn(8);
+  if (kind == 0U) {
+    demand = (int16_t)(drawn(65536) - 32768U);
+    gap = (int16_t)drawn(32768);
+  } else {
+    demand = (int16_t)(demand + (int16_t)drawn(1001) - 500);
+  }
+  const int16_t current = anhyst_compensator_solve_q15(c, demand, gap);
+  const int16_t other = (int16_t)(drawn(65536) - 32768U);
+  anhyst_compensator_commit_q15(c, kind == 1U ? other : (int16_t)(current & ~15), gap);
+  return current;
+}
+
+/* Up to the highest demand, down to the lowest and to a place between: afterwards the iron knows
+   nothing of what was before. */
+static void wipe(anhyst_compensator *c)
+{
+  const int32_t length = anhyst_conditioning_length(c);
+  for (int32_t i = 0; i <= length; i++) {
+    anhyst_compensator_commit_q15(c, anhyst_conditioning_q15(c, i), 0);
+  }
+  const double way[] = {1.0, 0.0, 0.6, 0.3};
+  for (size_t leg = 0; leg < sizeof way / sizeof *way; leg++) {
+    (void)tick(c, demand_at(way[leg]), 0);
+  }
+}
+
+/* Demand and gap move by up to four codes. */
+static void noise_at_rest_moves_nothing(long ticks)
+{
+  anhyst_compensator c = fresh();
+  wipe(&c);
+  const int16_t demand = demand_at(0.4);
+  int16_t early = 0;
+  double worst = 0.0;
+  for (long i = 0; i < ticks; i++) {
+    const int16_t noisy = (int16_t)(demand + (int16_t)drawn(9) - 4);
+    (void)tick(&c, noisy, (int16_t)(16000U + drawn(9)));
+    if (i >= SETTLE && i % SETTLE == 0) {
+      anhyst_compensator here = c;
+      const int16_t current = anhyst_compensator_solve_q15(&here, demand, 16004);
+      early = i == SETTLE ? current : early;
+      keep_worst(&worst, abs(current - early));
+    }
+  }
+  CHECK_BELOW("codes of the current that noise moves", worst, STEP);
+}
+
+/* After any number of ticks a start-up leaves what it leaves of a compensator that has seen
+   nothing, and an inner loop closes. */
+static void a_long_past_is_wiped_out(long ticks)
+{
+  anhyst_compensator old = fresh();
+  anhyst_compensator new = fresh();
+  for (long i = 0; i < ticks; i++) {
+    CHECK(is_within(words, anything(&old)));
+  }
+  wipe(&old);
+  wipe(&new);
+  double worst = 0.0;
+  double open = 0.0;
+  for (int i = 0; i < 400; i++) {
+    const int16_t demand = demand_at(0.5 + 0.15 * sin(i * 0.157079632679));
+    const int16_t current = tick(&old, demand, 0);
+    keep_worst(&worst, abs(current - tick(&new, demand, 0)));
+    if (i % 40 == 0) {
+      static int16_t before;
+      keep_worst(&open, i >= 80 ? abs(current - before) : 0);
+      before = current;
+    }
+  }
+  CHECK_BELOW("codes of the current that the past moves", worst, STEP);
+  CHECK_BELOW("codes by which an inner loop stays open", open, STEP);
+}
+
+/* The state of the iron and what was solved, a bit at a time; not where the block stands. */
+static void any_bit_of_the_state_may_turn(void)
+{
+  const size_t first = offsetof(anhyst_compensator, memory);
+  anhyst_compensator right = fresh();
+  wipe(&right);
+  double worst = 0.0;
+  long tried = 0;
+  for (size_t bit = 8 * first; bit < 8 * sizeof right; bit++, tried++) {
+    anhyst_compensator c = fresh();
+    for (int i = 0; i < 20; i++) {
+      (void)anything(&c);
+    }
+    ((unsigned char *)&c)[bit / 8] ^= (unsigned char)(1U << bit % 8U);
+    for (int i = 0; i < 100; i++) {
+      CHECK(is_within(words, anything(&c)));
+    }
+    anhyst_compensator_demagnetise(&c);
+    wipe(&c);
+    anhyst_compensator there = right;
+    keep_worst(&worst, abs(tick(&c, demand_at(0.5), 0) - tick(&there, demand_at(0.5), 0)));
+  }
+  CHECK_BELOW("bits of the state that were tried", -tried, -600);
+  CHECK_BELOW("codes of the current after a start-up", worst, STEP);
+}
+
+static void seal(int16_t *block)
+{
+  uint32_t sum = 0xFFFFFFFFUL;
+  for (int i = 0; i < WORDS; i++) {
+    if (i != ANHYST_WORD_CRC && i != ANHYST_WORD_CRC + 1) {
+      sum ^= (uint16_t)block[i];
+      for (int bit = 0; bit < 16; bit++) {
+        sum = (sum & 1U) != 0U ? (sum >> 1) ^ 0xEDB88320UL : sum >> 1;
+      }
+    }
+  }
+  sum ^= 0xFFFFFFFFUL;
+  block[ANHYST_WORD_CRC] = (int16_t)(uint16_t)sum;
+  block[ANHYST_WORD_CRC + 1] = (int16_t)(uint16_t)(sum >> 16);
+}
+
+/* A block with one bit turned is refused; with its checksum made right again it is refused, or
+   gives currents within its limits, from its start and after a swap in any state, and back. */
+static void any_bit_of_the_block_may_turn(void)
+{
+  long refused = 0;
+  long sealed = 0;
+  long outside = 0;
+  for (int bit = 0; bit < 16 * WORDS; bit++) {
+    memcpy(faulty, words, sizeof faulty);
+    faulty[bit / 16] = (int16_t)(faulty[bit / 16] ^ (1 << bit % 16));
+    refused += anhyst_block_check(&MAGNET_KERNEL, faulty, WORDS) != ANHYST_OK;
+    seal(faulty);
+    anhyst_compensator c;
+    if (anhyst_compensator_init(&c, &MAGNET_KERNEL, faulty, WORDS) != ANHYST_OK) {
+      sealed++;
+      continue;
+    }
+    for (int i = 0; i < 60; i++) {
+      const int16_t *block = i / 20 % 2 == 0 ? faulty : words;
+      if (i > 0 && i % 20 == 0) {
+        anhyst_compensator_swap(&c, block);
+      }
+      outside += !is_within(block, anything(&c));
+    }
+  }
+  CHECK(refused == 16L * WORDS);
+  CHECK(outside == 0);
+  CHECK_BELOW("of bits of the block, refused with a right checksum", -sealed, -500);
+}
+
+int main(int argc, char **argv)
+{
+  const long ticks = argc > 1 ? atol(argv[1]) : 10000000L;
+  seed = argc > 2 ? (uint64_t)atol(argv[2]) : 20U;
+  noise_at_rest_moves_nothing(ticks);
+  a_long_past_is_wiped_out(ticks / 10);
+  any_bit_of_the_state_may_turn();
+  any_bit_of_the_block_may_turn();
+  return verdict();
+}
