@@ -59,7 +59,8 @@ static void any_block(int16_t *words)
   }
   cell_path along;
   anhyst_cells_rows(&along, words);
-  ASSUME(words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * along.stride <= ANHYST_BLOCK_MOST_WORDS);
+  const int32_t end = words[ANHYST_WORD_CELLS_ROWS] + (count + 1) * along.stride;
+  words[ANHYST_WORD_LENGTH] = (int16_t)any_within(end, ANHYST_BLOCK_MOST_WORDS);
   SHOW(along.stride >= 9 && along.outer >= 0 && along.stride > 2 * along.outer);
   SHOW(along.narrow >= 2 && along.wide <= 13 && along.narrow <= along.wide);
 }
