@@ -12,6 +12,7 @@ import pytest
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
+from tests.compensate.test_solid import LAYERS, magnet
 from tests.once import made_once
 from tests.truths import path_of
 
@@ -27,18 +28,22 @@ Seed = Callable[[str, str, str], Path]
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Compile:
     """Give the folder of a kind of compensator and a format of signals.
 
-    ``full`` is that of Jiles and Atherton, ``cells`` the same kind for play cells.
+    ``full`` is that of Jiles and Atherton, ``cells`` the same kind for play cells, ``solid`` that
+    for two layers of them.
     """
 
-    def give(kind: str, io: str) -> Path:
-        law = "play-cells" if kind == "cells" else "effective-field"
+    def make(kind: str, io: str, folder: Path) -> None:
+        law = "effective-field" if kind in {"full", "simplified"} else "play-cells"
         model = path_of(f"electromagnet-{law}-scaling")
-        wanted = "full" if kind == "cells" else kind
-        request = CompileRequest(wanted, io, RATE, name=NAME)  # type: ignore[arg-type]
+        if kind == "solid":
+            model = folder / "solid.toml"
+            magnet(LAYERS["two"]).save(model)
+        wanted = "simplified" if kind == "simplified" else "full"
+        compile_model(model, folder / "out", CompileRequest(wanted, io, RATE, name=NAME))  # type: ignore[arg-type]
+
+    def give(kind: str, io: str) -> Path:
         name = f"compiled-{kind}-{io}"
-        place = made_once(
-            tmp_path_factory, name, lambda folder: compile_model(model, folder / "out", request)
-        )
+        place = made_once(tmp_path_factory, name, lambda folder: make(kind, io, folder))
         return place / "out"
 
     return give

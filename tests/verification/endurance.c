@@ -9,7 +9,7 @@
 
 #include "check.h"
 
-enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000 };
+enum { WORDS = MAGNET_PARAMETERS_WORDS, LAST = 32767, SETTLE = 2000, HELD = 300 };
 enum { STEP = 16 }; /* of the converter, codes: what all claims of currents allow */
 
 static const int16_t *const words = magnet_parameters;
@@ -80,8 +80,8 @@ static void wipe(anhyst_compensator *c)
     anhyst_compensator_commit_q15(c, anhyst_conditioning_q15(c, i), 0);
   }
   const double way[] = {1.0, 0.0, 0.6, 0.3};
-  for (size_t leg = 0; leg < sizeof way / sizeof *way; leg++) {
-    (void)tick(c, demand_at(way[leg]), 0);
+  for (size_t leg = 0; leg < HELD * sizeof way / sizeof *way; leg++) {
+    (void)tick(c, demand_at(way[leg / HELD]), 0);
   }
 }
 

@@ -16,7 +16,7 @@ WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["cells", "full", "simplified"])
+@pytest.mark.parametrize("kind", ["cells", "full", "simplified", "solid"])
 @pytest.mark.parametrize(
     ("flags", "ticks"),
     [(SANITIZE, 100_000), pytest.param(("-O2",), 10_000_000, marks=pytest.mark.campaign)],

@@ -345,10 +345,6 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
   return arrive(&along, words, to);
 }
 
-/* Whether a candidate stands on a segment: none does that was not found yet, nor one whose words
-   were damaged. */
-static inline int is_placed(const anhyst_candidate *at) { return (uint16_t)(at->fine - 1U) < 15U; }
-
 /* Takes a candidate on to where the next segment begins, if no cell joins before; whether it does.
  */
 static int stepped(const int16_t *words, anhyst_candidate *at)

@@ -188,6 +188,10 @@ void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flu
                         anhyst_memory *memory, int32_t *plays);
 void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory);
 
+/* Whether a candidate stands on a segment: none does that was not found yet, nor one whose words
+   were damaged. */
+static inline int is_placed(const anhyst_candidate *at) { return (uint16_t)(at->fine - 1U) < 15U; }
+
 #if ANHYST_MEMORIES > 1
 /* Solid iron: layers of the law. */
 extern const anhyst_kernel anhyst_kernel_solid;

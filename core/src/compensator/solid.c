@@ -142,7 +142,7 @@ static void set_out(solid_tick *tick, int16_t at, int known, int solved)
 {
   anhyst_compensator *c = tick->c;
   anhyst_candidate *there = next_of(c, at);
-  if (!known) {
+  if (!known || !is_placed(there)) {
     take_up(tick, at, anhyst_cells_stand(c->words, memory_of(c, at), plays_of(c, at), there));
     tick->stiffness[at] = stiffness_of(tick, at);
     return;
@@ -161,7 +161,7 @@ static void begin_tick(solid_tick *tick, anhyst_compensator *c, int solved)
   const int16_t *words = c->words;
   const int16_t surface = words[ANHYST_WORD_SOLID_SURFACE];
   const int16_t inner = (int16_t)((32768 - surface) / (layers_of(words) - 1));
-  const int known = c->next.fine != 0U;
+  const int known = is_placed(&c->next);
   int32_t now = 0;
   tick->c = c;
   tick->layers = layers_of(words);
