@@ -349,12 +349,11 @@ static int32_t travel(const int16_t *words, const anhyst_memory *from, const int
  */
 static int stepped(const int16_t *words, anhyst_candidate *at)
 {
-  if (at->y_slope < words[ANHYST_WORD_CELLS_ROWS] || at->y_slope > words[ANHYST_WORD_LENGTH] - 3) {
-    return 0;
-  }
   const int32_t falling = at->memory.p < 0 ? -1 : 0;
   const int32_t end = place_in(begin_of(turned(at->memory.x, falling), at->fine), at->fine, 0x8000);
-  if (end > at->m) {
+  const int32_t next = at->y_slope + 1;
+  if (end > at->m || next <= words[ANHYST_WORD_CELLS_ROWS] ||
+      next >= words[ANHYST_WORD_LENGTH] - 1) {
     return 0;
   }
   const uint16_t halvings = (uint16_t)words[ANHYST_WORD_CELLS_ZONE];
@@ -365,7 +364,7 @@ static int stepped(const int16_t *words, anhyst_candidate *at)
     at->fine = (uint16_t)(at->fine + halvings);
   }
   at->memory.x = turned(end, falling);
-  at->y_slope++;
+  at->y_slope = (int16_t)next;
   describe(words, end, turned(at->memory.y, falling), at);
   return 1;
 }

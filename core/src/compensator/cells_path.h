@@ -190,7 +190,7 @@ void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memor
 
 /* Whether a candidate stands on a segment: none does that was not found yet, nor one whose words
    were damaged. */
-static inline int is_placed(const anhyst_candidate *at) { return (uint16_t)(at->fine - 1U) < 15U; }
+static inline int is_placed(const anhyst_candidate *at) { return at->fine - 1U < 15U; }
 
 #if ANHYST_MEMORIES > 1
 /* Solid iron: layers of the law. */
