@@ -16,6 +16,10 @@ WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
 
 
 @pytest.mark.slow
+@pytest.mark.depends(
+    *("core", "src/anhyst/compensate", "src/anhyst/compilation", "src/anhyst/model"),
+    *("tests/truths", "tests/verification", "tests/compensate", "tests/core/check.h"),
+)
 @pytest.mark.parametrize("kind", ["cells", "full", "simplified", "solid"])
 @pytest.mark.parametrize(
     ("flags", "ticks"),
