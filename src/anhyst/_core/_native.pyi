@@ -505,7 +505,7 @@ class FixedPosition(_Position):
 class BusController(LoopController):
     """A controller at the other end of a plant bus, plant/include/anhyst_plant/bus.h."""
 
-    def __init__(self, socket: int, scales: _Numbers) -> None: ...
+    def __init__(self, address: int, scales: _Numbers) -> None: ...
     def take(self) -> NDArray[np.uint32]:
         """Return its answers since the last time, a row of words a tick."""
     @property

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A controller at the other end of the plant bus: a socket, and what came over it.
+// A controller at the other end of the plant bus: a firmware in this process, and what it answered.
 #include "anhyst_plant/bus.h"
-
-#include <sys/socket.h>
 
 #include <vector>
 
@@ -14,23 +12,13 @@ namespace {
 
 using OutWords = nb::ndarray<nb::numpy, uint32_t, nb::ndim<2>>;
 
-// Waits inside the system, for as long as the socket's own time limits say.
-bool transfer(int socket, const uint8_t *sample, uint8_t *drive)
-{
-  size_t done = 0;
-  while (done < ANHYST_BUS_SAMPLE_BYTES) {
-    const ssize_t taken = send(socket, sample + done, ANHYST_BUS_SAMPLE_BYTES - done, MSG_NOSIGNAL);
-    if (taken <= 0) {
-      return false;
-    }
-    done += static_cast<size_t>(taken);
-  }
-  return recv(socket, drive, ANHYST_BUS_DRIVE_BYTES, MSG_WAITALL) == ANHYST_BUS_DRIVE_BYTES;
-}
+// library_tick of firmware/boards/library/library.h
+using Tick = void (*)(const uint8_t *sample, uint8_t *drive);
 
 class Bus : public LoopController {
 public:
-  Bus(int socket, const nb::dict &scales) : socket_(socket)
+  // The address is that of the firmware's library_tick; it stays loaded as long as this lives.
+  Bus(uintptr_t address, const nb::dict &scales) : firmware_(reinterpret_cast<Tick>(address))
   {
     Settings from(scales);
     bus_.scales = {from.take<double>("gap_middle"),   from.take<double>("position_full"),
@@ -39,7 +27,8 @@ public:
     from.finish();
     bus_.line = this;
     bus_.exchange = [](void *line, const uint8_t *sample, uint8_t *drive) {
-      return transfer(static_cast<Bus *>(line)->socket_, sample, drive) ? 1 : 0;
+      static_cast<Bus *>(line)->firmware_(sample, drive);
+      return 1;
     };
   }
 
@@ -69,7 +58,7 @@ private:
     }
   }
 
-  int socket_;
+  Tick firmware_;
   anhyst_bus_controller bus_{};
   std::vector<uint32_t> answers_;
 };
@@ -79,7 +68,7 @@ private:
 void bind_bus(nb::module_ &m)
 {
   nb::class_<Bus, LoopController>(m, "BusController")
-      .def(nb::init<int, const nb::dict &>(), "socket"_a, "scales"_a)
+      .def(nb::init<uintptr_t, const nb::dict &>(), "address"_a, "scales"_a)
       .def("take", &Bus::take)
       .def_prop_ro("tick", &Bus::last);
 }

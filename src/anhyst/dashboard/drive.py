@@ -27,7 +27,6 @@ class DrivenBench:
         self.aim: Aim = bench.aim
         self.load_most: float = bench.load_most
         self.keeps_time: bool = bench.keeps_time
-        self.process: int = bench.process
         self.every: int = bench.every
         self.target = bench.aim.value
         self._refused = refused

@@ -12,7 +12,6 @@ from typing import Any, Protocol
 
 from anhyst.study.excite.on_board import DrivenBoard
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.one_core import spread
 from anhyst.support.progress import Progress
 
 Work = Callable[..., Mapping[str, Any]]
@@ -49,7 +48,6 @@ class Job:
         self._thread.join()
 
     def _listen(self) -> None:
-        spread()  # whoever asked may be kept on the core of the bench
         self._process.start()  # takes a while, for which whoever asked does not wait
         self._says.close()
         self._started.set()

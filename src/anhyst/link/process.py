@@ -106,6 +106,11 @@ class LibraryBoard:
     def close(self) -> None:
         """Leave the link; the controller stays on."""
 
+    @property
+    def tick(self) -> int:
+        """Address of its function of a tick, for :class:`anhyst._core.BusController`."""
+        return ctypes.cast(self._board.library_tick, ctypes.c_void_p).value or 0
+
     def unload(self) -> None:
         """Switch it off."""
         from _ctypes import dlclose

@@ -169,7 +169,7 @@ def _bearing(
     ready = make_ready(rig, controller)
     next(parts)(1, 1)
     known = ready.knowledge()
-    setup, firmware = build_firmware(ready.rig, controller, known, "host", place)
+    setup, firmware = build_firmware(ready.rig, controller, known, "library", place)
     next(parts)(1, 1)
     return PreparedBearing(setup, known.model, firmware)
 
@@ -181,7 +181,7 @@ def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> Prepar
     rig = complete_rig(rig, loops)
     next(parts)(1, 1)
     program = prepare(
-        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "host", place / "full"
+        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "library", place / "full"
     )
     next(parts)(1, 1)
     return PreparedForce(rig, loops, program)

@@ -1,4 +1,4 @@
-"""The virtual bench of a bearing: its plant, and the firmware that levitates it as a process."""
+"""The virtual bench of a bearing: its plant, and the firmware that levitates it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from anhyst._core import POSITION_MAGNETS, BusController, Plant, PlantLoop
 from anhyst.control.states import Command
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import Q30, Q31, wait_at_most
-from anhyst.link.process import start_host
+from anhyst.link.plant_bus import Q30, Q31
+from anhyst.link.process import LibraryBoard
 from anhyst.rig.bearing.board import position_code
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, position_control
@@ -89,9 +89,6 @@ class LoadDrive:
         return wave
 
 
-_ANSWER_S = 10.0
-"""The longest that a controller may take for a tick, s of the clock on the wall."""
-
 _OF_PLANT = {
     "gap_m": Signal("gap", "m", "true gap"),
     "gap_read_m": Signal("gap_read", "m", "gap as its sensor says"),
@@ -156,15 +153,14 @@ class BearingBench(LockStepBench[BusController]):
         self._target: int | None = None
         self._open = ExitStack()
         try:
-            started = self._open.enter_context(start_host(firmware))
-            self.process, bus = started.process, started.bus
-            self._link = self._open.enter_context(ControllerLink(started.url))
+            board = LibraryBoard(firmware)
+            self._open.callback(board.unload)
+            self._link = self._open.enter_context(ControllerLink(board))
             self._heartbeat = Heartbeat(self._link)
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self._link, position_settings(gains))
-            wait_at_most(bus, _ANSWER_S)
-            self._bus = BusController(bus.fileno(), {name: self._scales[name] for name in _FULL})
+            self._bus = BusController(board.tick, {name: self._scales[name] for name in _FULL})
             self._loop = PlantLoop(bearing, self._bus, current_loops(rig))
             self.demand(gap)
         except BaseException:

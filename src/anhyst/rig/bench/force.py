@@ -1,4 +1,4 @@
-"""The virtual bench of a force rig: the actuator, and the firmware that drives it as a process."""
+"""The virtual bench of a force rig: the actuator, and the firmware that drives it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from anhyst.control.states import Command, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
-from anhyst.link.process import run_host
+from anhyst.link.process import run_library
 from anhyst.rig.bench.lock_step import LockStepBench
 from anhyst.rig.bench.pace import Heartbeat
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
@@ -140,9 +140,9 @@ class ForceBench(LockStepBench[PlantBus]):
         self.aim = Aim("force", "demand", "N", 0.0, rig.settings.force.force_max_N, 0.0)
         self._open = ExitStack()
         try:
-            running = self._open.enter_context(run_host(program.firmware, self._stand))
-            self.process, self._bus = running.process, running.bus
-            self._link = self._open.enter_context(ControllerLink(running.url))
+            running = self._open.enter_context(run_library(program.firmware, self._stand))
+            self._bus = running.bus
+            self._link = self._open.enter_context(ControllerLink(running.link))
             self._heartbeat = Heartbeat(self._link)
             known = force_settings(self._scales.demand, self._scales.current, self.rate)
             self._settings = ControllerSettings(self._link, known)

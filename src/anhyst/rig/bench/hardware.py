@@ -52,7 +52,6 @@ class HardwareBench:
 
     load_most = 0.0
     keeps_time = True
-    process = 0
 
     def __init__(
         self, reach: Reach, manifest: Mapping[str, Any], patience: float = PATIENCE_S

@@ -1,4 +1,4 @@
-"""What virtual benches have in common: a firmware as a process, in lock-step with its plant."""
+"""What virtual benches have in common: a firmware in lock-step with its plant."""
 
 from __future__ import annotations
 
@@ -29,7 +29,6 @@ class LockStepBench(Generic[_BusT]):
     every = 1
     lost = ""
 
-    process: int
     _open: ExitStack
     _bus: _BusT
     _link: ControllerLink

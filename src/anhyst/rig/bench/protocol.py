@@ -91,11 +91,6 @@ class Bench(Protocol):
         ...  # pragma: no cover
 
     @property
-    def process(self) -> int:
-        """Process that answers every tick, or 0."""
-        ...  # pragma: no cover
-
-    @property
     def lost(self) -> str:
         """Why the controller is looked for; empty while it answers."""
         ...  # pragma: no cover

@@ -125,7 +125,6 @@ class StageBench:
     keeps_time = False
     every = 1
     lost = ""
-    process = 0
     signals: tuple[Signal, ...] = (*_OF_BENCH[:4], *_READ.values(), *_OF_BENCH[4:])
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
