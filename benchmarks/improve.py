@@ -83,7 +83,7 @@ def improved(unknown: PreparedForce, place: Path) -> list[Row]:
     model = unknown.identify(loops)
     session.close()
     program = prepare(
-        "full", model, unknown.whole.settings.timing.rate_Hz, "host", place / "off-line"
+        "full", model, unknown.whole.settings.timing.rate_Hz, "library", place / "off-line"
     )
     off_line = replace(unknown, program=program).open()
     reference = force_error(off_line)

@@ -34,7 +34,7 @@ def rows() -> list[Row]:
     ready = make_ready(rig, controller)
     with tempfile.TemporaryDirectory() as place:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.knowledge(), "host", Path(place)
+            ready.rig, controller, ready.knowledge(), "library", Path(place)
         )
         with one_core():
             alone = unpaced("one core", setup, firmware)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Firmware of the example for the board host."""
+    """Firmware of the example for the virtual bench."""
     return bearings.firmware(tmp_path_factory)
 
 

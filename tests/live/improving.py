@@ -45,7 +45,7 @@ def unknown_iron(folder: Path) -> PreparedForce:
     rig = read_rig(path)
     loops = loops_at(loops_of_rig(rig), GAP)
     program = prepare(
-        "full", truth("solenoid-held"), rig.settings.timing.rate_Hz, "host", folder / "c"
+        "full", truth("solenoid-held"), rig.settings.timing.rate_Hz, "library", folder / "c"
     )
     return PreparedForce(rig, loops, program)
 

@@ -34,7 +34,7 @@ from tests.rig import forces
 
 @pytest.fixture
 def program(tmp_path_factory: pytest.TempPathFactory) -> Program:
-    return forces.program(tmp_path_factory)
+    return forces.program(tmp_path_factory, "host")
 
 
 @pytest.fixture

@@ -20,15 +20,15 @@ def example() -> Rig:
     return read_rig(EXAMPLE / "rig.toml")
 
 
-def program(factory: pytest.TempPathFactory) -> Program:
-    """Of the end of the stroke alone, which is identified soon; built for the board host."""
+def program(factory: pytest.TempPathFactory, board: str = "library") -> Program:
+    """Of the end of the stroke alone, which is identified soon."""
 
     def make(folder: Path) -> None:
         model = truth("solenoid-end")
-        built = prepare("full", model, example().settings.timing.rate_Hz, "host", folder)
+        built = prepare("full", model, example().settings.timing.rate_Hz, board, folder)
         (folder / "program").write_bytes(pickle.dumps(built))
 
-    return load(made_once(factory, "force", make))
+    return load(made_once(factory, f"force-{board}", make))
 
 
 def load(folder: Path) -> Program:

@@ -81,7 +81,7 @@ def check_same_bits(setup: Setup, firmware: Path) -> None:
     script.command(Command.LIFT).hold(0.15).step(GAP - 20e-6, 0.03).set_load(load + 20.0)
     scenario = script.hold(0.02).step(GAP, 0.02).command(Command.LAND).hold(0.024).build()
     assert scenario.ticks >= TICKS
-    with firmware_run(firmware, BearingPlant(setup), "host") as running:
+    with firmware_run(firmware, BearingPlant(setup), "library") as running:
         wanted = running.run(scenario)
     bench = BearingBench(setup, firmware)
     rows = follow(bench, scenario, np.random.default_rng(1))
@@ -101,7 +101,7 @@ def test_a_bench_gives_what_the_lock_step_run_gives(firmware: Path) -> None:
 def test_a_bench_of_a_pair_does_so_too(tmp_path: Path) -> None:
     file = bearings.pair_file(tmp_path / "controller.toml")
     check_same_bits(
-        *build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "host", tmp_path)
+        *build_firmware(bearings.pair_rig(), file, bearings.knowledge(), "library", tmp_path)
     )
 
 

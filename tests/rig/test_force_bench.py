@@ -58,7 +58,7 @@ def test_a_bench_gives_what_a_session_gives(rig: Rig, program: Program, bench: F
     demand = triangle(shape, rig.settings.force.force_max_N, bench.rate)
     gap = np.full(demand.force.size, rig.settings.force.end_m)
     stand = ActuatorBench(rig, gap, [2, 0], unknown_past=False)
-    wanted, _ = run_firmware(program, stand, demand, "host", demagnetised=True)
+    wanted, _ = run_firmware(program, stand, demand, "library", demagnetised=True)
     run(bench)
     rows = []
     for force in demand.force.tolist():

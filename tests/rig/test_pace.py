@@ -28,7 +28,6 @@ class Counter:
     aim = Aim("demand", "demand", "", -1.0, 1.0, 0.0)
     load_most = 0.0
     keeps_time = False
-    process = 0
     every = 1
     lost = ""
 

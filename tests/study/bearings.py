@@ -77,7 +77,7 @@ def copy_known(folder: Path) -> Path:
     return folder / "rig.toml"
 
 
-def firmware(factory: pytest.TempPathFactory, board: str = "host") -> Path:
+def firmware(factory: pytest.TempPathFactory, board: str = "library") -> Path:
     """Firmware of the example for a board, built once for all tests."""
 
     def make(folder: Path) -> None:

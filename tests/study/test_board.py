@@ -40,7 +40,7 @@ LANDS = {
 @pytest.fixture(scope="module")
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Firmware of the example in this process."""
-    return bearings.firmware(tmp_path_factory, "library")
+    return bearings.firmware(tmp_path_factory)
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ using Tick = void (*)(const uint8_t *sample, uint8_t *drive);
 
 class Bus : public LoopController {
 public:
-  // The address is that of the firmware's library_tick; it stays loaded as long as this lives.
+  // The address is that of the firmware's library_tick; it stays loaded until end().
   Bus(uintptr_t address, const nb::dict &scales) : firmware_(reinterpret_cast<Tick>(address))
   {
     Settings from(scales);
@@ -27,12 +27,18 @@ public:
     from.finish();
     bus_.line = this;
     bus_.exchange = [](void *line, const uint8_t *sample, uint8_t *drive) {
-      static_cast<Bus *>(line)->firmware_(sample, drive);
-      return 1;
+      const Tick tick = static_cast<Bus *>(line)->firmware_;
+      if (tick != nullptr) {
+        tick(sample, drive);
+      }
+      return tick != nullptr ? 1 : 0;
     };
   }
 
   anhyst_loop_controller handle() override { return {this, tick}; }
+
+  // The firmware is about to be unloaded: it answers no further tick.
+  void end() { firmware_ = nullptr; }
 
   uint32_t last() const { return bus_.tick; }
 
@@ -70,5 +76,6 @@ void bind_bus(nb::module_ &m)
   nb::class_<Bus, LoopController>(m, "BusController")
       .def(nb::init<uintptr_t, const nb::dict &>(), "address"_a, "scales"_a)
       .def("take", &Bus::take)
+      .def("end", &Bus::end)
       .def_prop_ro("tick", &Bus::last);
 }

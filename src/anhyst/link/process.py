@@ -83,11 +83,14 @@ class LibraryBoard:
         self._answered = ctypes.create_string_buffer(_LINK_MOST)
         self._drive = ctypes.create_string_buffer(DRIVE_BYTES)
         self._rest = b""
+        self._off = False
         self._board.library_link.restype = ctypes.c_uint16
         self._board.library_start()
 
     def exchange(self, sample: bytes) -> bytes:
         """Run a tick: record of a sample in, record of the drive out."""
+        if self._off:
+            raise ValueError("it is switched off")
         self._board.library_tick(sample, self._drive)
         return self._drive.raw
 
@@ -115,6 +118,7 @@ class LibraryBoard:
         """Switch it off."""
         from _ctypes import dlclose
 
+        self._off = True
         dlclose(self._board._handle)
 
 

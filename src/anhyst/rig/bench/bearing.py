@@ -161,6 +161,7 @@ class BearingBench(LockStepBench[BusController]):
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self._link, position_settings(gains))
             self._bus = BusController(board.tick, {name: self._scales[name] for name in _FULL})
+            self._open.callback(self._bus.end)
             self._loop = PlantLoop(bearing, self._bus, current_loops(rig))
             self.demand(gap)
         except BaseException:
@@ -182,9 +183,7 @@ class BearingBench(LockStepBench[BusController]):
         load = self.load_drive.forces(first, ticks)
         rows = self._loop.run(nothing, load, nothing, nothing, np.zeros(ticks, dtype=np.uint32))
         if len(rows) < ticks:
-            raise InputError(
-                f"the controller did not answer tick {self.tick}; see its output", code="no-answer"
-            )
+            raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
         numbers = np.arange(first, first + ticks, dtype=np.float64)
         plant = in_columns(self._loop, rows)[:, _TAKEN]
         return np.column_stack((numbers, plant, self._of_firmware(self._bus.take())))
