@@ -40,6 +40,12 @@ def firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def host_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same for a board that runs by itself."""
+    return bearings.firmware(tmp_path_factory, "host")
+
+
+@pytest.fixture(scope="session")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> PreparedForce:
     """A force rig with an iron that its controller does not know."""
 

@@ -13,6 +13,7 @@ from anhyst.cli.app import main
 from anhyst.control.states import Command, State
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.session import LiveSession
+from anhyst.link.firmware import build
 from anhyst.rig.bench.force import StandPlant
 from anhyst.study.bench import open_board, prepare_board
 from anhyst.study.prepared import PreparedForce
@@ -23,10 +24,10 @@ from tests.refusals import refused
 
 
 @pytest.fixture
-def board(prepared: PreparedForce) -> Iterator[Board]:
-    rig, program = prepared.whole, prepared.program
-    plant = StandPlant(rig, program, 0)
-    with running(program.firmware, plant, rig.settings.timing.rate_Hz) as started:
+def board(prepared: PreparedForce, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Board]:
+    rig, plant = prepared.whole, StandPlant(prepared.whole, prepared.program, 0)
+    program = build("host", folder_of(prepared), tmp_path_factory.mktemp("board") / "firmware")
+    with running(program, plant, rig.settings.timing.rate_Hz) as started:
         wait_for(lambda: started.bus.state is State.IDLE)
         yield started
 

@@ -226,10 +226,12 @@ class HeldArmature:
         return Reading(0.5, 0.0, currents[0], position=0.0, further=currents[1:])
 
 
-def test_a_board_that_levitates_offers_compensation_and_gains(firmware: Path) -> None:
-    manifest = json.loads((firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8"))
+def test_a_board_that_levitates_offers_compensation_and_gains(host_firmware: Path) -> None:
+    manifest = json.loads(
+        (host_firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
+    )
     compiled = manifest["controller"]["gains"]
-    with running(firmware, HeldArmature(), manifest["rate_Hz"]) as board:
+    with running(host_firmware, HeldArmature(), manifest["rate_Hz"]) as board:
         with closing(HardwareBench(lambda: XcpMaster(board.xcp), manifest)) as bench:
             bench.advance(5)
             values = {one.name: one.value for one in bench.parameters()}

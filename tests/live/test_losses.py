@@ -16,7 +16,6 @@ from anhyst.link.xcp import XcpMaster
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.bench.pace import PacedBench
-from anhyst.rig.force.programs import Program
 from tests.live.board import Board
 from tests.live.conftest import Serve, wait_for
 from tests.live.lines import tcp_line
@@ -24,6 +23,7 @@ from tests.live.test_guard import meet, next_message, order
 from tests.live.test_hardware import bench as board_bench
 from tests.live.test_hardware import board, manifest, operated, program
 from tests.live.test_recorder import numbers
+from tests.rig import forces
 
 __all__ = ["board", "board_bench", "manifest", "program"]
 
@@ -68,10 +68,11 @@ sys.stdin.read()
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["csv", "mf4"])
 def test_a_server_that_is_killed_leaves_its_recording(
-    program: Program, tmp_path: Path, kind: str
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, kind: str
 ) -> None:
     path = tmp_path / f"run.{kind}"
-    command = [sys.executable, "-c", SERVER, str(program.firmware.parent), str(path)]
+    folder = forces.program(tmp_path_factory).firmware.parent
+    command = [sys.executable, "-c", SERVER, str(folder), str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
         assert server.stdout is not None
         assert server.stdout.readline() == b"up\n"

@@ -138,14 +138,14 @@ def test_a_controller_that_was_switched_off_is_found_again_and_stays_at_rest(
 
 
 def test_another_firmware_is_not_gone_on_with(
-    power: Power, manifest: Manifest, firmware: Path
+    power: Power, manifest: Manifest, host_firmware: Path
 ) -> None:
     power.on()
     with closing(LiveSession(opened(power, manifest))) as session:
         session.start()
         power.off()
         gone(session)
-        power.on(firmware)
+        power.on(host_firmware)
         wait_for(lambda: session.ended)
         assert "controls a position, the folder does not" in session.ended
 
@@ -229,13 +229,13 @@ class WatchedBearing(BearingPlant):
 
 @pytest.mark.slow
 def test_an_armature_whose_line_is_cut_in_the_air_is_landed_and_found_lying(
-    firmware: Path,
+    host_firmware: Path,
 ) -> None:
-    text = (firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
+    text = (host_firmware.parent / "c" / "manifest.json").read_text(encoding="utf-8")
     manifest, plant = json.loads(text), WatchedBearing()
     rest = bearings.example().settings.body.stop_high_m
     with (
-        running(firmware, plant, manifest["rate_Hz"]) as board,
+        running(host_firmware, plant, manifest["rate_Hz"]) as board,
         serial_port(lambda: board.xcp) as port,
     ):
         wait_for(lambda: board.bus.state is State.IDLE)

@@ -508,7 +508,7 @@ class BusController(LoopController):
     def __init__(self, address: int, scales: _Numbers) -> None: ...
     def take(self) -> NDArray[np.uint32]:
         """Return its answers since the last time, a row of words a tick."""
-    def end(self) -> None: ...
+    def end(self) -> None: ...  # before its firmware is unloaded
     @property
     def tick(self) -> int:
         """Number of the last sample; 0 before the first."""

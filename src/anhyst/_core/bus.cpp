@@ -27,17 +27,13 @@ public:
     from.finish();
     bus_.line = this;
     bus_.exchange = [](void *line, const uint8_t *sample, uint8_t *drive) {
-      const Tick tick = static_cast<Bus *>(line)->firmware_;
-      if (tick != nullptr) {
-        tick(sample, drive);
-      }
-      return tick != nullptr ? 1 : 0;
+      const Tick firmware = static_cast<Bus *>(line)->firmware_;
+      return firmware != nullptr ? (firmware(sample, drive), 1) : 0;
     };
   }
 
   anhyst_loop_controller handle() override { return {this, tick}; }
 
-  // The firmware is about to be unloaded: it answers no further tick.
   void end() { firmware_ = nullptr; }
 
   uint32_t last() const { return bus_.tick; }
