@@ -9,6 +9,8 @@ import json
 import os
 import shutil
 import statistics
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -32,6 +34,7 @@ SIGNALS = 16
 DRAWN_S = 20.0
 ORDERS = 40
 SOAK_S = float(os.environ.get("ANHYST_SOAK_S", "60"))
+FLOOD_S = 60.0
 LATE_S = 0.02
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 
@@ -61,10 +64,32 @@ DELAY = """([name, value]) => new Promise(resolve => {
 })"""
 
 
+ATTACK = """
+import contextlib, sys, websockets
+from websockets.sync.client import connect
+address, origin = sys.argv[1:]
+with connect(address, origin=origin, max_queue=1):  # never reads
+    while True:
+        with contextlib.suppress(websockets.WebSocketException, OSError):
+            with connect(address, origin=origin) as line:
+                while True:
+                    line.send('{"do": "load", "value": 150}')
+"""
+"""Floods the server with messages, and comes again whenever it is put out."""
+
+
 def rows() -> list[Row]:
     """Levitate the bundled bearing with a page open."""
     with tempfile.TemporaryDirectory() as place, served(Path(place)) as (session, page):
-        return [drawn(session, page), delay(page), soak(session)]
+        found = [drawn(session, page), delay(page), soak(session, SOAK_S, "page open")]
+        origin = page.url.rstrip("/")
+        address = origin.replace("http", "ws") + "/live"
+        with subprocess.Popen([sys.executable, "-c", ATTACK, address, origin]) as attacker:
+            beside = "page open, one client floods, another never reads"
+            found.append(soak(session, FLOOD_S, beside))
+            assert attacker.poll() is None
+            attacker.kill()
+        return found
 
 
 @contextmanager
@@ -148,21 +173,21 @@ def delay(page: Page) -> Row:
     )
 
 
-def soak(session: LiveSession) -> Row:
-    """Levitate for long, recorded, the page open."""
+def soak(session: LiveSession, seconds: float, beside: str) -> Row:
+    """Levitate for long, recorded."""
     began, first = time.monotonic(), session.bench.tick
     slips, worst = session.paced.pace().slips, 0.0
     sizes = []
-    while (passed := time.monotonic() - began) < SOAK_S:
+    while (passed := time.monotonic() - began) < seconds:
         time.sleep(0.5)
         worst = max(worst, session.paced.pace().late_most)
-        if passed > 0.1 * SOAK_S:  # buffers are full by then
+        if passed > 0.1 * seconds:  # buffers are full by then
             sizes.append(resident())
     pace = session.paced.pace()
     factor = (pace.tick - first) / session.bench.rate / (time.monotonic() - began)
     grown = statistics.median(sizes[-10:]) / statistics.median(sizes[:10]) - 1.0
     return Row(
-        f"levitates for {SOAK_S:g} s, recorded, page open",
+        f"levitates for {seconds:g} s, recorded, {beside}",
         f"1 times the clock, no chunk later than {1e3 * LATE_S:g} ms; memory flat within 5 %",
         f"{factor:.4f} times, late by {1e3 * worst:.1f} ms at most, {pace.slips - slips} times "
         f"given up; memory {100 * grown:+.1f} % of {sizes[0]:.0f} MB",
