@@ -22,6 +22,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
         "start-up",
         "verify",
         "proofs",
+        "reliability",
         "force-control",
         "fleet",
         "exchange",
