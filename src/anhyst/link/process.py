@@ -69,6 +69,8 @@ class LibraryBoard:
     """
 
     def __init__(self, program: Path) -> None:
+        from _ctypes import dlclose  # not on Windows
+
         self.url = str(program)
         with tempfile.TemporaryDirectory(prefix="anhyst-") as scratch:
             # What the firmware remembers belongs to the file: each copy is another controller.
@@ -83,7 +85,7 @@ class LibraryBoard:
         self._answered = ctypes.create_string_buffer(_LINK_MOST)
         self._drive = ctypes.create_string_buffer(DRIVE_BYTES)
         self._rest = b""
-        self._off = False
+        self._off, self._unload = False, dlclose
         self._board.library_link.restype = ctypes.c_uint16
         self._board.library_start()
 
@@ -116,10 +118,8 @@ class LibraryBoard:
 
     def unload(self) -> None:
         """Switch it off."""
-        from _ctypes import dlclose
-
         self._off = True
-        dlclose(self._board._handle)
+        self._unload(self._board._handle)
 
 
 @contextmanager
