@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -48,6 +49,9 @@ COLOURS: Mapping[str, str] = {
 }
 _COMPARED = ("full", "at-rest", "simplified", "single")
 """Whose errors are drawn, where they are: the models, and the strongest curve without memory."""
+TITLE_LETTERS = 62
+"""Of a line above a panel."""
+
 MOST_POINTS = 1500
 """Points of a curve in a figure at most."""
 
@@ -258,7 +262,8 @@ def _deviations(
         ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
         worst.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f} %")
     if title:
-        ax.set_title(f"worst: {', '.join(worst)}", fontsize=8.0, weight="normal")
+        text = textwrap.fill(f"worst: {', '.join(worst)}", TITLE_LETTERS)
+        ax.set_title(text, fontsize=8.0, weight="normal")
 
 
 def _worst(rig: Rig, outcome: ForceOutcome, name: str) -> float:
