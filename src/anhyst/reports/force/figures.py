@@ -208,7 +208,7 @@ def figure_positions(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
             ax.tick_params(labelbottom=False)
             _deviations(below, rig, outcome, _COMPARED, title=False)
             worst = (f"{one} {_worst(rig, outcome, one):.1f}" for one in ("full", "single"))
-            below.set_title(f"{', '.join(worst)} %", fontsize=8.0, weight="normal")
+            below.set_title(f"{'; '.join(worst)} %", fontsize=8.0, weight="normal")
             below.set_xlabel("time (s)")
         for empty in (*row[len(members) :], *errors[len(members) :]):
             empty.remove()
@@ -260,9 +260,9 @@ def _deviations(
         deviation[: outcome.trial.demand.lead_in] = np.nan
         label = f"error, {TITLES[name]}"
         ax.plot(*_curve(rig, outcome, deviation), color=COLOURS[name], lw=1.0, label=label)
-        worst.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f} %")
+        worst.append(f"{TITLES[name]} {_worst(rig, outcome, name):.2f}\N{NO-BREAK SPACE}%")
     if title:
-        text = textwrap.fill(f"worst: {', '.join(worst)}", TITLE_LETTERS)
+        text = textwrap.fill(f"worst: {'; '.join(worst)}", TITLE_LETTERS)
         ax.set_title(text, fontsize=8.0, weight="normal")
 
 
@@ -290,4 +290,6 @@ def _legend(figure: Figure, *axes: Axes) -> None:
         more = ax.get_legend_handles_labels()
         handles += more[0]
         labels += more[1]
-    figure.legend(handles, labels, loc="outside lower center", ncols=4)
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=int(figure.get_figwidth() / 2.4)
+    )
