@@ -110,6 +110,8 @@ public:
     const Row pid = copy(matrices, "pid", axes, 5);
     reach_ = copy(matrices, "reach", axes, 1);
     land_ = copy(matrices, "land", axes, 1);
+    lift_ = copy(matrices, "lift", axes, 1);
+    read_at_ = Row(at_.begin(), at_.end());
     matrices.finish();
     for (auto p = pid.begin(); p != pid.end(); p += 5) {
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
@@ -131,6 +133,7 @@ public:
                   yields_.data()},
                  static_cast<uint16_t>(heads),
                  see_.data(),
+                 read_at_.data(),
                  decouple_.data(),
                  weigh_.data(),
                  pid_.data(),
@@ -144,7 +147,11 @@ public:
                  given.take<uint16_t>("off_ticks"),
                  given.take<uint16_t>("spare"),
                  given.take<uint16_t>("land_ticks"),
-                 land_.data()};
+                 land_.data(),
+                 lift_.data(),
+                 given.take<Real>("jump"),
+                 given.take<uint16_t>("blind_ticks"),
+                 given.take<uint16_t>("frozen_ticks")};
     given.finish();
     if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
@@ -156,23 +163,24 @@ public:
 
   // One tick without a plant, heads counted from the target: currents, wrench, flags, what is lost,
   // state.
-  nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read)
+  nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read,
+                 uint16_t command)
   {
     same_length(settings_.heads, head.size(), "head");
     same_length(settings_.layout.axes, forward.size(), "forward");
     same_length(drives_.size(), gap.size(), "gap");
     same_length(drives_.size(), read.size(), "read");
     const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
-    const auto out = run(head, Row(forward.size(), 0), forward, gap, flux, read);
+    const auto out = run(head, Row(forward.size(), 0), forward, gap, flux, read, command);
     return nb::make_tuple(current_, demand_, out.flags, out.lost, out.state);
   }
 
 private:
   typename F::AxesAnswer run(const Row &head, const Row &target, const Row &forward, const Row &gap,
-                             const Row &flux, const Row &read)
+                             const Row &flux, const Row &read, uint16_t command)
   {
-    const typename F::AxesSample in = {head.data(), target.data(), forward.data(),
-                                       gap.data(),  flux.data(),   read.data()};
+    const typename F::AxesSample in = {head.data(), target.data(), forward.data(), gap.data(),
+                                       flux.data(), read.data(),   command};
     typename F::AxesAnswer out = {current_.data(), demand_.data(), 0, 0, 0};
     F::axes_tick(&axes_, &in, &out);
     return out;
@@ -195,19 +203,23 @@ private:
       target.assign(axes, 0);
     }
     const double *gap = sample->head;
-    const auto out =
-        c.run(Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
-              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
-              Row(sample->current, sample->current + drives));
-    static constexpr uint16_t states[] = {16 * ANHYST_STATE_RUN + ANHYST_PHASE_HOVER,
-                                          16 * ANHYST_STATE_FAULT + ANHYST_PHASE_DESCEND,
-                                          16 * ANHYST_STATE_FAULT + ANHYST_PHASE_REST};
+    const auto out = c.run(
+        Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
+        Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
+        Row(sample->current, sample->current + drives), static_cast<uint16_t>(sample->command));
+    static constexpr uint16_t phases[] = {ANHYST_PHASE_HOVER, ANHYST_PHASE_DESCEND,
+                                          ANHYST_PHASE_REST, ANHYST_PHASE_RISE};
+    const bool rests = out.state == ANHYST_AXES_REST;
+    const bool fault = out.lost != 0 && (rests || out.state == ANHYST_AXES_LAND);
     int highest = 0;
-    while (out.lost >> highest) {
+    while ((out.lost & 0xFFFFU) >> highest) {
       highest++;
     }
     answer->flags = out.flags;
-    answer->state = static_cast<uint16_t>(256 * highest + states[out.state]);
+    answer->state = static_cast<uint16_t>(256 * highest + phases[out.state] +
+                                          16 * (fault   ? ANHYST_STATE_FAULT
+                                                : rests ? ANHYST_STATE_READY
+                                                        : ANHYST_STATE_RUN));
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);
@@ -227,6 +239,8 @@ private:
   Row weigh_;
   Row reach_;
   Row land_;
+  Row lift_;
+  Row read_at_;
   Row yields_;
   Row pull_;
   Row current_;
@@ -242,7 +256,7 @@ template <class F> void bind_axes(nb::module_ &m, const char *name)
   nb::class_<Axes, LoopController>(m, name)
       .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
            "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
-      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a)
+      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a, "command"_a = 0)
       .def("correct", &Axes::correct, "rows"_a.noconvert());
 }
 

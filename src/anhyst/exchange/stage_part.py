@@ -187,7 +187,7 @@ def _law_of_axes(
         "heads": len(file.position_sensors),
         **{
             name: f"(const double[]){row(rows[name].ravel())}"
-            for name in ("see", "decouple", "weigh", "reach", "land")
+            for name in ("see", "at", "decouple", "weigh", "reach", "land", "lift")
         },
         "pid": f"(const anhyst_biquad_f64[]){fields([*map(_biquad, rows['pid'].tolist())])}",
     }

@@ -18,7 +18,14 @@
 
    A drive whose current stays off what was commanded is lost: none is commanded any more, and the
    others share out without it. What the body goes on without was found beforehand; without any
-   other, or two of them, it lands: the target goes down, and then nothing is driven.
+   other, or two of them, it lands. A head is lost that says no number, jumps or stands still: the
+   body lands by the others if they still tell the pose, else nothing is driven from then on.
+
+   It flies from the first tick on. Commands of states.h, NONE else: IDLE lets it go at once. LIFT
+   takes it from rest at the pose that is seen to the target at a limited speed of every axis; it
+   is refused where a pose is not seen or anything is lost. LAND moves what is aimed at down from
+   the target until the body lies, and then nothing is driven. Another is refused, and so is one
+   that is not of the state.
 
    Single precision resolves a nanometre over 8 mm only. There heads and target are to be counted
    from a pose near the target, best from the target itself: integers or doubles are subtracted
@@ -28,13 +35,21 @@
 
 #include "anhyst/compensator/force_controller_real.h"
 #include "anhyst/control/biquad_real.h"
+#include "anhyst/control/states.h"
 #include "anhyst/control/wrench.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-typedef enum { ANHYST_AXES_FLY, ANHYST_AXES_LAND, ANHYST_AXES_REST } anhyst_axes_state;
+#define ANHYST_AXES_HEADS 16
+
+typedef enum {
+  ANHYST_AXES_FLY,
+  ANHYST_AXES_LAND,
+  ANHYST_AXES_REST,
+  ANHYST_AXES_LIFT
+} anhyst_axes_state;
 
 #include "anhyst/numeric/f64.h"
 #include "anhyst/control/generic/axes.h"

@@ -49,6 +49,8 @@ _SURE = 0.5
 """Part of what supply and inductance let a current change by that it does change by at least."""
 MOST_TICKS = 65535
 """Of a landing."""
+FROZEN = 8
+"""How much longer a head may say the very same than no number: noise moves it in every tick."""
 HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
@@ -352,10 +354,12 @@ def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None
 
 
 def watch_settings(rig: StageRig) -> dict[str, float]:
-    """Return by what a controller of several coordinates finds lost magnets, and how it lands."""
+    """Return by what a controller of several coordinates finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
+    blind, heads = max(1, round(table.head_s / rig.dt)), rig.settings.position_sensors
+    noisy = all(one.noise_m > one.step_m for one in heads)
     return {
         "follow": 1.0 - math.exp(-rig.dt / late),
         "slew": _SURE * amplifier.supply / rig.settings.magnet.poles.inductance(rig.gap) * rig.dt,
@@ -363,4 +367,7 @@ def watch_settings(rig: StageRig) -> dict[str, float]:
         "off_ticks": max(1, round(table.lost_s / rig.dt)),
         "spare": spare(rig.settings) if table.lost_A else 0,
         "land_ticks": min(math.ceil(down), MOST_TICKS),
+        "jump": (table.head_m_per_s or 0.0) * rig.dt,
+        "blind_ticks": blind,
+        "frozen_ticks": FROZEN * blind if noisy else 0,
     }

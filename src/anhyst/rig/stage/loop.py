@@ -427,13 +427,15 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
+    ends = np.array([[stop_of(file, axis)] for axis in file.body.free])
     return {
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": np.array([[ODD * stop_of(file, axis)] for axis in file.body.free]),
+        "reach": ODD * ends,
+        "lift": ends * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 

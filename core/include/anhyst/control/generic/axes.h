@@ -5,6 +5,7 @@ typedef struct {
   ANHYST_NAME(anhyst_wrench_layout) layout;
   uint16_t heads;
   const ANHYST_REAL *see;      /* axes rows of heads: pose, m and rad, of what the heads read, m */
+  const ANHYST_REAL *at;       /* heads rows of axes: what each head reads of a pose */
   const ANHYST_REAL *decouple; /* axes rows of axes */
   const ANHYST_REAL *weigh;    /* axes rows of axes: N and N m of m/s^2 and rad/s^2 */
   const ANHYST_NAME(anhyst_biquad) *pid; /* of each axis: error to acceleration */
@@ -19,7 +20,13 @@ typedef struct {
   uint16_t off_ticks;  /* for so many ticks on end, > 0 */
   uint16_t spare;      /* those without one of which the body goes on, bit by bit */
   uint16_t land_ticks; /* which a landing takes */
-  const ANHYST_REAL *land; /* of each axis, by what the target moves in a tick of it */
+  const ANHYST_REAL *land; /* of each axis, by what is aimed at moves in a tick of it */
+  const ANHYST_REAL *lift; /* the same in a tick of lift-off, at most */
+  /* And about heads. */
+  ANHYST_REAL jump;      /* by which one moves against the target in a tick at most, m; 0: not
+                            looked at */
+  uint16_t blind_ticks;  /* for so many on end it jumped or said no number, > 0 */
+  uint16_t frozen_ticks; /* for so many it said the same; 0: not looked at */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
@@ -30,6 +37,7 @@ typedef struct {
   const ANHYST_REAL *gap;     /* of each drive, m */
   const ANHYST_REAL *flux;    /* density in each, T; NAN without a probe */
   const ANHYST_REAL *current; /* in each, A; what is no number says nothing */
+  uint16_t command;
 } ANHYST_NAME(anhyst_axes_sample);
 
 /* What follows. */
@@ -37,7 +45,7 @@ typedef struct {
   ANHYST_REAL *current; /* of each drive, A */
   ANHYST_REAL *demand;  /* wanted wrench */
   uint16_t flags;       /* see flags.h, or-ed over the drives */
-  uint16_t lost;        /* drives, bit by bit */
+  uint32_t lost;        /* drives, bit by bit; from bit 16 on heads */
   uint16_t state;       /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes_answer);
 
@@ -50,8 +58,14 @@ typedef struct {
   ANHYST_REAL commanded[ANHYST_WRENCH_DRIVES]; /* currents */
   ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* those that should flow */
   uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* ticks for which others did */
-  uint16_t landing;                            /* ticks of it so far */
-  uint16_t flight;                             /* anhyst_axes_state */
+  ANHYST_REAL away[ANHYST_WRENCH_AXES];        /* what is aimed at less the target */
+  ANHYST_REAL seen[ANHYST_AXES_HEADS]; /* last of each head, less what it is at the target */
+  uint16_t odd[ANHYST_AXES_HEADS];     /* ticks for which it jumped */
+  uint16_t same[ANHYST_AXES_HEADS];    /* or stood still */
+  uint16_t sighted;                    /* heads that said a number so far, bit by bit */
+  uint16_t blind;                      /* heads that are lost */
+  uint16_t landing;                    /* ticks of it so far */
+  uint16_t flight;                     /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes);
 
 /* Starts at rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where settings are not valid; what is pointed
