@@ -18,8 +18,8 @@ from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.magnet_table import LikeTable
-from anhyst.rig.stage.file import spare
 from anhyst.rig.recording import Recording, column
+from anhyst.rig.stage.file import spare
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,

@@ -111,7 +111,7 @@ public:
     reach_ = copy(matrices, "reach", axes, 1);
     land_ = copy(matrices, "land", axes, 1);
     lift_ = copy(matrices, "lift", axes, 1);
-    read_at_ = Row(at_.begin(), at_.end());
+    without_ = copy(matrices, "without", heads * axes, heads);
     matrices.finish();
     for (auto p = pid.begin(); p != pid.end(); p += 5) {
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
@@ -133,7 +133,6 @@ public:
                   yields_.data()},
                  static_cast<uint16_t>(heads),
                  see_.data(),
-                 read_at_.data(),
                  decouple_.data(),
                  weigh_.data(),
                  pid_.data(),
@@ -149,9 +148,11 @@ public:
                  given.take<uint16_t>("land_ticks"),
                  land_.data(),
                  lift_.data(),
+                 without_.data(),
+                 given.take<uint16_t>("spare_heads"),
                  given.take<Real>("jump"),
-                 given.take<uint16_t>("blind_ticks"),
-                 given.take<uint16_t>("frozen_ticks")};
+                 given.take<uint16_t>("doubt"),
+                 given.take<uint16_t>("noisy")};
     given.finish();
     if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
@@ -171,42 +172,37 @@ public:
     same_length(drives_.size(), gap.size(), "gap");
     same_length(drives_.size(), read.size(), "read");
     const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
-    const auto out = run(head, Row(forward.size(), 0), forward, gap, flux, read, command);
+    const auto out = run(head, forward, gap, flux, read, command);
     return nb::make_tuple(current_, demand_, out.flags, out.lost, out.state);
   }
 
 private:
-  typename F::AxesAnswer run(const Row &head, const Row &target, const Row &forward, const Row &gap,
-                             const Row &flux, const Row &read, uint16_t command)
+  typename F::AxesAnswer run(const Row &head, const Row &forward, const Row &gap, const Row &flux,
+                             const Row &read, uint16_t command)
   {
-    const typename F::AxesSample in = {head.data(), target.data(), forward.data(), gap.data(),
-                                       flux.data(), read.data(),   command};
+    const typename F::AxesSample in = {head.data(), forward.data(), gap.data(),
+                                       flux.data(), read.data(),    command};
     typename F::AxesAnswer out = {current_.data(), demand_.data(), 0, 0, 0};
     F::axes_tick(&axes_, &in, &out);
     return out;
   }
 
   // As a loop sees it: its heads are the gap sensors, one a magnet, and then the position heads;
-  // its load is the wrench that is fed forward. In single precision heads are counted from the
-  // target before they are rounded.
+  // its load is the wrench that is fed forward.
   static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
   {
     auto &c = *static_cast<TrackingAxes *>(self);
     const size_t axes = c.demand_.size();
     const size_t drives = c.current_.size();
     std::vector<double> head(sample->head + drives, sample->head + drives + c.settings_.heads);
-    Row target(sample->target, sample->target + axes);
-    if (std::is_same_v<Real, float>) {
-      for (size_t i = 0; i < head.size() * axes; i++) {
-        head[i / axes] -= c.at_[i] * sample->target[i % axes];
-      }
-      target.assign(axes, 0);
+    for (size_t i = 0; i < head.size() * axes; i++) {
+      head[i / axes] -= c.at_[i] * sample->target[i % axes];
     }
     const double *gap = sample->head;
-    const auto out = c.run(
-        Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
-        Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
-        Row(sample->current, sample->current + drives), static_cast<uint16_t>(sample->command));
+    const auto out = c.run(Row(head.begin(), head.end()), Row(sample->load, sample->load + axes),
+                           Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
+                           Row(sample->current, sample->current + drives),
+                           static_cast<uint16_t>(sample->command));
     static constexpr uint16_t phases[] = {ANHYST_PHASE_HOVER, ANHYST_PHASE_DESCEND,
                                           ANHYST_PHASE_REST, ANHYST_PHASE_RISE};
     const bool rests = out.state == ANHYST_AXES_REST;
@@ -240,7 +236,7 @@ private:
   Row reach_;
   Row land_;
   Row lift_;
-  Row read_at_;
+  Row without_;
   Row yields_;
   Row pull_;
   Row current_;

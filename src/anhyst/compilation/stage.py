@@ -52,7 +52,6 @@ NEWTON_AMPERE, GAP = Names("N", "A"), Quantity("gap", "gap", "m")
 TABLES = {
     "pull": "Wrench of 1 N of each magnet, N and N m, a row a magnet.",
     "see": "Pose of what the heads read, a row a coordinate.",
-    "at": "What each head reads of a pose, a row a head.",
     "decouple": "Errors taken to the centre of mass, a row a coordinate.",
     "reach": "Largest plausible error of each coordinate, m and rad.",
     "weigh": "Wrench of accelerations of the centre of mass, a row a coordinate.",
@@ -61,6 +60,7 @@ TABLES = {
     "yields": "How readily each coordinate is given up once a magnet is lost, of 1.",
     "land": "By what is aimed at moves in a tick where the body is set down, m and rad.",
     "lift": "By what it moves at most where it is lifted.",
+    "without": "Pose without each head in its place, zeros where the others do not tell it.",
 }
 """Tables of the controller, in the order in which they stand in the C."""
 
@@ -175,7 +175,7 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         **{end: literal(settings[f"current_{end}"]) for end in ("low", "high", "step")},
         **{key: literal(settings[key]) for key in ("follow", "slew", "off", "jump")},
         **{key: int(settings[key]) for key in ("off_ticks", "spare", "land_ticks")},
-        **{key: int(settings[key]) for key in ("blind_ticks", "frozen_ticks")},
+        **{key: int(settings[key]) for key in ("spare_heads", "doubt", "noisy")},
         "watched": settings["off"] > 0.0,
         "off_A": f"{settings['off']:.6g}",
         "dead": DEAD_ROWS,

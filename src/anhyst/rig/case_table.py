@@ -89,7 +89,9 @@ class LossCase(Table):
     kind: Literal["loss"]
     circuit: Literal["open", "short"]  # as which the winding is left
     magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # all if left out
-    heads: list[Literal["missing", "frozen", "jumps"]] = []  # ways in which each head fails too
+    heads: tuple[
+        Literal["missing", "frozen", "jumps"], ...
+    ] = ()  # ways in which each head fails too
     lift: bool = False  # and a run from rest to rest without a fault
     # when a magnet pulls most, the set-point accelerates most if left out
     at_s: NotNegative | None = None

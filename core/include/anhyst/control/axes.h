@@ -2,8 +2,8 @@
 /* The controller of a body of one to six coordinates on any number of drives, in floating point:
    position heads in, currents out.
 
-     pose    = see*heads
-     error   = decouple*(target - pose)
+     pose    = see*heads, counted from the target
+     error   = decouple*(what is aimed at - pose)
      wrench  = weigh*PID(error) + forward
      force   = wrench shared out, see wrench.h
      current = what each drive's force controller makes of it, limited, on the converter's grid
@@ -27,9 +27,9 @@
    the target until the body lies, and then nothing is driven. Another is refused, and so is one
    that is not of the state.
 
-   Single precision resolves a nanometre over 8 mm only. There heads and target are to be counted
-   from a pose near the target, best from the target itself: integers or doubles are subtracted
-   before they are rounded, and target is zero. Declarations are in generic/axes.h. */
+   Heads are counted from what they would read at the target: single precision resolves a nanometre
+   over 8 mm only, so integers or doubles are subtracted before they are rounded. Declarations are
+   in generic/axes.h. */
 #ifndef ANHYST_AXES_H
 #define ANHYST_AXES_H
 
@@ -43,6 +43,7 @@ extern "C" {
 #endif
 
 #define ANHYST_AXES_HEADS 16
+#define ANHYST_AXES_ODD 8 /* how much more doubt there is about a head that jumps */
 
 typedef enum {
   ANHYST_AXES_FLY,

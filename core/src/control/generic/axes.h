@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+#include "limits_real.h"
 
 static int ANHYST_NAME(are_numbers)(const ANHYST_REAL *values, uint16_t rows, uint16_t columns)
 {
@@ -23,7 +23,8 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
   int valid = ANHYST_NAME(anhyst_wrench_init)(&share, &settings->layout) == ANHYST_OK &&
               settings->heads >= axes && settings->heads <= ANHYST_AXES_HEADS &&
               ANHYST_NAME(are_numbers)(settings->see, axes, settings->heads) &&
-              ANHYST_NAME(are_numbers)(settings->at, settings->heads, axes) &&
+              ANHYST_NAME(are_numbers)(settings->without, (uint16_t)(settings->heads * axes),
+                                       settings->heads) &&
               ANHYST_NAME(are_numbers)(settings->decouple, axes, axes) &&
               ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
               ANHYST_NAME(are_numbers)(settings->reach, axes, 1) &&
@@ -32,7 +33,7 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
               range <= R(1073741824.0) * settings->current_step && settings->follow >= R(0.0) &&
               settings->follow <= R(1.0) && settings->slew >= R(0.0) && settings->off >= R(0.0) &&
               settings->off < R(1e30) && settings->off_ticks > 0U && settings->jump >= R(0.0) &&
-              settings->jump < R(1e30) && settings->blind_ticks > 0U &&
+              settings->jump < R(1e30) && settings->doubt > 0U &&
               ANHYST_NAME(are_numbers)(settings->land, axes, 1) &&
               ANHYST_NAME(are_numbers)(settings->lift, axes, 1);
   int i;
@@ -115,50 +116,32 @@ static void ANHYST_NAME(watch)(ANHYST_NAME(anhyst_axes) *c,
   }
 }
 
-/* What a head has to say for itself: 0 where the others tell nothing of what it reads. */
-static ANHYST_REAL ANHYST_NAME(own_part)(const ANHYST_NAME(anhyst_axes_settings) *settings, int j)
-{
-  const int axes = (int)settings->layout.axes;
-  ANHYST_REAL part = R(1.0);
-  int k;
-  for (k = 0; k < axes; k++) {
-    part -= settings->at[j * axes + k] * settings->see[k * (int)settings->heads + j];
-  }
-  return part > SEEN ? part : R(0.0);
-}
-
 /* Finds heads that are lost, and what follows; whether what the others say now can be believed. */
-static int ANHYST_NAME(watch_heads)(ANHYST_NAME(anhyst_axes) *c,
-                                    const ANHYST_NAME(anhyst_axes_sample) *sample)
+static int ANHYST_NAME(watch_heads)(ANHYST_NAME(anhyst_axes) *c, const ANHYST_REAL *head)
 {
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
-  const int axes = (int)settings->layout.axes;
   int believed = 1;
   int j;
   for (j = 0; settings->jump > R(0.0) && j < (int)settings->heads; j++) {
     const uint16_t bit = (uint16_t)(1U << j);
-    ANHYST_REAL off;
-    ANHYST_REAL moved;
+    const int sighted = c->sighted & bit;
+    const ANHYST_REAL moved = sighted ? head[j] - c->seen[j] : R(0.0) * head[j];
     if (c->blind & bit) {
       continue;
     }
-    ANHYST_NAME(multiply)(&settings->at[j * axes], 1, axes, sample->target, &off);
-    off = sample->head[j] - off;
-    moved = c->sighted & bit ? off - c->seen[j] : R(0.0) * off;
-    c->same[j] =
-        (uint16_t)(c->sighted & bit && moved >= R(0.0) && moved <= R(0.0) ? c->same[j] + 1 : 0);
-    if (moved <= settings->jump && moved >= -settings->jump) {
-      c->sighted |= bit;
-      c->seen[j] = off;
-      c->odd[j] = 0;
-    } else {
-      c->odd[j]++;
+    if (!(moved <= settings->jump && moved >= -settings->jump)) {
+      c->doubt[j] = (uint16_t)(c->doubt[j] + ANHYST_AXES_ODD);
       believed = 0;
+    } else {
+      const int still = sighted && settings->noisy && !(moved > R(0.0) || moved < R(0.0));
+      c->doubt[j] = (uint16_t)(still ? c->doubt[j] + 1 : 0);
+      c->sighted |= bit;
+      c->seen[j] = head[j];
     }
-    if (c->odd[j] >= settings->blind_ticks ||
-        (settings->frozen_ticks > 0U && c->same[j] >= settings->frozen_ticks)) {
-      ANHYST_NAME(end)(c, !c->blind && ANHYST_NAME(own_part)(settings, j) > R(0.0));
+    if (c->doubt[j] >= settings->doubt) {
+      ANHYST_NAME(end)(c, !c->blind && settings->spare_heads >> j & 1);
       c->blind |= bit;
+      c->gone = (uint16_t)j;
     }
   }
   return believed;
@@ -216,32 +199,6 @@ static uint16_t ANHYST_NAME(obey)(ANHYST_NAME(anhyst_axes) *c, uint16_t command,
   return 0;
 }
 
-/* The pose that the heads tell, without one that is lost. */
-static void ANHYST_NAME(find_pose)(const ANHYST_NAME(anhyst_axes) *c, const ANHYST_REAL *head,
-                                   ANHYST_REAL *pose)
-{
-  const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
-  const int axes = (int)settings->layout.axes;
-  const int heads = (int)settings->heads;
-  ANHYST_REAL read[ANHYST_AXES_HEADS];
-  ANHYST_REAL missing;
-  int j;
-  int k;
-  for (j = 0; j < heads; j++) {
-    read[j] = c->blind >> j & 1 ? R(0.0) : head[j];
-  }
-  ANHYST_NAME(multiply)(settings->see, axes, heads, read, pose);
-  for (j = 0; j < heads; j++) {
-    if (c->blind >> j & 1 && ANHYST_NAME(own_part)(settings, j) > R(0.0)) {
-      /* With what it would read as the others have it, least squares are those of the others. */
-      ANHYST_NAME(multiply)(&settings->at[j * axes], 1, axes, pose, &missing);
-      for (k = 0; k < axes; k++) {
-        pose[k] += settings->see[k * heads + j] * missing / ANHYST_NAME(own_part)(settings, j);
-      }
-    }
-  }
-}
-
 /* The wrench that errors and feedforward ask for; flags. */
 static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
                                      const ANHYST_NAME(anhyst_axes_sample) *sample,
@@ -251,13 +208,21 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
   const int axes = (int)settings->layout.axes;
   ANHYST_REAL error[ANHYST_WRENCH_AXES];
   ANHYST_REAL apart[ANHYST_WRENCH_AXES];
-  int plausible = ANHYST_NAME(watch_heads)(c, sample);
+  ANHYST_REAL head[ANHYST_AXES_HEADS];
+  const ANHYST_REAL *see = settings->see;
+  int plausible = ANHYST_NAME(watch_heads)(c, sample->head);
   uint16_t flags;
   int k;
+  for (k = 0; k < (int)settings->heads; k++) {
+    head[k] = c->blind >> k & 1 ? R(0.0) : sample->head[k];
+  }
+  if (c->blind) {
+    see = &settings->without[c->gone * axes * (int)settings->heads];
+  }
   ANHYST_NAME(lead)(c);
-  ANHYST_NAME(find_pose)(c, sample->head, error);
+  ANHYST_NAME(multiply)(see, axes, (int)settings->heads, head, error);
   for (k = 0; k < axes; k++) {
-    error[k] = sample->target[k] - error[k] + c->away[k];
+    error[k] = c->away[k] - error[k];
     plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
   flags = ANHYST_NAME(obey)(c, sample->command, plausible, error);
@@ -270,20 +235,6 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
     wrench[k] += sample->forward[k];
   }
   return plausible ? flags : flags | ANHYST_SAMPLE_IMPLAUSIBLE;
-}
-
-/* The nearest of the converter's currents within the limits; the lowest for what is no number. */
-static ANHYST_REAL ANHYST_NAME(driven)(const ANHYST_NAME(anhyst_axes_settings) *settings,
-                                       ANHYST_REAL wanted)
-{
-  const ANHYST_REAL low = settings->current_low;
-  const ANHYST_REAL high = settings->current_high;
-  ANHYST_REAL held = wanted > low ? wanted : low;
-  int32_t steps;
-  held = held > high ? high : held;
-  steps = (int32_t)((held - low) / settings->current_step + R(0.5));
-  held = low + (ANHYST_REAL)steps * settings->current_step;
-  return held > high ? high : held;
 }
 
 void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
@@ -312,7 +263,9 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
     if (wanted < settings->current_low || wanted > settings->current_high) {
       out->flags |= ANHYST_CURRENT_LIMITED;
     }
-    out->current[i] = ANHYST_NAME(driven)(settings, wanted);
+    out->current[i] = ANHYST_NAME(on_grid)(
+        ANHYST_NAME(within)(wanted, settings->current_low, settings->current_high),
+        settings->current_low, settings->current_high, settings->current_step);
     c->commanded[i] = out->current[i];
     (void)ANHYST_NAME(anhyst_force_controller_commit)(drive, out->current[i], sample->gap[i]);
   }

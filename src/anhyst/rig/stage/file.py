@@ -49,8 +49,8 @@ _SURE = 0.5
 """Part of what supply and inductance let a current change by that it does change by at least."""
 MOST_TICKS = 65535
 """Of a landing."""
-FROZEN = 8
-"""How much longer a head may say the very same than no number: noise moves it in every tick."""
+HEADS_ODD = 8
+"""``ANHYST_AXES_ODD``: how much longer a head may say the very same than no number."""
 HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
@@ -181,6 +181,17 @@ def head_rows(file: RigFile) -> FloatArray:
     places, along = file.position_sensors, [1.0, 0.0, 0.0]
     sensors = [(one.position_m or [0.0] * 3, one.direction or along) for one in places]
     return _rows(file, sensors)
+
+
+def without(file: RigFile) -> FloatArray:
+    """Return for each head what the others tell of the pose, zeros where they do not."""
+    rows, heads = head_rows(file), range(len(file.position_sensors))
+    found = np.zeros((len(heads), rows.shape[1], len(heads)))
+    for head in heads:
+        left = np.delete(rows, head, axis=0)
+        if np.linalg.matrix_rank(left) == rows.shape[1]:
+            found[head] = np.insert(np.linalg.pinv(left), head, 0.0, axis=1)
+    return found
 
 
 def _jump(file: RigFile) -> FloatArray:
@@ -358,8 +369,6 @@ def watch_settings(rig: StageRig) -> dict[str, float]:
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
-    blind, heads = max(1, round(table.head_s / rig.dt)), rig.settings.position_sensors
-    noisy = all(one.noise_m > one.step_m for one in heads)
     return {
         "follow": 1.0 - math.exp(-rig.dt / late),
         "slew": _SURE * amplifier.supply / rig.settings.magnet.poles.inductance(rig.gap) * rig.dt,
@@ -368,6 +377,9 @@ def watch_settings(rig: StageRig) -> dict[str, float]:
         "spare": spare(rig.settings) if table.lost_A else 0,
         "land_ticks": min(math.ceil(down), MOST_TICKS),
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
-        "blind_ticks": blind,
-        "frozen_ticks": FROZEN * blind if noisy else 0,
+        "doubt": HEADS_ODD * max(1, round(table.head_s / rig.dt)),
+        "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),
+        "spare_heads": sum(
+            1 << one for one, rows in enumerate(without(rig.settings)) if rows.any()
+        ),
     }

@@ -61,6 +61,7 @@ from anhyst.rig.stage.file import (
     usual_allocation,
     watch_settings,
     weight,
+    without,
     wrench_layout,
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
@@ -431,6 +432,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     return {
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
+        "without": without(file).reshape(at.size, len(at)),
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),

@@ -18,11 +18,11 @@ from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
     StageRig,
     error_columns,
-    head_rows,
     pull_rows,
     scan_direction,
     spare,
     usual_allocation,
+    without,
     wrench_layout,
 )
 from anhyst.rig.stage.loop import (
@@ -173,11 +173,9 @@ class Losses:
         at = int(np.argmax(np.abs(whole.acceleration)))
         if self.case.at_s is not None:
             at = min(round(self.case.at_s / self._rig.dt), len(whole.forward) - 1)
-        rows = np.delete(head_rows(self._rig.settings), number, axis=0)
-        told = bool(np.linalg.matrix_rank(rows) == rows.shape[1])
         word = 1 << number + FAILS | HEAD_FAULTS[way]
         found = self._failed(f"head {number + 1} {way}", at, word, -1, whole)
-        return replace(found, spare=told)
+        return replace(found, spare=bool(without(self._rig.settings)[number].any()))
 
     def _failed(self, name: str, at: int, word: int, magnet: int, whole: _Plan) -> LostMagnet:
         """Return what becomes of a body for which something fails at a tick."""

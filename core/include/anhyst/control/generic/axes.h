@@ -5,7 +5,6 @@ typedef struct {
   ANHYST_NAME(anhyst_wrench_layout) layout;
   uint16_t heads;
   const ANHYST_REAL *see;      /* axes rows of heads: pose, m and rad, of what the heads read, m */
-  const ANHYST_REAL *at;       /* heads rows of axes: what each head reads of a pose */
   const ANHYST_REAL *decouple; /* axes rows of axes */
   const ANHYST_REAL *weigh;    /* axes rows of axes: N and N m of m/s^2 and rad/s^2 */
   const ANHYST_NAME(anhyst_biquad) *pid; /* of each axis: error to acceleration */
@@ -23,16 +22,17 @@ typedef struct {
   const ANHYST_REAL *land; /* of each axis, by what is aimed at moves in a tick of it */
   const ANHYST_REAL *lift; /* the same in a tick of lift-off, at most */
   /* And about heads. */
-  ANHYST_REAL jump;      /* by which one moves against the target in a tick at most, m; 0: not
-                            looked at */
-  uint16_t blind_ticks;  /* for so many on end it jumped or said no number, > 0 */
-  uint16_t frozen_ticks; /* for so many it said the same; 0: not looked at */
+  const ANHYST_REAL *without; /* see without each of them in its place, its own column zero */
+  uint16_t spare_heads;       /* without one of which the others tell the pose, bit by bit */
+  ANHYST_REAL jump;           /* by which one moves in a tick at most, m; 0: none is looked at */
+  uint16_t doubt;             /* with which one is lost, > 0: 1 for a tick in which it stood still,
+                                 ANHYST_AXES_ODD for one in which it jumped or said no number */
+  uint16_t noisy;             /* whether none stands still by itself */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
 typedef struct {
-  const ANHYST_REAL *head;    /* readings of the position heads, m */
-  const ANHYST_REAL *target;  /* wanted pose */
+  const ANHYST_REAL *head;    /* of each, less what it would read at the target, m */
   const ANHYST_REAL *forward; /* wrench that is fed forward, the weight in it */
   const ANHYST_REAL *gap;     /* of each drive, m */
   const ANHYST_REAL *flux;    /* density in each, T; NAN without a probe */
@@ -59,13 +59,13 @@ typedef struct {
   ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* those that should flow */
   uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* ticks for which others did */
   ANHYST_REAL away[ANHYST_WRENCH_AXES];        /* what is aimed at less the target */
-  ANHYST_REAL seen[ANHYST_AXES_HEADS]; /* last of each head, less what it is at the target */
-  uint16_t odd[ANHYST_AXES_HEADS];     /* ticks for which it jumped */
-  uint16_t same[ANHYST_AXES_HEADS];    /* or stood still */
-  uint16_t sighted;                    /* heads that said a number so far, bit by bit */
-  uint16_t blind;                      /* heads that are lost */
-  uint16_t landing;                    /* ticks of it so far */
-  uint16_t flight;                     /* anhyst_axes_state */
+  ANHYST_REAL seen[ANHYST_AXES_HEADS];         /* last of each head */
+  uint16_t doubt[ANHYST_AXES_HEADS];           /* about each */
+  uint16_t sighted;                            /* heads that said a number so far, bit by bit */
+  uint16_t blind;                              /* heads that are lost */
+  uint16_t gone;                               /* the last of them */
+  uint16_t landing;                            /* ticks of it so far */
+  uint16_t flight;                             /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes);
 
 /* Starts at rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where settings are not valid; what is pointed
