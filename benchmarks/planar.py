@@ -69,6 +69,26 @@ def lost_rows() -> list[Row]:
     return found
 
 
+def head_rows() -> list[Row]:
+    """Return how ten magnets are lifted and set down, and what became of them without each head."""
+    found = []
+    for heads in (6, 7):
+        case = LossCase(
+            kind="loss",
+            circuit="open",
+            magnets=["m0"],
+            heads=["missing", "frozen", "jumps"],
+            lift=True,
+        )
+        each = Losses(laid("10", (22.0, 10.0, 18.0), heads), Feedforward(), case).all()[1:]
+        landed = sum(one.outcome == "lands" for one in each)
+        text = "; ".join(" ".join(one.cells()) for one in each)
+        most = sum(one.spare for one in each[:-1])
+        row = Row(f"planar, {heads} heads: landed", f"{most}", f"{landed}; {text}", landed == most)
+        found.append(row)
+    return found
+
+
 def rows() -> list[Row]:
     """Return the lines of this table."""
     families = tomllib.loads(IRONS.read_text(encoding="utf-8"))
@@ -77,4 +97,4 @@ def rows() -> list[Row]:
         rig = with_iron(read_stage(RIG), families[name])
         magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
         found += of_iron(name, explore_stage(rig, magnet))
-    return found + lost_rows()
+    return found + lost_rows() + head_rows()

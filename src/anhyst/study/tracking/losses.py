@@ -149,7 +149,7 @@ class Losses:
         calm = self._flown(whole, {})
         found = [self._lose(placed.index(name), whole, calm) for name in case.magnets or placed]
         count = len(file.position_sensors)
-        heads = [(number, way) for way in case.heads for number in range(count)]
+        heads = [(number, way) for way in case.heads or [] for number in range(count)]
         found += [self._lose_head(number, way, whole) for number, way in heads]
         return [*found, self._lifted(whole)] if case.lift else found
 
