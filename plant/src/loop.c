@@ -53,14 +53,6 @@ static double *write_row(const anhyst_plant_loop *loop, const anhyst_loop_sample
   return row;
 }
 
-/* What a head says that fails. */
-static double failed(uint32_t command, double read, double last)
-{
-  return command & ANHYST_LOOP_MISSING  ? (double)NAN
-         : command & ANHYST_LOOP_FROZEN ? last
-                                        : read + ANHYST_LOOP_JUMP;
-}
-
 static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *events, size_t i,
                         anhyst_loop_sample *sample)
 {
@@ -73,6 +65,7 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   double *position = head + body->heads;
   double *last = loop->room + 4 * body->magnets + body->heads + 3 * body->coordinates;
   const uint32_t command = events->command[i];
+  int fails;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
   double away[ANHYST_PLANT_AXES] = {0.0};
   double ridden[ANHYST_PLANT_AXES] = {0.0}; /* with the frame, and what is injected */
@@ -87,11 +80,12 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   }
   for (j = 0; j < body->heads; j++) {
     head[j] += anhyst_plant_moved(&body->head[j].line, body->head[j].absolute ? ridden : away);
-    if (command & ANHYST_LOOP_DROP) {
+    fails = command & ANHYST_LOOP_HEADS && j >= body->magnets &&
+            command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U;
+    if (command & ANHYST_LOOP_DROP || (fails && command & ANHYST_LOOP_MISSING)) {
       head[j] = (double)NAN;
-    } else if (command & ANHYST_LOOP_HEADS && j >= body->magnets &&
-               command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U) {
-      head[j] = failed(command, head[j], last[j]);
+    } else if (fails) {
+      head[j] = command & ANHYST_LOOP_FROZEN ? last[j] : head[j] + ANHYST_LOOP_JUMP;
     }
     last[j] = head[j];
   }

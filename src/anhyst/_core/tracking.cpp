@@ -104,20 +104,18 @@ public:
     const size_t heads = at.shape(0);
     same_shape(heads, axes, at, "at");
     at_.assign(at.data(), at.data() + at.size());
-    see_ = copy(matrices, "see", axes, heads);
-    decouple_ = copy(matrices, "decouple", axes, axes);
-    weigh_ = copy(matrices, "weigh", axes, axes);
-    const Row pid = copy(matrices, "pid", axes, 5);
-    reach_ = copy(matrices, "reach", axes, 1);
-    land_ = copy(matrices, "land", axes, 1);
-    lift_ = copy(matrices, "lift", axes, 1);
-    without_ = copy(matrices, "without", heads * axes, heads);
-    matrices.finish();
-    for (auto p = pid.begin(); p != pid.end(); p += 5) {
+    const auto row = [&](const char *name, size_t count, size_t columns) -> const Real * {
+      const InTable table = matrices.take<InTable>(name);
+      same_shape(count, columns, table, name);
+      return rows_.emplace_back(table.data(), table.data() + table.size()).data();
+    };
+    const auto narrow = [&](const double *values, size_t count) -> const Real * {
+      return rows_.emplace_back(values, values + count).data();
+    };
+    const Real *pid = row("pid", axes, 5);
+    for (const Real *p = pid; p != pid + 5 * axes; p += 5) {
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
     }
-    pull_.assign(wide.pull, wide.pull + axes * wide.drives);
-    yields_.assign(wide.yields, wide.yields + axes);
     Settings given(settings);
     drives_.start(magnets, take_scales(given));
     same_length(drives_.size(), wide.drives, "magnets");
@@ -125,18 +123,18 @@ public:
     demand_.resize(axes);
     settings_ = {{wide.axes,
                   wide.drives,
-                  pull_.data(),
+                  narrow(wide.pull, axes * wide.drives),
                   wide.against,
                   {static_cast<Real>(wide.pair.idle), wide.pair.kind},
                   static_cast<Real>(wide.least),
                   static_cast<Real>(wide.most),
-                  yields_.data()},
+                  narrow(wide.yields, axes)},
                  static_cast<uint16_t>(heads),
-                 see_.data(),
-                 decouple_.data(),
-                 weigh_.data(),
+                 row("see", axes, heads),
+                 row("decouple", axes, axes),
+                 row("weigh", axes, axes),
                  pid_.data(),
-                 reach_.data(),
+                 row("reach", axes, 1),
                  given.take<Real>("current_low"),
                  given.take<Real>("current_high"),
                  given.take<Real>("current_step"),
@@ -146,13 +144,14 @@ public:
                  given.take<uint16_t>("off_ticks"),
                  given.take<uint16_t>("spare"),
                  given.take<uint16_t>("land_ticks"),
-                 land_.data(),
-                 lift_.data(),
-                 without_.data(),
+                 row("land", axes, 1),
+                 row("lift", axes, 1),
+                 row("without", heads * axes, heads),
                  given.take<uint16_t>("spare_heads"),
                  given.take<Real>("jump"),
                  given.take<uint16_t>("doubt"),
                  given.take<uint16_t>("noisy")};
+    matrices.finish();
     given.finish();
     if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
@@ -221,24 +220,9 @@ private:
     std::copy(sample->target, sample->target + axes, answer->reference);
   }
 
-  static Row copy(Settings &given, const char *name, size_t rows, size_t columns)
-  {
-    const InTable table = given.take<InTable>(name);
-    same_shape(rows, columns, table, name);
-    return {table.data(), table.data() + table.size()};
-  }
-
   Drives<F> drives_;
   std::vector<double> at_;
-  Row see_;
-  Row decouple_;
-  Row weigh_;
-  Row reach_;
-  Row land_;
-  Row lift_;
-  Row without_;
-  Row yields_;
-  Row pull_;
+  std::deque<Row> rows_; // what the settings point to
   Row current_;
   Row demand_;
   std::vector<typename F::Filter> pid_;
