@@ -21,11 +21,9 @@
    other, or two of them, it lands. A head is lost that says no number, jumps or stands still: the
    body lands by the others if they still tell the pose, else nothing is driven from then on.
 
-   It flies from the first tick on. Commands of states.h, NONE else: IDLE lets it go at once. LIFT
-   takes it from rest at the pose that is seen to the target at a limited speed of every axis; it
-   is refused where a pose is not seen or anything is lost. LAND moves what is aimed at down from
-   the target until the body lies, and then nothing is driven. Another is refused, and so is one
-   that is not of the state.
+   It flies from the first tick on. Of the commands of states.h IDLE lets it go at once; LIFT takes
+   it from rest where it is seen to the target, each axis at a limited speed, and is refused where
+   anything is lost; LAND moves what is aimed at down until the body lies. Others are refused.
 
    Heads are counted from what they would read at the target: single precision resolves a nanometre
    over 8 mm only, so integers or doubles are subtracted before they are rounded. Declarations are
@@ -43,7 +41,7 @@ extern "C" {
 #endif
 
 #define ANHYST_AXES_HEADS 16
-#define ANHYST_AXES_ODD 8 /* how much more doubt there is about a head that jumps */
+#define ANHYST_AXES_ODD 8U /* how much more doubt there is about a head that jumps */
 
 typedef enum {
   ANHYST_AXES_FLY,

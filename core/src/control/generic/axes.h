@@ -130,11 +130,12 @@ static int ANHYST_NAME(watch_heads)(ANHYST_NAME(anhyst_axes) *c, const ANHYST_RE
       continue;
     }
     if (!(moved <= settings->jump && moved >= -settings->jump)) {
-      c->doubt[j] = (uint16_t)(c->doubt[j] + ANHYST_AXES_ODD);
+      c->doubt[j] += ANHYST_AXES_ODD;
       believed = 0;
+    } else if (sighted && settings->noisy && !(moved > R(0.0)) && !(moved < R(0.0))) {
+      c->doubt[j]++;
     } else {
-      const int still = sighted && settings->noisy && !(moved > R(0.0) || moved < R(0.0));
-      c->doubt[j] = (uint16_t)(still ? c->doubt[j] + 1 : 0);
+      c->doubt[j] = 0;
       c->sighted |= bit;
       c->seen[j] = head[j];
     }
@@ -154,7 +155,7 @@ static void ANHYST_NAME(lead)(ANHYST_NAME(anhyst_axes) *c)
   const ANHYST_NAME(anhyst_biquad_state) rest = {{R(0.0), R(0.0)}};
   int left = 0;
   int k;
-  if (c->flight == ANHYST_AXES_LAND && c->landing++ >= settings->land_ticks) {
+  if ((c->flight == ANHYST_AXES_LAND) && (c->landing++ >= settings->land_ticks)) {
     c->flight = ANHYST_AXES_REST;
   }
   for (k = 0; k < (int)settings->layout.axes; k++) {
@@ -172,7 +173,7 @@ static void ANHYST_NAME(lead)(ANHYST_NAME(anhyst_axes) *c)
       c->state[k] = rest;
     }
   }
-  if (c->flight == ANHYST_AXES_LIFT && !left) {
+  if ((c->flight == ANHYST_AXES_LIFT) && !left) {
     c->flight = ANHYST_AXES_FLY;
   }
 }
@@ -182,6 +183,7 @@ static uint16_t ANHYST_NAME(obey)(ANHYST_NAME(anhyst_axes) *c, uint16_t command,
                                   ANHYST_REAL *error)
 {
   const int rests = c->flight == ANHYST_AXES_REST;
+  uint16_t flags = 0;
   int k;
   if (command == ANHYST_COMMAND_IDLE) {
     c->flight = ANHYST_AXES_REST;
@@ -194,9 +196,9 @@ static uint16_t ANHYST_NAME(obey)(ANHYST_NAME(anhyst_axes) *c, uint16_t command,
       error[k] = R(0.0);
     }
   } else if (command != ANHYST_COMMAND_NONE) {
-    return ANHYST_COMMAND_REFUSED;
+    flags = ANHYST_COMMAND_REFUSED;
   }
-  return 0;
+  return flags;
 }
 
 /* The wrench that errors and feedforward ask for; flags. */

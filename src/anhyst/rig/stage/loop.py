@@ -74,7 +74,6 @@ AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
-_COMMAND_NONE = 0
 
 
 @dataclass(frozen=True)
@@ -198,7 +197,7 @@ def track(
         pulled,
         noise,
         np.ascontiguousarray(-forward),
-        np.full(n, _COMMAND_NONE, dtype=np.uint32),
+        np.zeros(n, dtype=np.uint32),
         np.ascontiguousarray(frame),
     )
     run = Recording.of_table(in_columns(loop, rows))

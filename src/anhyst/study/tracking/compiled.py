@@ -298,8 +298,7 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     for row in given.T.tolist():
         gap, read = row[end : end + magnets], row[end + magnets : -1]
         told = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
-        current, demand, *status = told
-        answers.append([*current, *demand, *status])
+        answers.append([*told[0], *told[1], *told[2:]])
     signals = [*given, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 

@@ -158,28 +158,26 @@ class Losses:
         return self.setup.rig
 
     def _lose(self, magnet: int, whole: _Plan, calm: Recording) -> LostMagnet:
-        dt, file = self._rig.dt, self._rig.settings
-        since = round(LIFTED_S / dt)
+        file, since = self._rig.settings, round(LIFTED_S / self._rig.dt)
         density = np.abs(calm[column("flux_density", "T", magnet + 1)])
         at = since + int(np.argmax(density[since:]))
-        if self.case.at_s is not None:
-            at = min(round(self.case.at_s / dt), len(calm) - 1)
         word = 1 << magnet + FAILS | (SHORT if self.case.circuit == "short" else 0)
         found = self._failed(file.placed[magnet].name, at, word, magnet, whole)
-        current = float(calm[column("current", "A", magnet + 1)][at])
-        return replace(found, current_A=current, spare=bool(spare(file) >> magnet & 1))
+        then = calm[column("current", "A", magnet + 1)][round(found.at_s / self._rig.dt)]
+        return replace(found, current_A=float(then), spare=bool(spare(file) >> magnet & 1))
 
     def _lose_head(self, number: int, way: str, whole: _Plan) -> LostMagnet:
         at = int(np.argmax(np.abs(whole.acceleration)))
-        if self.case.at_s is not None:
-            at = min(round(self.case.at_s / self._rig.dt), len(whole.forward) - 1)
         word = 1 << number + FAILS | HEAD_FAULTS[way]
         found = self._failed(f"head {number + 1} {way}", at, word, -1, whole)
         return replace(found, spare=bool(without(self._rig.settings)[number].any()))
 
     def _failed(self, name: str, at: int, word: int, magnet: int, whole: _Plan) -> LostMagnet:
-        """Return what becomes of a body for which something fails at a tick."""
-        dt, file, fails = self._rig.dt, self._rig.settings, {at: word}
+        """Return what becomes of a body for which something fails at a tick, or when the case says."""
+        dt, file = self._rig.dt, self._rig.settings
+        if self.case.at_s is not None:
+            at = min(round(self.case.at_s / dt), len(whole.forward) - 1)
+        fails = {at: word}
         run = self._flown(whole, fails)
         plan, outcome, now = whole, "unnoticed", at
         found = np.flatnonzero((run["state"] >= _LOST) | (_state(run) == State.FAULT))

@@ -25,8 +25,8 @@ typedef struct {
   const ANHYST_REAL *without; /* see without each of them in its place, its own column zero */
   uint16_t spare_heads;       /* without one of which the others tell the pose, bit by bit */
   ANHYST_REAL jump;           /* by which one moves in a tick at most, m; 0: none is looked at */
-  uint16_t doubt;             /* with which one is lost, > 0: 1 for a tick in which it stood still,
-                                 ANHYST_AXES_ODD for one in which it jumped or said no number */
+  uint16_t doubt;             /* with which one is lost, > 0: 1 a tick in which it stood still,
+                                 ANHYST_AXES_ODD one in which it jumped or said no number */
   uint16_t noisy;             /* whether none stands still by itself */
 } ANHYST_NAME(anhyst_axes_settings);
 
