@@ -63,7 +63,8 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   double *flux = current + body->magnets;
   double *head = flux + body->magnets;
   double *position = head + body->heads;
-  double *last = loop->room + 4 * body->magnets + body->heads + 3 * body->coordinates;
+  double *last =
+      position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* behind the answer */
   const uint32_t command = events->command[i];
   int fails;
   anhyst_plant_readings readings = {head, current, flux, 0.0};

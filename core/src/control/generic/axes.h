@@ -219,7 +219,7 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
     head[k] = c->blind >> k & 1 ? R(0.0) : sample->head[k];
   }
   if (c->blind) {
-    see = &settings->without[c->gone * axes * (int)settings->heads];
+    see = &settings->without[(ptrdiff_t)c->gone * axes * (ptrdiff_t)settings->heads];
   }
   ANHYST_NAME(lead)(c);
   ANHYST_NAME(multiply)(see, axes, (int)settings->heads, head, error);
