@@ -185,13 +185,10 @@ def head_rows(file: RigFile) -> FloatArray:
 
 def without(file: RigFile) -> FloatArray:
     """Return for each head what the others tell of the pose, zeros where they do not."""
-    rows, heads = head_rows(file), range(len(file.position_sensors))
-    found = np.zeros((len(heads), rows.shape[1], len(heads)))
-    for head in heads:
-        left = np.delete(rows, head, axis=0)
-        if np.linalg.matrix_rank(left) == rows.shape[1]:
-            found[head] = np.insert(np.linalg.pinv(left), head, 0.0, axis=1)
-    return found
+    rows = head_rows(file)
+    left = [np.delete(rows, head, axis=0) for head in range(len(rows))]
+    told = [np.linalg.pinv(one) * (np.linalg.matrix_rank(one) == rows.shape[1]) for one in left]
+    return np.array([np.insert(one, head, 0.0, axis=1) for head, one in enumerate(told)])
 
 
 def _jump(file: RigFile) -> FloatArray:

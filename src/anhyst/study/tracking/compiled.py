@@ -294,12 +294,11 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     commands, answers = np.zeros(len(given.T), dtype=np.float32), []
     for ahead, command in enumerate((Command.LAND, Command.LIFT, Command.IDLE), 1):
         commands[-COMMAND_ROWS * ahead] = command
-    given = np.vstack([given, commands])
-    for row in given.T.tolist():
+    for row in np.vstack([given, commands]).T.tolist():
         gap, read = row[end : end + magnets], row[end + magnets : -1]
         told = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
         answers.append([*told[0], *told[1], *told[2:]])
-    signals = [*given, *np.array(answers).T]
+    signals = [*given, commands, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 
 
