@@ -31,11 +31,13 @@ from anhyst.identification import identify
 from machine import Machine, this_machine
 from rows import ROOT, Row, Stopwatch, measurements
 
+sys.path.insert(0, str(ROOT))  # some take plants from the tests
+
 MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "force", "bearing",
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
            "actuators", "fleet")  # fmt: skip
-ALONE = ("search", "solid")
+ALONE = ("search", "solid", "meander")
 """Lines that take so long that they are measured only where they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 

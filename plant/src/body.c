@@ -297,7 +297,8 @@ static void push(const anhyst_plant_body *body, const anhyst_plant_state *state,
       damping[k] += c->stop_damping;
     }
     pushing[k] = of_load[axis] + (axis < 3 ? weight[axis] : moment[axis - 3]) +
-                 state->wrench[axis] - c->stop_stiffness * over;
+                 state->wrench[axis] - c->stop_stiffness * over +
+                 damping[k] * state->frame_velocity[axis]; /* it rides on the frame */
   }
 }
 

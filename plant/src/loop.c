@@ -63,6 +63,10 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   double *flux = current + body->magnets;
   double *head = flux + body->magnets;
   double *position = head + body->heads;
+  double *last =
+      position + body->magnets + (ptrdiff_t)3 * body->coordinates; /* behind the answer */
+  const uint32_t command = events->command[i];
+  int fails;
   anhyst_plant_readings readings = {head, current, flux, 0.0};
   double away[ANHYST_PLANT_AXES] = {0.0};
   double ridden[ANHYST_PLANT_AXES] = {0.0}; /* with the frame, and what is injected */
@@ -76,10 +80,15 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
                   inject[j];
   }
   for (j = 0; j < body->heads; j++) {
-    head[j] = events->command[i] & ANHYST_LOOP_DROP
-                  ? (double)NAN
-                  : head[j] + anhyst_plant_moved(&body->head[j].line,
-                                                 body->head[j].absolute ? ridden : away);
+    head[j] += anhyst_plant_moved(&body->head[j].line, body->head[j].absolute ? ridden : away);
+    fails = command & ANHYST_LOOP_HEADS && j >= body->magnets &&
+            command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U;
+    if (command & ANHYST_LOOP_DROP || (fails && command & ANHYST_LOOP_MISSING)) {
+      head[j] = (double)NAN;
+    } else if (fails) {
+      head[j] = command & ANHYST_LOOP_FROZEN ? last[j] : head[j] + ANHYST_LOOP_JUMP;
+    }
+    last[j] = head[j];
   }
   sample->magnets = body->magnets;
   sample->heads = body->heads;
@@ -90,7 +99,7 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
   sample->flux = flux;
   sample->target = events->target + row;
   sample->load = events->feed + row;
-  sample->command = events->command[i] & 0xFFU;
+  sample->command = command & 0xFFU;
 }
 
 /* What the amplifiers are given: currents, or voltages that bring them to their references. */
@@ -117,7 +126,8 @@ static void fail(anhyst_plant_loop *loop, uint32_t command)
 {
   int j;
   for (j = 0; j < loop->body->magnets && j < 16; j++) {
-    const uint32_t fails = command >> (ANHYST_LOOP_FAILS + j) & 1U;
+    const uint32_t fails =
+        command & ANHYST_LOOP_HEADS ? 0U : command >> (ANHYST_LOOP_FAILS + j) & 1U;
     loop->state->actuator[j].failure = fails == 0U                   ? ANHYST_PLANT_WORKS
                                        : command & ANHYST_LOOP_SHORT ? ANHYST_PLANT_SHORT
                                                                      : ANHYST_PLANT_OPEN;

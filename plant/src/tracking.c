@@ -17,16 +17,14 @@ static int32_t code_q31(double value, double full)
   return place > -ONE ? (int32_t)place : ANHYST_Q31_MIN;
 }
 
-static int32_t flux_code_q31(double value, double full)
+static int32_t flux_q31(double value, double full)
 {
   return isnan(value) ? ANHYST_NO_FLUX : code_q31(value, full);
 }
 
-static int32_t gap_code_q31(double gap, const anhyst_tracking_scales *scales)
+static int32_t gap_code_q31(double gap, double low, double high)
 {
-  const double low = scales->gap_low;
-  return code_q31(anhyst_plant_bound(gap - low, 0.0, scales->gap_high - low),
-                  scales->gap_high - low);
+  return code_q31(anhyst_plant_bound(gap - low, 0.0, high - low), high - low);
 }
 
 static double value_q31(int32_t code, double full) { return (double)code / ONE * full; }
@@ -34,10 +32,10 @@ static double value_q31(int32_t code, double full) { return (double)code / ONE *
 #include "anhyst/numeric/q31.h"
 #include "generic/tracking.h"
 #include "anhyst/numeric/f64.h"
-#include "generic/tracking_cast.h"
+#include "generic/cast.h"
 #include "generic/tracking.h"
 #include "anhyst/numeric/f32.h"
-#include "generic/tracking_cast.h"
+#include "generic/cast.h"
 #include "generic/tracking.h"
 
 static double solve_f32(anhyst_force_controller_f64 *c, double demand, double gap, double flux)

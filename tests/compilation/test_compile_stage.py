@@ -25,7 +25,13 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.tracking.compiled import ROWS, CompiledStage, compiled_rig, write_stage
+from anhyst.study.tracking.compiled import (
+    COMMAND_ROWS,
+    ROWS,
+    CompiledStage,
+    compiled_rig,
+    write_stage,
+)
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
 from tests.refusals import refused
@@ -33,6 +39,8 @@ from tests.study import bearings, stages
 from tests.study.test_axes import planar
 from tests.study.test_solid_stage import late, solid
 
+FLOWN = ROWS - 3 * COMMAND_ROWS
+"""Ticks before the commands in the end."""
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
@@ -62,7 +70,7 @@ def flown(setup: StageSetup, number: int) -> np.ndarray:
     """Return the currents of a magnet in the simulated flight."""
     scan = setup.rig.settings.scan
     run = track(setup, motion_of(scan, scan.test_m_per_s2), Feedforward())
-    return run["command_A" if number == 1 else f"command_{number}_A"][:2000]
+    return run["command_A" if number == 1 else f"command_{number}_A"][:FLOWN]
 
 
 def folder_of(setup: StageSetup, tmp_path: Path) -> CompiledStage:
@@ -76,8 +84,9 @@ def test_what_was_simulated_is_what_would_be_flashed(
     setup = single(True, "full", number_format)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
+    assert compiled.vectors["state"][[FLOWN - 1, -60, -40, -20]].tolist() == [0, 2, 3, 1]
     for number in (1, 2, 5, 10):
-        assert np.array_equal(compiled.vectors[f"current_{number}"], flown(setup, number))
+        assert np.array_equal(compiled.vectors[f"current_{number}"][:FLOWN], flown(setup, number))
 
 
 @pytest.mark.parametrize("number_format", ["f32", "fixed"])
@@ -91,7 +100,9 @@ def test_a_lost_magnet_is_compiled_to_the_bit(number_format: NumberFormat, tmp_p
     assert ROWS - 200 < found < ROWS - 190
     assert not lost[:found].any()
     assert (lost[found:].astype(int) & 1).all()
-    assert (state[found:] == 1).all()
+    assert (state[found:-60] == 1).all()
+    assert state[-60:].tolist() == [2] * 60
+    assert compiled.vectors["flags"][[-60, -40, -20]].astype(int).tolist() == [0, 16, 16]
     assert not compiled.vectors["current_1"][found:].any()
 
 
@@ -101,7 +112,7 @@ def test_one_axis_is_compiled_as_a_body_of_one_coordinate(tmp_path: Path) -> Non
     replays(compiled.out)
     step = 4.5 / 2**18
     for number in (1, 2):
-        off = compiled.vectors[f"current_{number}"] - flown(setup, number)
+        off = compiled.vectors[f"current_{number}"][:FLOWN] - flown(setup, number)
         assert np.abs(off).max() < 10.0 * step
 
 
@@ -116,7 +127,7 @@ def test_every_kind_replays_its_flight(
     setup = single(True, method, number_format)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
-    assert np.array_equal(compiled.vectors["current_1"], flown(setup, 1))
+    assert np.array_equal(compiled.vectors["current_1"][:FLOWN], flown(setup, 1))
 
 
 @pytest.mark.slow
@@ -135,8 +146,10 @@ def test_what_calibration_found_of_each_magnet_is_compiled(
     replays(compiled.out)
     assert (compiled.out / "stage_2_parameters.c").is_file()
     for number in (2, 4, 9):
-        assert np.array_equal(compiled.vectors[f"current_{number}"], flown(corrected, number))
-    assert not np.array_equal(compiled.vectors["current_2"], flown(setup, 2))
+        assert np.array_equal(
+            compiled.vectors[f"current_{number}"][:FLOWN], flown(corrected, number)
+        )
+    assert not np.array_equal(compiled.vectors["current_2"][:FLOWN], flown(setup, 2))
 
 
 @pytest.mark.slow

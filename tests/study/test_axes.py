@@ -11,7 +11,6 @@ import pytest
 
 from anhyst.compensate.interface import MethodName
 from anhyst.reports.tracking import write_tracking_report
-from anhyst.rig.iron_table import IronEntry
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
@@ -27,10 +26,12 @@ PLANAR = (EXAMPLES / "planar" / "rig.toml").read_text()
 
 @cache
 def planar() -> StageRig:
-    """Return the example with the iron that is known without a search."""
+    """Return the example with the iron that is known without a search, where nothing is lost."""
     rig = read_stage(EXAMPLES / "planar" / "rig.toml")
-    cells: list[IronEntry] = list(stages.stage().settings.irons)
-    return replace(rig, settings=rig.settings.model_copy(update={"irons": cells}))
+    changes = {"irons": list(stages.stage().settings.irons), "cases": [rig.settings.scan]}
+    changed = rig.settings.model_copy(update=changes)
+    looked_for = {"control.lost_A": None, "control.head_m_per_s": None}
+    return replace(rig, settings=changed.changed(looked_for))
 
 
 @cache

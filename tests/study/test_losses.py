@@ -1,9 +1,9 @@
-"""A magnet is lost in flight: the others carry on, or the body is set down."""
+"""Lift-off and landing; a magnet or a head is lost: the others carry on, or the body is set down."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Literal
@@ -11,10 +11,24 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from anhyst._core import PlantLoop
+from anhyst.control.states import Command, Flag
+from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
+from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.magnet_table import LikeTable
+from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage.file import spare
-from anhyst.rig.stage.loop import Feedforward, StageSetup, axes_controller, make_stage, track
+from anhyst.rig.stage.loop import (
+    Feedforward,
+    StageSetup,
+    axes_controller,
+    fed_wrench,
+    make_stage,
+    of_axes,
+    track,
+)
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.losses import Losses, LostMagnet
 from tests.control.test_wrench import LAYOUTS
@@ -23,9 +37,14 @@ from tests.study.test_axes import planar
 
 
 @cache
-def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0)) -> StageSetup:
-    """Return the example with the magnets of a layout, which looks for lost ones."""
+def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0), heads: int = 0) -> StageSetup:
+    """Return the example with the magnets of a layout, which looks for lost ones.
+
+    And at so many heads, if any; a seventh one looks at the fourth corner.
+    """
     file, lines = planar().settings, LAYOUTS[name]
+    more = file.position_sensors[-1].model_copy(update={"position_m": [0.12, -0.1, -0.05]})
+    sensors = [*file.sensors, *[more] * (heads == 7)]
     like = next(one for one in file.magnets if isinstance(one, LikeTable))
     magnets = [
         (like if number else file.magnet).model_copy(
@@ -39,8 +58,9 @@ def laid(name: str, peaks: tuple[float, ...] = (22.0, 10.0)) -> StageSetup:
         for number, (place, along) in enumerate(lines)
     ]
     scan = file.scan.model_copy(update={"test_m_per_s2": [*peaks]})
-    changed = file.model_copy(update={"magnets": magnets, "cases": [scan]})
-    rig = replace(planar(), settings=changed.changed({"control.lost_A": 0.25}))
+    changed = file.model_copy(update={"magnets": magnets, "cases": [scan], "sensors": sensors})
+    looked = {"control.lost_A": 0.25, "control.head_m_per_s": 0.1 if heads else None}
+    rig = replace(planar(), settings=changed.changed(looked))
     return make_stage(rig, bearings.knowledge(), "full")
 
 
@@ -59,8 +79,9 @@ def test_what_can_be_spared_is_what_the_linear_programme_leaves_movable(
 
 
 def test_looking_for_lost_magnets_moves_no_bit_where_none_is() -> None:
-    setup = laid("10")
-    blind = replace(setup.rig, settings=setup.rig.settings.changed({"control.lost_A": None}))
+    setup = laid("10", heads=6)
+    changes = {"control.lost_A": None, "control.head_m_per_s": None}
+    blind = replace(setup.rig, settings=setup.rig.settings.changed(changes))
     scan = setup.rig.settings.scan
     motion = motion_of(scan, scan.test_m_per_s2)
     runs = [track(replace(setup, rig=rig), motion, Feedforward()) for rig in (setup.rig, blind)]
@@ -126,3 +147,103 @@ def test_with_all_magnets_lost_nothing_is_driven() -> None:
     assert lost == (1 << 14) - 1
     assert state == 2
     assert not any(told)
+
+
+_AT_REST = (60e-6, -50e-6, -0.1e-3, 1e-4, -1e-4, 2e-4)
+UP, DOWN, TICKS = 200, 2200, 4200
+
+
+def commanded(
+    setup: StageSetup, commands: Mapping[int, Command], since: int = 0, failing: int = 0
+) -> Recording:
+    """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
+    rig, command = setup.rig, np.zeros(TICKS, dtype=np.uint32)
+    bearing = drifted_stage(rig.bearing, NO_DRIFT, 1)
+    bearing.place([*_AT_REST], [0.0] * 6)
+    command[since:] = failing
+    for tick, one in {0: Command.IDLE, **commands}.items():
+        command[tick] |= one
+    loop = PlantLoop(bearing, axes_controller(setup), current_loops(rig.bearing))
+    still = np.zeros(6 * TICKS)
+    wrench, frame = fed_wrench(setup.rig, np.zeros(TICKS)).ravel(), np.zeros(6 * TICKS + 6)
+    rows = loop.run(still, np.zeros(TICKS), still, wrench, command, frame)
+    return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
+
+
+def poses(run: Recording) -> np.ndarray:
+    return np.column_stack(
+        [run[name] for name in of_axes("pose", ("x", "y", "z", "rx", "ry", "rz"))]
+    )
+
+
+def phases(run: Recording) -> list[int]:
+    """Return the phases in their order, states and lost magnets left out."""
+    found = run["state"].astype(int) % 16
+    return [int(found[0]), *found[1:][np.diff(found) != 0].tolist()]
+
+
+def test_from_rest_off_its_place_to_flight_and_back() -> None:
+    run = commanded(laid("10", heads=6), {UP: Command.LIFT, DOWN: Command.LAND})
+    assert phases(run) == [0, 2, 3, 4, 0]
+    assert run["flags"][:DOWN].max() == 0
+    pose, speed = poses(run), run["velocity_3_m_per_s"]
+    hover = slice(DOWN - 100, DOWN)
+    assert np.abs(pose[hover, :3]).max() < 30e-9
+    assert pose[:, 2].max() < 3e-6  # of 100 to the upper stop
+    assert np.abs(pose[:, :2]).max() < 61e-6
+    assert pose[:, 0].min() > -3e-6
+    assert speed[UP:].max() < 5e-3
+    touch = int(np.argmax(pose[DOWN:, 2] < -0.1e-3)) + DOWN
+    assert 1.5e-3 < -speed[touch] < 3e-3  # a dead fall: 44 mm/s
+    assert pose[-1, 2] == pytest.approx(-0.1e-3, abs=0.5e-6)
+
+
+@pytest.mark.parametrize(("name", "dead"), [("10", 6), ("14", 6), ("10", 0)])
+def test_with_a_dead_magnet_nothing_lifts_off_for_good(name: str, dead: int) -> None:
+    commands = {UP: Command.LIFT, TICKS - 10: Command.LIFT}
+    run = commanded(laid(name), commands, failing=1 << FAILS + dead)
+    assert phases(run)[-1] == 0
+    assert 3 not in phases(run)
+    assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
+    pose, speed = poses(run), run["velocity_3_m_per_s"]
+    assert pose[:, 2].max() < 0.0
+    assert speed[UP:].min() > -15e-3
+
+
+@pytest.mark.parametrize("way", ["missing", "frozen", "jumps"])
+def test_without_a_head_the_body_lands_by_the_others_or_is_let_go(way: str) -> None:
+    commands, gone = {UP: Command.LIFT, TICKS - 10: Command.LIFT}, 1 << FAILS + 5 | HEAD_FAULTS[way]
+    runs = [commanded(laid("10", heads=heads), commands, DOWN, gone) for heads in (6, 7)]
+    assert [phases(run) for run in runs] == [[0, 2, 3, 0], [0, 2, 3, 4, 0]]
+    for run, most in zip(runs, (50e-3, 10e-3), strict=True):
+        assert 1e-3 < -run["velocity_3_m_per_s"][DOWN:].min() < most
+        assert run["flags"][TICKS - 10].astype(int) & Flag.COMMAND_REFUSED
+
+
+def test_one_wrong_head_for_a_moment_ends_no_flight() -> None:
+    controller, forward = axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    told, noise = [0.0] * 10, np.random.default_rng(3)
+    for tick in range(200):
+        head = (1e-9 * noise.normal(size=6)).tolist()
+        if tick in (50, 51, 90, 91, 92, 93):
+            head[tick % 3] = math.nan if tick < 60 else 30e-6
+        told, _, flags, lost, state = controller.tick(head, forward, [0.45e-3] * 10, told)
+        assert (lost, state) == (0, 0)
+        assert (flags == Flag.SAMPLE_IMPLAUSIBLE) == (tick in (50, 51, 90, 91, 92, 93))
+
+
+def test_a_command_out_of_order_is_refused_and_changes_nothing() -> None:
+    controller, forward = axes_controller(laid("10", heads=6)), [0.0, 0.0, 196.2, 0.0, 0.0, 0.0]
+    noise, found = np.random.default_rng(3), []
+    order = [Command.LIFT, Command.RUN, Command.IDLE, Command.LAND, Command.LIFT, Command.LIFT]
+    order += [Command.LAND, Command.LAND, Command.LIFT, Command.IDLE, Command.IDLE]
+    told = [0.0] * 10
+    for command in order:
+        head = [1e-6 + 1e-9 * float(one) for one in noise.normal(size=6)]
+        told, _, flags, _, state = controller.tick(head, forward, [0.45e-3] * 10, told, command)
+        found.append((state, bool(flags & Flag.COMMAND_REFUSED)))
+    states = [0, 0, 2, 2, 3, 3, 1, 1, 1, 2, 2]
+    refused = [True, True, False, True, False, True, False, True, True, False, False]
+    assert found == list(zip(states, refused, strict=True))
+    assert not any(told)
+    assert controller.tick([math.nan] * 6, forward, [0.45e-3] * 10, told, 3)[2] & 16

@@ -53,6 +53,13 @@ def test_a_set_point_keeps_its_limits_and_its_derivatives_belong_together() -> N
     assert np.interp(ends, time, speed) == pytest.approx([0.25, -0.25, 0.25], rel=1e-4)
 
 
+def test_a_path_of_half_a_minute_keeps_its_picometres() -> None:
+    motion = replace(stages.unseen(stages.stage()), peaks=(22.0,) * 50, cruise=0.4)
+    time = motion.duration - np.arange(0.0, 1.0, 5e-5)[::-1]
+    jerk = 22.0 / 5.5e-3
+    assert np.abs(np.diff(motion.at(time)[0], 3)).max() < 1.1 * jerk * 5e-5**3
+
+
 def test_a_load_that_nobody_told_pushes_to_larger_positions_until_the_loop_holds_it() -> None:
     setup, motion = stages.setup("full"), stages.training()
     load = np.full(ticks_of(setup.rig, motion), 3.0)

@@ -43,13 +43,14 @@ static int32_t within_q31(int32_t a, int32_t low, int32_t high)
 }
 
 /* The nearest of the converter's currents, for one within the limits. */
-static int32_t on_grid_q31(const anhyst_tracking_settings_q31 *settings, int32_t current)
+static int32_t on_grid_q31(int32_t current, int32_t low, int32_t high, int32_t grid)
 {
-  const uint32_t step = (uint32_t)settings->current_step;
-  const uint32_t above = distance(settings->current_low, current);
+  const uint32_t step = (uint32_t)grid;
+  const uint32_t above = distance(low, current);
   const uint32_t rest = above % step;
   const uint32_t reached = rest >= step - rest ? above - rest + step : above - rest;
-  return (int32_t)((uint32_t)settings->current_low + reached);
+  (void)high; /* a whole number of steps away */
+  return (int32_t)((uint32_t)low + reached);
 }
 
 #include "generic/tracking.h"

@@ -26,7 +26,8 @@ typedef struct {
 } anhyst_plant_current_loop;
 
 /* Numbers that a loop needs room for. */
-#define ANHYST_LOOP_ROOM(magnets, heads, coordinates) (4 * (magnets) + (heads) + 3 * (coordinates))
+#define ANHYST_LOOP_ROOM(magnets, heads, coordinates)                                              \
+  (4 * (magnets) + 2 * (heads) + 3 * (coordinates))
 
 typedef struct {
   const anhyst_plant_body *body;
@@ -46,13 +47,19 @@ typedef struct {
   const double *feed;      /* force that the controller is given */
   const uint32_t *command; /* as in controller.h; bit 8: the heads' sample is dropped; from bit 16
                               on a magnet each: its amplifier fails, with bit 9 as a short circuit,
-                              else as an open one; one a tick */
+                              else as an open one. With one of bits 10 to 12 a position head
+                              each: it says no number, what it said last, or too much; one a tick */
   const double *frame;     /* where the frame is at each of n + 1 ticks; straight between. NULL: it
                               stands still */
 } anhyst_plant_events;
 
 #define ANHYST_LOOP_DROP 256U
 #define ANHYST_LOOP_SHORT 512U
+#define ANHYST_LOOP_MISSING 1024U
+#define ANHYST_LOOP_FROZEN 2048U
+#define ANHYST_LOOP_JUMPS 4096U
+#define ANHYST_LOOP_HEADS (ANHYST_LOOP_MISSING | ANHYST_LOOP_FROZEN | ANHYST_LOOP_JUMPS)
+#define ANHYST_LOOP_JUMP 20e-6 /* m */
 #define ANHYST_LOOP_FAILS 16
 
 /* The one table of what is recorded, a row a tick, all at its beginning: name, unit as columns end

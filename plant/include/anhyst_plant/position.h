@@ -23,28 +23,18 @@ typedef struct {
   double flux;       /* density, T */
 } anhyst_position_scales;
 
-typedef struct {
-  anhyst_position_q31 *position;
-  anhyst_position_scales scales;
-} anhyst_position_adapter_q31;
-
-typedef struct {
-  anhyst_position_f64 *position;
-  anhyst_position_scales scales;
-} anhyst_position_adapter_f64;
-
-typedef struct {
-  anhyst_position_f32 *position;
-  anhyst_position_scales scales;
-} anhyst_position_adapter_f32;
-
-/* As the tick of an anhyst_loop_controller whose self is the adapter. */
-void anhyst_position_adapter_tick_q31(void *self, const anhyst_loop_sample *sample,
-                                      anhyst_loop_answer *answer);
-void anhyst_position_adapter_tick_f64(void *self, const anhyst_loop_sample *sample,
-                                      anhyst_loop_answer *answer);
-void anhyst_position_adapter_tick_f32(void *self, const anhyst_loop_sample *sample,
-                                      anhyst_loop_answer *answer);
+/* The tick is that of an anhyst_loop_controller whose self is the adapter. */
+#define ANHYST_POSITION_ADAPTER(f)                                                                 \
+  typedef struct {                                                                                 \
+    anhyst_position_##f *position;                                                                 \
+    anhyst_position_scales scales;                                                                 \
+  } anhyst_position_adapter_##f;                                                                   \
+  void anhyst_position_adapter_tick_##f(void *self, const anhyst_loop_sample *sample,              \
+                                        anhyst_loop_answer *answer)
+ANHYST_POSITION_ADAPTER(q31);
+ANHYST_POSITION_ADAPTER(f64);
+ANHYST_POSITION_ADAPTER(f32);
+#undef ANHYST_POSITION_ADAPTER
 
 #ifdef __cplusplus
 }

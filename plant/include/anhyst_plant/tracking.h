@@ -32,32 +32,20 @@ typedef struct {
 void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
                                     anhyst_force_controller_f32 *force);
 
-typedef struct {
-  anhyst_tracking_q31 *tracking;
-  anhyst_tracking_scales scales;
-  double gap_total; /* of both gaps, m */
-} anhyst_tracking_adapter_q31;
-
-typedef struct {
-  anhyst_tracking_f64 *tracking;
-  anhyst_tracking_scales scales;
-  double gap_total; /* m */
-} anhyst_tracking_adapter_f64;
-
-typedef struct {
-  anhyst_tracking_f32 *tracking;
-  anhyst_tracking_scales scales;
-  double gap_total; /* m */
-} anhyst_tracking_adapter_f32;
-
-/* As the tick of an anhyst_loop_controller whose self is the adapter. target is the wanted
+/* The tick is that of an anhyst_loop_controller whose self is the adapter. target is the wanted
    position, load the net force that is fed forward, N. */
-void anhyst_tracking_adapter_tick_q31(void *self, const anhyst_loop_sample *sample,
-                                      anhyst_loop_answer *answer);
-void anhyst_tracking_adapter_tick_f64(void *self, const anhyst_loop_sample *sample,
-                                      anhyst_loop_answer *answer);
-void anhyst_tracking_adapter_tick_f32(void *self, const anhyst_loop_sample *sample,
-                                      anhyst_loop_answer *answer);
+#define ANHYST_TRACKING_ADAPTER(f)                                                                 \
+  typedef struct {                                                                                 \
+    anhyst_tracking_##f *tracking;                                                                 \
+    anhyst_tracking_scales scales;                                                                 \
+    double gap_total; /* of both gaps, m */                                                        \
+  } anhyst_tracking_adapter_##f;                                                                   \
+  void anhyst_tracking_adapter_tick_##f(void *self, const anhyst_loop_sample *sample,              \
+                                        anhyst_loop_answer *answer)
+ANHYST_TRACKING_ADAPTER(q31);
+ANHYST_TRACKING_ADAPTER(f64);
+ANHYST_TRACKING_ADAPTER(f32);
+#undef ANHYST_TRACKING_ADAPTER
 
 #ifdef __cplusplus
 }

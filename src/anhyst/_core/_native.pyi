@@ -548,9 +548,9 @@ class TrackingAxes(LoopController):
         self, magnets: list[_Drive], layout: WrenchLayout, rows: _Rows, settings: _Numbers
     ) -> None: ...
     def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
-    # currents, wrench, flags, lost magnets bit by bit, state as in axes.h; heads off target, m
+    # currents, wrench, flags, what is lost bit by bit, state as in axes.h; heads off target, m
     def tick(
-        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals
+        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals, command: int = 0
     ) -> tuple[list[float], list[float], int, int, int]: ...
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too

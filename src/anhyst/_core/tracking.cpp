@@ -104,18 +104,18 @@ public:
     const size_t heads = at.shape(0);
     same_shape(heads, axes, at, "at");
     at_.assign(at.data(), at.data() + at.size());
-    see_ = copy(matrices, "see", axes, heads);
-    decouple_ = copy(matrices, "decouple", axes, axes);
-    weigh_ = copy(matrices, "weigh", axes, axes);
-    const Row pid = copy(matrices, "pid", axes, 5);
-    reach_ = copy(matrices, "reach", axes, 1);
-    land_ = copy(matrices, "land", axes, 1);
-    matrices.finish();
-    for (auto p = pid.begin(); p != pid.end(); p += 5) {
+    const auto row = [&](const char *name, size_t count, size_t columns) -> const Real * {
+      const InTable table = matrices.take<InTable>(name);
+      same_shape(count, columns, table, name);
+      return rows_.emplace_back(table.data(), table.data() + table.size()).data();
+    };
+    const auto narrow = [&](const double *values, size_t count) -> const Real * {
+      return rows_.emplace_back(values, values + count).data();
+    };
+    const Real *pid = row("pid", axes, 5);
+    for (const Real *p = pid; p != pid + 5 * axes; p += 5) {
       pid_.push_back({{p[0], p[1], p[2]}, {p[3], p[4]}});
     }
-    pull_.assign(wide.pull, wide.pull + axes * wide.drives);
-    yields_.assign(wide.yields, wide.yields + axes);
     Settings given(settings);
     drives_.start(magnets, take_scales(given));
     same_length(drives_.size(), wide.drives, "magnets");
@@ -123,18 +123,18 @@ public:
     demand_.resize(axes);
     settings_ = {{wide.axes,
                   wide.drives,
-                  pull_.data(),
+                  narrow(wide.pull, axes * wide.drives),
                   wide.against,
                   {static_cast<Real>(wide.pair.idle), wide.pair.kind},
                   static_cast<Real>(wide.least),
                   static_cast<Real>(wide.most),
-                  yields_.data()},
+                  narrow(wide.yields, axes)},
                  static_cast<uint16_t>(heads),
-                 see_.data(),
-                 decouple_.data(),
-                 weigh_.data(),
+                 row("see", axes, heads),
+                 row("decouple", axes, axes),
+                 row("weigh", axes, axes),
                  pid_.data(),
-                 reach_.data(),
+                 row("reach", axes, 1),
                  given.take<Real>("current_low"),
                  given.take<Real>("current_high"),
                  given.take<Real>("current_step"),
@@ -144,7 +144,14 @@ public:
                  given.take<uint16_t>("off_ticks"),
                  given.take<uint16_t>("spare"),
                  given.take<uint16_t>("land_ticks"),
-                 land_.data()};
+                 row("land", axes, 1),
+                 row("lift", axes, 1),
+                 row("without", heads * axes, heads),
+                 given.take<uint16_t>("spare_heads"),
+                 given.take<Real>("jump"),
+                 given.take<uint16_t>("doubt"),
+                 given.take<uint16_t>("noisy")};
+    matrices.finish();
     given.finish();
     if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
       throw std::invalid_argument("the settings of the controller are not valid");
@@ -156,79 +163,66 @@ public:
 
   // One tick without a plant, heads counted from the target: currents, wrench, flags, what is lost,
   // state.
-  nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read)
+  nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read,
+                 uint16_t command)
   {
     same_length(settings_.heads, head.size(), "head");
     same_length(settings_.layout.axes, forward.size(), "forward");
     same_length(drives_.size(), gap.size(), "gap");
     same_length(drives_.size(), read.size(), "read");
     const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
-    const auto out = run(head, Row(forward.size(), 0), forward, gap, flux, read);
+    const auto out = run(head, forward, gap, flux, read, command);
     return nb::make_tuple(current_, demand_, out.flags, out.lost, out.state);
   }
 
 private:
-  typename F::AxesAnswer run(const Row &head, const Row &target, const Row &forward, const Row &gap,
-                             const Row &flux, const Row &read)
+  typename F::AxesAnswer run(const Row &head, const Row &forward, const Row &gap, const Row &flux,
+                             const Row &read, uint16_t command)
   {
-    const typename F::AxesSample in = {head.data(), target.data(), forward.data(),
-                                       gap.data(),  flux.data(),   read.data()};
+    const typename F::AxesSample in = {head.data(), forward.data(), gap.data(),
+                                       flux.data(), read.data(),    command};
     typename F::AxesAnswer out = {current_.data(), demand_.data(), 0, 0, 0};
     F::axes_tick(&axes_, &in, &out);
     return out;
   }
 
   // As a loop sees it: its heads are the gap sensors, one a magnet, and then the position heads;
-  // its load is the wrench that is fed forward. In single precision heads are counted from the
-  // target before they are rounded.
+  // its load is the wrench that is fed forward.
   static void loop_tick(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
   {
     auto &c = *static_cast<TrackingAxes *>(self);
     const size_t axes = c.demand_.size();
     const size_t drives = c.current_.size();
     std::vector<double> head(sample->head + drives, sample->head + drives + c.settings_.heads);
-    Row target(sample->target, sample->target + axes);
-    if (std::is_same_v<Real, float>) {
-      for (size_t i = 0; i < head.size() * axes; i++) {
-        head[i / axes] -= c.at_[i] * sample->target[i % axes];
-      }
-      target.assign(axes, 0);
+    for (size_t i = 0; i < head.size() * axes; i++) {
+      head[i / axes] -= c.at_[i] * sample->target[i % axes];
     }
     const double *gap = sample->head;
-    const auto out =
-        c.run(Row(head.begin(), head.end()), target, Row(sample->load, sample->load + axes),
-              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
-              Row(sample->current, sample->current + drives));
-    static constexpr uint16_t states[] = {16 * ANHYST_STATE_RUN + ANHYST_PHASE_HOVER,
-                                          16 * ANHYST_STATE_FAULT + ANHYST_PHASE_DESCEND,
-                                          16 * ANHYST_STATE_FAULT + ANHYST_PHASE_REST};
+    const auto out = c.run(Row(head.begin(), head.end()), Row(sample->load, sample->load + axes),
+                           Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
+                           Row(sample->current, sample->current + drives),
+                           static_cast<uint16_t>(sample->command));
+    static constexpr uint16_t phases[] = {ANHYST_PHASE_HOVER, ANHYST_PHASE_DESCEND,
+                                          ANHYST_PHASE_REST, ANHYST_PHASE_RISE};
+    const bool rests = out.state == ANHYST_AXES_REST;
+    const bool fault = out.lost != 0 && (rests || out.state == ANHYST_AXES_LAND);
     int highest = 0;
-    while (out.lost >> highest) {
+    while ((out.lost & 0xFFFFU) >> highest) {
       highest++;
     }
     answer->flags = out.flags;
-    answer->state = static_cast<uint16_t>(256 * highest + states[out.state]);
+    answer->state = static_cast<uint16_t>(256 * highest + phases[out.state] +
+                                          16 * (fault   ? ANHYST_STATE_FAULT
+                                                : rests ? ANHYST_STATE_READY
+                                                        : ANHYST_STATE_RUN));
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);
   }
 
-  static Row copy(Settings &given, const char *name, size_t rows, size_t columns)
-  {
-    const InTable table = given.take<InTable>(name);
-    same_shape(rows, columns, table, name);
-    return {table.data(), table.data() + table.size()};
-  }
-
   Drives<F> drives_;
   std::vector<double> at_;
-  Row see_;
-  Row decouple_;
-  Row weigh_;
-  Row reach_;
-  Row land_;
-  Row yields_;
-  Row pull_;
+  std::deque<Row> rows_; // what the settings point to
   Row current_;
   Row demand_;
   std::vector<typename F::Filter> pid_;
@@ -242,7 +236,7 @@ template <class F> void bind_axes(nb::module_ &m, const char *name)
   nb::class_<Axes, LoopController>(m, name)
       .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
            "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
-      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a)
+      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a, "command"_a = 0)
       .def("correct", &Axes::correct, "rows"_a.noconvert());
 }
 

@@ -58,7 +58,9 @@ TABLES = {
     "mass": "Masses and moments of inertia about the point that the pose is of.",
     "weight": "Wrench of the weight, N and N m.",
     "yields": "How readily each coordinate is given up once a magnet is lost, of 1.",
-    "land": "By what the target of each moves in a tick where the body is set down, m and rad.",
+    "land": "By what is aimed at moves in a tick where the body is set down, m and rad.",
+    "lift": "By what it moves at most where it is lifted.",
+    "without": "Pose without each head in its place, zeros where the others do not tell it.",
 }
 """Tables of the controller, in the order in which they stand in the C."""
 
@@ -171,8 +173,9 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "force_max": literal(stage.force_max),
         **{f"current_{end}": settings[f"current_{end}"] for end in ("low", "high", "step")},
         **{end: literal(settings[f"current_{end}"]) for end in ("low", "high", "step")},
-        **{key: literal(settings[key]) for key in ("follow", "slew", "off")},
+        **{key: literal(settings[key]) for key in ("follow", "slew", "off", "jump")},
         **{key: int(settings[key]) for key in ("off_ticks", "spare", "land_ticks")},
+        **{key: int(settings[key]) for key in ("spare_heads", "doubt", "noisy")},
         "watched": settings["off"] > 0.0,
         "off_A": f"{settings['off']:.6g}",
         "dead": DEAD_ROWS,

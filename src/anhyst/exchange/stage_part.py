@@ -148,10 +148,10 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
     scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
     pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
     law: dict[str, object] = {"pid": _biquad([*pid(setup.rig).values()]), "allocation": pair}
-    see: FloatArray = np.zeros(1)
+    rows: Mapping[str, FloatArray] = {"see": np.zeros(1), "at": np.zeros(1)}
     if file.several:
         rows = axes_rows(setup)
-        law, see = _law_of_axes(file, rows, pair) | watch_settings(setup.rig), rows["see"]
+        law = _law_of_axes(file, rows, pair) | watch_settings(setup.rig)
     law |= {f"current_{name}": numbers[f"current_{name}"] for name in ("low", "high", "step")}
     return header(
         "stage_numbers",
@@ -160,7 +160,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
             "STAGE_HEADS": len(file.position_sensors) if file.several else 0,
             **compensators,
             "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
-            "STAGE_SEE": row(see.ravel()),
+            **{f"STAGE_{name.upper()}": row(rows[name].ravel()) for name in ("see", "at")},
             "STAGE_GAP_TOTAL": numbers["gap_total"],
             "STAGE_SCALES": fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
             "STAGE_SETTINGS": fields(law),
@@ -187,7 +187,7 @@ def _law_of_axes(
         "heads": len(file.position_sensors),
         **{
             name: f"(const double[]){row(rows[name].ravel())}"
-            for name in ("see", "decouple", "weigh", "reach", "land")
+            for name in ("see", "decouple", "weigh", "reach", "land", "lift", "without")
         },
         "pid": f"(const anhyst_biquad_f64[]){fields([*map(_biquad, rows['pid'].tolist())])}",
     }

@@ -83,13 +83,20 @@ class ScanCase(Table):
         return self
 
 
+HeadFault = Literal["missing", "frozen", "jumps"]
+"""How a head fails: it says no number, or what it said last, or too much."""
+
+
 class LossCase(Table):
-    """``kind = "loss"``: amplifiers of magnets fail, one in each run, during the test set-point."""
+    """``kind = "loss"``: amplifiers of magnets and heads fail, one in each run of the test set-point."""
 
     kind: Literal["loss"]
     circuit: Literal["open", "short"]  # as which the winding is left
     magnets: Annotated[list[Name], Field(min_length=1)] | None = None  # all if left out
-    at_s: NotNegative | None = None  # when it pulls most if left out
+    heads: Annotated[list[HeadFault], Field(min_length=1)] | None = None  # each head in these ways
+    lift: bool = False  # and a run from rest to rest without a fault
+    # when a magnet pulls most, the set-point accelerates most if left out
+    at_s: NotNegative | None = None
 
 
 class ForceCase(Table):

@@ -89,7 +89,15 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     PositionSensorTable: ("direction", "position_m"),
     BodyTable: ("centre_m", "inertia_kg_m2", "tilt_rad"),
     ScanCase: ("direction",),
-    TrackingTable: ("force_min_N", "lost_A", "lost_s", "land_m_per_s"),
+    TrackingTable: (
+        "force_min_N",
+        "lost_A",
+        "lost_s",
+        "head_m_per_s",
+        "head_s",
+        "land_m_per_s",
+        "lift_m_per_s",
+    ),
     SpreadTable: ("centre_m", "head_m"),
 }
 """Keys without a use where there is one coordinate."""

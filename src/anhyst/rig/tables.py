@@ -311,7 +311,11 @@ class TrackingTable(Table):
     # a magnet is lost whose current is off by so much for so long; none is looked at if left out
     lost_A: Positive | None = None
     lost_s: Positive = 0.25e-3
-    land_m_per_s: Positive = 2e-3  # how fast a body is set down that cannot go on without it
+    # a head is lost whose reading moves so much faster than the target, or does not, for so long
+    head_m_per_s: Positive | None = None
+    head_s: Positive = 0.25e-3
+    land_m_per_s: Positive = 2e-3  # how fast a body is set down
+    lift_m_per_s: Positive = 2e-3  # and lifted
     calibration: str | None = None  # file of anhyst calibrate
     calibrate: bool = False  # every motion teaches what the next one is corrected by
 

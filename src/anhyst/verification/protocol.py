@@ -114,6 +114,7 @@ def stage_form(free: Sequence[str], heads: int, magnets: int) -> RecordForm:
         *(f"forward {axis}" for axis in free),
         *(f"gap {one}" for one in range(1, magnets + 1)),
         *(f"read {one}" for one in range(1, magnets + 1)),
+        "command",
     )
     outputs = (
         *(f"current {one}" for one in range(1, magnets + 1)),

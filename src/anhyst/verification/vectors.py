@@ -69,7 +69,7 @@ def read_flight(path: Path, form: RecordForm) -> GoldenVectors:
     """Read the vectors of a stage: what its controller was given in flight and has to answer."""
     outputs = form.record[len(form.inputs) :]
     columns = _columns(path, [_header(name) for name in form.record], floating=True)
-    for name in ("flags", "lost", "state"):
+    for name in ("command", "flags", "lost", "state"):
         columns[name] = columns[name].view(np.float32).astype(np.uint32)
     inputs = np.stack([columns[_header(name)] for name in form.inputs], axis=1)
     return GoldenVectors(inputs, {name: columns[_header(name)] for name in outputs}, form)

@@ -2,8 +2,8 @@
 /* The controller of a body of one to six coordinates on any number of drives, in floating point:
    position heads in, currents out.
 
-     pose    = see*heads
-     error   = decouple*(target - pose)
+     pose    = see*heads, counted from the target
+     error   = decouple*(what is aimed at - pose)
      wrench  = weigh*PID(error) + forward
      force   = wrench shared out, see wrench.h
      current = what each drive's force controller makes of it, limited, on the converter's grid
@@ -18,23 +18,37 @@
 
    A drive whose current stays off what was commanded is lost: none is commanded any more, and the
    others share out without it. What the body goes on without was found beforehand; without any
-   other, or two of them, it lands: the target goes down, and then nothing is driven.
+   other, or two of them, it lands. A head is lost that says no number, jumps or stands still: the
+   body lands by the others if they still tell the pose, else nothing is driven from then on.
 
-   Single precision resolves a nanometre over 8 mm only. There heads and target are to be counted
-   from a pose near the target, best from the target itself: integers or doubles are subtracted
-   before they are rounded, and target is zero. Declarations are in generic/axes.h. */
+   It flies from the first tick on. Of the commands of states.h IDLE lets it go at once; LIFT takes
+   it from rest where it is seen to the target, each axis at a limited speed, and is refused where
+   anything is lost; LAND moves what is aimed at down until the body lies. Others are refused.
+
+   Heads are counted from what they would read at the target: single precision resolves a nanometre
+   over 8 mm only, so integers or doubles are subtracted before they are rounded. Declarations are
+   in generic/axes.h. */
 #ifndef ANHYST_AXES_H
 #define ANHYST_AXES_H
 
 #include "anhyst/compensator/force_controller_real.h"
 #include "anhyst/control/biquad_real.h"
+#include "anhyst/control/states.h"
 #include "anhyst/control/wrench.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-typedef enum { ANHYST_AXES_FLY, ANHYST_AXES_LAND, ANHYST_AXES_REST } anhyst_axes_state;
+#define ANHYST_AXES_HEADS 16
+#define ANHYST_AXES_ODD 8U /* how much more doubt there is about a head that jumps */
+
+typedef enum {
+  ANHYST_AXES_FLY,
+  ANHYST_AXES_LAND,
+  ANHYST_AXES_REST,
+  ANHYST_AXES_LIFT
+} anhyst_axes_state;
 
 #include "anhyst/numeric/f64.h"
 #include "anhyst/control/generic/axes.h"

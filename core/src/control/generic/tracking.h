@@ -52,7 +52,10 @@ static ANHYST_REAL ANHYST_NAME(driven)(const ANHYST_NAME(anhyst_tracking_setting
 {
   const ANHYST_REAL held =
       ANHYST_NAME(within)(wanted, settings->current_low, settings->current_high);
-  return settings->current_step > 0 ? ANHYST_NAME(on_grid)(settings, held) : held;
+  return settings->current_step > 0
+             ? ANHYST_NAME(on_grid)(held, settings->current_low, settings->current_high,
+                                    settings->current_step)
+             : held;
 }
 
 void ANHYST_NAME(anhyst_tracking_tick)(ANHYST_NAME(anhyst_tracking) *c,

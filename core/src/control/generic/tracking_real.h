@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+#include "limits_real.h"
 
 static int ANHYST_NAME(are_limits)(const ANHYST_NAME(anhyst_tracking_settings) *settings)
 {
@@ -21,22 +21,4 @@ static ANHYST_REAL ANHYST_NAME(step_pid)(const ANHYST_NAME(anhyst_pid) *pid,
                                          ANHYST_REAL forward)
 {
   return ANHYST_NAME(anhyst_biquad_step)(pid, state, error) + forward;
-}
-
-/* The lower limit for what is not a number. */
-static ANHYST_REAL ANHYST_NAME(within)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
-{
-  if (!(a > low)) {
-    return low;
-  }
-  return a > high ? high : a;
-}
-
-/* The nearest of the converter's currents, for one within the limits. */
-static ANHYST_REAL ANHYST_NAME(on_grid)(const ANHYST_NAME(anhyst_tracking_settings) *settings,
-                                        ANHYST_REAL current)
-{
-  const ANHYST_REAL low = settings->current_low;
-  const int32_t steps = (int32_t)((current - low) / settings->current_step + R(0.5));
-  return low + (ANHYST_REAL)steps * settings->current_step;
 }

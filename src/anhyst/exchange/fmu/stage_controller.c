@@ -70,17 +70,25 @@ static int start_law(law_of *law)
   return anhyst_axes_init_f64(law, &settings, NULL) == ANHYST_OK;
 }
 
-/* The gap sensors of the magnets stand before the position heads. */
+/* The gap sensors of the magnets stand before the position heads, which are counted from the
+   target. */
 static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
                     const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
 {
-  const anhyst_axes_sample_f64 in = {.head = sample->head + STAGE_DRIVES,
-                                     .target = sample->target,
+  static const double at[] = STAGE_AT;
+  double head[STAGE_HEADS];
+  const anhyst_axes_sample_f64 in = {.head = head,
                                      .forward = sample->load,
                                      .gap = sample->head,
                                      .flux = sample->flux,
                                      .current = sample->current};
   anhyst_axes_answer_f64 out = {.current = answer->current, .demand = answer->demand};
+  for (int i = 0; i < STAGE_HEADS; i++) {
+    head[i] = sample->head[STAGE_DRIVES + i];
+    for (int j = 0; j < settings.layout.axes; j++) {
+      head[i] -= at[i * settings.layout.axes + j] * sample->target[j];
+    }
+  }
   law->settings = &settings;
   law->share.layout = &settings.layout;
   law->drive = drive;

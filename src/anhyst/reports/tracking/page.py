@@ -137,7 +137,7 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
     if study.losses:
         rows = [one.cells() for one in study.losses]
         losses = table(LOSS_TITLE, [*LOSS_HEAD], rows, " ".join(LOSS_NOTES), texts=2)
-        sections.append(Section("losses", "Magnets lost", (losses,)))
+        sections.append(Section("losses", "What is lost, and lift-off", (losses,)))
     text = render_page(
         _headline(study),
         [*sections, _origin(study, command)],

@@ -17,8 +17,10 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.elementary import passed, sine
 
 DROP, SHORT, FAILS = 256, 512, 16
-"""Of a command: bits of a dropped sample and of a short circuit, first bit of the amplifiers that fail;
+"""Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;
 ``plant/include/anhyst_plant/loop.h``."""
+HEAD_FAULTS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
+"""Bits of the ways in which heads fail instead of amplifiers."""
 
 SELFTEST_TICKS = 25
 """Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""

@@ -49,6 +49,8 @@ _SURE = 0.5
 """Part of what supply and inductance let a current change by that it does change by at least."""
 MOST_TICKS = 65535
 """Of a landing."""
+HEADS_ODD = 8
+"""``ANHYST_AXES_ODD``: how much longer a head may say the very same than no number."""
 HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
@@ -179,6 +181,14 @@ def head_rows(file: RigFile) -> FloatArray:
     places, along = file.position_sensors, [1.0, 0.0, 0.0]
     sensors = [(one.position_m or [0.0] * 3, one.direction or along) for one in places]
     return _rows(file, sensors)
+
+
+def without(file: RigFile) -> FloatArray:
+    """Return for each head what the others tell of the pose, zeros where they do not."""
+    rows = head_rows(file)
+    left = [np.delete(rows, head, axis=0) for head in range(len(rows))]
+    told = [np.linalg.pinv(one) * (np.linalg.matrix_rank(one) == rows.shape[1]) for one in left]
+    return np.array([np.insert(one, head, 0.0, axis=1) for head, one in enumerate(told)])
 
 
 def _jump(file: RigFile) -> FloatArray:
@@ -352,7 +362,7 @@ def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None
 
 
 def watch_settings(rig: StageRig) -> dict[str, float]:
-    """Return by what a controller of several coordinates finds lost magnets, and how it lands."""
+    """Return by what a controller of several coordinates finds what is lost, and how it lands."""
     table, timing, amplifier = rig.settings.tracking, rig.settings.timing, rig.settings.amplifier
     late = timing.delay_ticks * rig.dt + 1.0 / (math.tau * amplifier.bandwidth_Hz)
     down = LANDED * travel_m(rig.settings) / (table.land_m_per_s * rig.dt)
@@ -363,4 +373,10 @@ def watch_settings(rig: StageRig) -> dict[str, float]:
         "off_ticks": max(1, round(table.lost_s / rig.dt)),
         "spare": spare(rig.settings) if table.lost_A else 0,
         "land_ticks": min(math.ceil(down), MOST_TICKS),
+        "jump": (table.head_m_per_s or 0.0) * rig.dt,
+        "doubt": HEADS_ODD * max(1, round(table.head_s / rig.dt)),
+        "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),
+        "spare_heads": sum(
+            1 << one for one, rows in enumerate(without(rig.settings)) if rows.any()
+        ),
     }

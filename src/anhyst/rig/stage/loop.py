@@ -61,6 +61,7 @@ from anhyst.rig.stage.file import (
     usual_allocation,
     watch_settings,
     weight,
+    without,
     wrench_layout,
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
@@ -73,7 +74,6 @@ AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
-_COMMAND_NONE = 0
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ def track(
         pulled,
         noise,
         np.ascontiguousarray(-forward),
-        np.full(n, _COMMAND_NONE, dtype=np.uint32),
+        np.zeros(n, dtype=np.uint32),
         np.ascontiguousarray(frame),
     )
     run = Recording.of_table(in_columns(loop, rows))
@@ -427,13 +427,16 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     decouple, weigh = decoupling(setup.believed.settings)
     b0, b1, b2, a1, a2 = pid(setup.rig).values()
     mass, speed = file.body.mass_kg, file.tracking.land_m_per_s * setup.rig.dt
+    ends = np.array([[stop_of(file, axis)] for axis in file.body.free])
     return {
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
+        "without": without(file).reshape(at.size, len(at)),
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),
-        "reach": np.array([[ODD * stop_of(file, axis)] for axis in file.body.free]),
+        "reach": ODD * ends,
+        "lift": ends * (file.tracking.lift_m_per_s * setup.rig.dt / travel_m(file)),
         "land": np.array([[-speed * (axis == "z")] for axis in file.body.free]),
     }
 

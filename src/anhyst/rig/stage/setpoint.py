@@ -59,7 +59,16 @@ class SetPoint:
         return sums[0], sums[1], sums[2], sums[3]
 
     def _rise(self, time: FloatArray, order: int) -> FloatArray:
-        """Integrate a jerk that rises to one and falls again so many times; -1 is its slope."""
+        """Integrate a jerk that rises to one and falls again so many times; -1 is its slope.
+
+        From its end on only lower powers are left: a path of hours keeps its digits.
+        """
+        end, later = np.array([self.jerk_phase]), np.maximum(time - self.jerk_phase, 0.0)
+        left = (self._within(end, order - one) * later**one / one for one in range(1, order))
+        return np.asarray(self._within(np.minimum(time, self.jerk_phase), order) + sum(left))
+
+    def _within(self, time: FloatArray, order: int) -> FloatArray:
+        """Return the same until its end."""
         snap, jerk = self.snap_phase, self.jerk_phase
         corners = ((0.0, 1.0), (snap, -1.0), (jerk - snap, -1.0), (jerk, 1.0))
         power = order + 1

@@ -16,6 +16,7 @@ from anhyst.compilation.output import Compiled, check_folder, write_folder
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.verb import compile_actuator
+from anhyst.control.states import Command
 from anhyst.model.actuator import Model
 from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
@@ -59,6 +60,8 @@ if TYPE_CHECKING:
 
 StageKind = Literal["full", "simplified", "play", "single-valued"]
 
+COMMAND_ROWS = 20
+"""In the end of the golden vectors, after each command."""
 ROWS = 2000
 """Ticks of the flight that become golden vectors, if it takes as many: at rest, acceleration, after it."""
 
@@ -280,7 +283,7 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     """Fly the test set-point and return what the controller was given and answered, by column.
 
     The answers are those of a fresh controller to inputs in single precision. Where it looks at
-    currents, none is read of the first magnet in the end.
+    currents, none is read of the first magnet in the end; then it is let go, lifted and set down.
     """
     file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
     given = fly_it(setup, rows).astype(np.float32)
@@ -288,12 +291,14 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
     if file.tracking.lost_A is not None:
         given[end + magnets, -DEAD_ROWS:] = 0.0
-    answers = []
-    for row in given.T.tolist():
-        gap, read = row[end : end + magnets], row[end + magnets :]
-        current, demand, *status = controller.tick(row[:begin], row[begin:end], gap, read)
-        answers.append([*current, *demand, *status])
-    signals = [*given, *np.array(answers).T]
+    commands, answers = np.zeros(len(given.T), dtype=np.float32), []
+    for ahead, command in enumerate((Command.LAND, Command.LIFT, Command.IDLE), 1):
+        commands[-COMMAND_ROWS * ahead] = command
+    for row in np.vstack([given, commands]).T.tolist():
+        gap, read = row[end : end + magnets], row[end + magnets : -1]
+        told = controller.tick(row[:begin], row[begin:end], gap, read, int(row[-1]))
+        answers.append([*told[0], *told[1], *told[2:]])
+    signals = [*given, commands, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
 
 
@@ -346,6 +351,7 @@ def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
         *(f"forward_{axis}" for axis in free),
         *(f"gap_{one}" for one in range(1, magnets + 1)),
         *(f"read_{one}" for one in range(1, magnets + 1)),
+        "command",
         *(f"current_{one}" for one in range(1, magnets + 1)),
         *(f"demand_{axis}" for axis in free),
         "flags",

@@ -1,4 +1,4 @@
-"""Magnets that are lost: the amplifier of each fails in a flight of its own, and what becomes of the body.
+"""What is lost in flight: each amplifier or head fails in a run of its own, and what becomes of the body.
 
 Long stroke and set-point brake to rest from the tick on at which the controller finds the loss, but
 where the magnets that are left make all that the rest of the set-point asks for.
@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.control.states import Phase, State
-from anhyst.rig.bearing.scenario import FAILS, SHORT
+from anhyst.control.states import Command, Phase, State
+from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS, SHORT
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
@@ -22,6 +22,7 @@ from anhyst.rig.stage.file import (
     scan_direction,
     spare,
     usual_allocation,
+    without,
     wrench_layout,
 )
 from anhyst.rig.stage.loop import (
@@ -43,16 +44,17 @@ HELD_S = 0.1
 """For which a body that braked is still watched."""
 END_S = 0.02
 """Of it, or of the whole set-point, the end that is judged."""
+LIFT_S, LAND_S = 0.2, 0.45
+"""When a body that was let go first is lifted, and when it is told to land."""
 LIES_S = 0.02
 """After it came down, a body lies: what slides later, it does without friction here."""
 PARTS = (1.0, 0.5, 0.25, 0.1)
 """Of the largest acceleration, at which it may brake."""
 _LOST = 256
 """In the state that a loop records: times the highest number of a magnet that is lost."""
-_DOWN = 16 * State.FAULT + Phase.REST
-LOSS_TITLE = "a magnet lost in flight, each when it pulls most"
+LOSS_TITLE = "a magnet lost in flight, each when it pulls most, or a head"
 LOSS_HEAD = (
-    "magnet",
+    "lost",
     "the stage",
     "at ms",
     "A",
@@ -73,14 +75,15 @@ LOSS_NOTES = (
 
 @dataclass(frozen=True)
 class LostMagnet:
-    """What became of a body one of whose magnets was lost."""
+    """What became of a body one of whose magnets or heads was lost; none where it was lifted."""
 
     magnet: str
     at_s: float
-    current_A: float  # noqa: N815 - carries its unit; then
-    spare: bool  # whether the others hold every coordinate, by linear programme
+    current_A: float | None  # noqa: N815 - carries its unit; then
+    spare: bool  # whether the others hold every coordinate, by linear programme; or tell the pose
     noticed_s: float | None  # so much later
-    # "unnoticed", "flies on", "brakes", "lands", or "falls" where it hit a stop in the air
+    # "unnoticed", "flies on", "brakes", "lands", "let go", "falls" where it hit a stop in the air,
+    # or "lifts off", "stays"
     outcome: str
     # of each coordinate the largest error from the loss on, and at the end; none of one that is down
     error: dict[str, float]
@@ -108,13 +111,17 @@ class LostMagnet:
             self.magnet,
             self.outcome,
             f"{1e3 * self.at_s:.1f}",
-            f"{self.current_A:.2f}",
+            "" if self.current_A is None else f"{self.current_A:.2f}",
             "yes" if self.spare else "no",
             "" if self.noticed_s is None else f"{1e3 * self.noticed_s:.2f}",
             most(self.error),
             most(self.error_end),
             *(f"{1e3 * one:.1f}" for one in speeds),
         ]
+
+
+def _state(run: Recording) -> FloatArray:
+    return np.asarray(run["state"] % _LOST // 16)
 
 
 @dataclass(frozen=True)
@@ -136,53 +143,97 @@ class Losses:
     seed: int = 1
 
     def all(self) -> list[LostMagnet]:
-        """Lose every magnet that the case names in a flight of its own."""
-        placed = [one.name for one in self._rig.settings.placed]
-        whole = self._whole()
+        """Lose every magnet that the case names in a flight of its own, then every head; then lift."""
+        file, whole, case = self._rig.settings, self._whole(), self.case
+        placed = [one.name for one in file.placed]
         calm = self._flown(whole, {})
-        return [self._lose(placed.index(name), whole, calm) for name in self.case.magnets or placed]
+        found = [self._lose(placed.index(name), whole, calm) for name in case.magnets or placed]
+        count = len(file.position_sensors)
+        heads = [(number, way) for way in case.heads or [] for number in range(count)]
+        found += [self._lose_head(number, way, whole) for number, way in heads]
+        return [*found, self._lifted(whole)] if case.lift else found
 
     @property
     def _rig(self) -> StageRig:
         return self.setup.rig
 
     def _lose(self, magnet: int, whole: _Plan, calm: Recording) -> LostMagnet:
-        dt, file = self._rig.dt, self._rig.settings
-        since = round(LIFTED_S / dt)
+        file, since = self._rig.settings, round(LIFTED_S / self._rig.dt)
         density = np.abs(calm[column("flux_density", "T", magnet + 1)])
         at = since + int(np.argmax(density[since:]))
+        word = 1 << magnet + FAILS | (SHORT if self.case.circuit == "short" else 0)
+        found = self._failed(file.placed[magnet].name, at, word, magnet, whole)
+        then = calm[column("current", "A", magnet + 1)][round(found.at_s / self._rig.dt)]
+        return replace(found, current_A=float(then), spare=bool(spare(file) >> magnet & 1))
+
+    def _lose_head(self, number: int, way: str, whole: _Plan) -> LostMagnet:
+        at = int(np.argmax(np.abs(whole.acceleration)))
+        word = 1 << number + FAILS | HEAD_FAULTS[way]
+        found = self._failed(f"head {number + 1} {way}", at, word, -1, whole)
+        return replace(found, spare=bool(without(self._rig.settings)[number].any()))
+
+    def _failed(self, name: str, at: int, word: int, magnet: int, whole: _Plan) -> LostMagnet:
+        """Return what becomes of a body for which something fails at a tick, or when the case says."""
+        dt, file = self._rig.dt, self._rig.settings
         if self.case.at_s is not None:
-            at = min(round(self.case.at_s / dt), len(calm) - 1)
-        fails = {at: 1 << magnet}
+            at = min(round(self.case.at_s / dt), len(whole.forward) - 1)
+        fails = {at: word}
         run = self._flown(whole, fails)
-        found = np.flatnonzero(run["state"] >= _LOST)
         plan, outcome, now = whole, "unnoticed", at
+        found = np.flatnonzero((run["state"] >= _LOST) | (_state(run) == State.FAULT))
         if found.size:
             now, outcome = int(found[0]), "flies on"
-            if run["state"][-1] % _LOST == _DOWN or not self._makes(magnet, whole.forward[now:]):
+            if _state(run)[-1] == State.FAULT or not self._makes(magnet, whole.forward[now:]):
                 plan, outcome = self._braked(magnet, whole, now), "brakes"
                 run = self._flown(plan, fails)
         down, touch = self._touches(run)
-        if run["state"][-1] % _LOST == _DOWN:
-            outcome = "lands"
+        if _state(run)[-1] == State.FAULT:
+            outcome = "lands" if (run["state"] % 16 == Phase.DESCEND).any() else "let go"
         elif touch > 0.0:
             outcome = "falls"
-        names = [] if outcome in ("lands", "falls") else error_columns(file.body.free)
-        unaware = replace(self._rig, settings=file.changed({"control.lost_A": None}))
+        names = [] if outcome in ("lands", "let go", "falls") else error_columns(file.body.free)
+        blind = {"control.lost_A": None, "control.head_m_per_s": None}
+        unaware = replace(self._rig, settings=file.changed(blind))
         other = replace(self, setup=replace(self.setup, rig=unaware))
+        every = (1 << len(file.placed)) - 1 << FAILS
         return LostMagnet(
-            magnet=file.placed[magnet].name,
+            magnet=name,
             at_s=at * dt,
-            current_A=float(calm[column("current", "A", magnet + 1)][at]),
-            spare=bool(spare(file) >> magnet & 1),
+            current_A=None,
+            spare=False,
             noticed_s=(now - at) * dt if found.size else None,
             outcome=outcome,
             error={name: peak(run[name][at:]) for name in names},
             error_end={name: peak(run[name][-round(END_S / dt) :]) for name in names},
             down_m_per_s=down,
             touch_m_per_s=touch,
-            let_go=self._touches(self._flown(plan, fails | {now: (1 << len(file.placed)) - 1})),
+            let_go=self._touches(self._flown(plan, fails | {now: every})),
             unaware=self._touches(other._flown(plan, fails)),
+        )
+
+    def _lifted(self, whole: _Plan) -> LostMagnet:
+        """Return how a body that was let go is lifted from its stops, and set down again."""
+        dt, names = self._rig.dt, error_columns(self._rig.settings.body.free)
+        up, land = round(LIFT_S / dt), round(LAND_S / dt)
+        still = np.zeros(2 * land)
+        plan = _Plan(np.zeros(still.size + 1), np.zeros(still.size + 1), still)
+        commands = {0: Command.IDLE, up: Command.LIFT, land: Command.LAND}
+        run = self._flown(plan, {}, commands)
+        flies = np.flatnonzero(run["state"][up:land] % 16 == Phase.HOVER) + up
+        fall, down = self._touches(run.part(0, up)), self._touches(run.part(up, len(run)))
+        return LostMagnet(
+            magnet="none: lift-off",
+            at_s=up * dt,
+            current_A=None,
+            spare=True,
+            noticed_s=None,
+            outcome="lifts off" if flies.size and _state(run)[-1] == State.READY else "stays",
+            error={name: peak(run[name][flies]) for name in names if flies.size},
+            error_end={name: peak(run[name][land - round(END_S / dt) : land]) for name in names},
+            down_m_per_s=down[0],
+            touch_m_per_s=down[1],
+            let_go=fall,
+            unaware=fall,
         )
 
     def _whole(self) -> _Plan:
@@ -234,8 +285,10 @@ class Losses:
             layout.share(one)[1] for one in fed_wrench(self.setup.believed, forward).tolist()
         )
 
-    def _flown(self, plan: _Plan, fails: Mapping[int, int]) -> Recording:
-        """Return a flight in which from some ticks on amplifiers fail, bit by bit."""
+    def _flown(
+        self, plan: _Plan, fails: Mapping[int, int], commands: Mapping[int, Command] | None = None
+    ) -> Recording:
+        """Return a flight with what fails from some ticks on, and with commands at ticks."""
         rig, n = self._rig, plan.forward.size
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
@@ -243,7 +296,9 @@ class Losses:
         frame = np.outer(plan.place + stray, scan_direction(rig.settings))
         command = np.zeros(n, dtype=np.uint32)
         for at, which in fails.items():
-            command[at:] = which << FAILS | (SHORT if self.case.circuit == "short" else 0)
+            command[at:] = which
+        for at, which in (commands or {}).items():
+            command[at] |= which
         wrench = fed_wrench(self.setup.believed, plan.forward)
         run = fly(self.setup, self.seed, plan.place[:n], frame, wrench, command)
         own = {name: run[name] for name in run.columns}

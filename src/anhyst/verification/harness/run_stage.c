@@ -45,7 +45,7 @@ void subject_draw(uint32_t step)
   const float span = COUNT(GAP_HIGH_M) - COUNT(GAP_LOW_M);
   STAGE(_sample) *in = &now.signals.in;
   for (int i = 0; i < COUNT(HEADS); i++) {
-    in->head[i] = draw() * (harness_draw() % 64U == 0U ? 1e-5F : 1e-7F);
+    in->head[i] = draw() * (harness_draw() % 64U == 0U ? 2e-6F : 1e-7F);
   }
   for (int k = 0; k < COUNT(AXES); k++) {
     in->forward[k] = 0.0F;

@@ -19,17 +19,25 @@ typedef struct {
   uint16_t off_ticks;  /* for so many ticks on end, > 0 */
   uint16_t spare;      /* those without one of which the body goes on, bit by bit */
   uint16_t land_ticks; /* which a landing takes */
-  const ANHYST_REAL *land; /* of each axis, by what the target moves in a tick of it */
+  const ANHYST_REAL *land; /* of each axis, by what is aimed at moves in a tick of it */
+  const ANHYST_REAL *lift; /* the same in a tick of lift-off, at most */
+  /* And about heads. */
+  const ANHYST_REAL *without; /* see without each of them in its place, its own column zero */
+  uint16_t spare_heads;       /* without one of which the others tell the pose, bit by bit */
+  ANHYST_REAL jump;           /* by which one moves in a tick at most, m; 0: none is looked at */
+  uint16_t doubt;             /* with which one is lost, > 0: 1 a tick in which it stood still,
+                                 ANHYST_AXES_ODD one in which it jumped or said no number */
+  uint16_t noisy;             /* whether none stands still by itself */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
 typedef struct {
-  const ANHYST_REAL *head;    /* readings of the position heads, m */
-  const ANHYST_REAL *target;  /* wanted pose */
+  const ANHYST_REAL *head;    /* of each, less what it would read at the target, m */
   const ANHYST_REAL *forward; /* wrench that is fed forward, the weight in it */
   const ANHYST_REAL *gap;     /* of each drive, m */
   const ANHYST_REAL *flux;    /* density in each, T; NAN without a probe */
   const ANHYST_REAL *current; /* in each, A; what is no number says nothing */
+  uint16_t command;
 } ANHYST_NAME(anhyst_axes_sample);
 
 /* What follows. */
@@ -37,7 +45,7 @@ typedef struct {
   ANHYST_REAL *current; /* of each drive, A */
   ANHYST_REAL *demand;  /* wanted wrench */
   uint16_t flags;       /* see flags.h, or-ed over the drives */
-  uint16_t lost;        /* drives, bit by bit */
+  uint32_t lost;        /* drives, bit by bit; from bit 16 on heads */
   uint16_t state;       /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes_answer);
 
@@ -50,6 +58,12 @@ typedef struct {
   ANHYST_REAL commanded[ANHYST_WRENCH_DRIVES]; /* currents */
   ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* those that should flow */
   uint16_t wrong[ANHYST_WRENCH_DRIVES];        /* ticks for which others did */
+  ANHYST_REAL away[ANHYST_WRENCH_AXES];        /* what is aimed at less the target */
+  ANHYST_REAL seen[ANHYST_AXES_HEADS];         /* last of each head */
+  uint16_t doubt[ANHYST_AXES_HEADS];           /* about each */
+  uint16_t sighted;                            /* heads that said a number so far, bit by bit */
+  uint16_t blind;                              /* heads that are lost */
+  uint16_t gone;                               /* the last of them */
   uint16_t landing;                            /* ticks of it so far */
   uint16_t flight;                             /* anhyst_axes_state */
 } ANHYST_NAME(anhyst_axes);

@@ -1,0 +1,125 @@
+"""A meander of 50 fields, 200 mm in x and in y, by the planar stage of the example, the long stroke under it.
+
+Between two fields, while it turns around in x, the body goes on by a field in y. The mass alone is fed
+forward; plant, iron and layout are those of the example, one noise seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from anhyst._core import PlantLoop
+from anhyst.compensate.interface import MethodName
+from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
+from anhyst.rig.bearing.plant import current_loops
+from anhyst.rig.recording import Recording, column
+from anhyst.rig.stage.file import StageRig, mass_matrix, read_stage, weight
+from anhyst.rig.stage.loop import (
+    StageSetup,
+    identify_stage,
+    make_loop_controller,
+    make_stage,
+    of_axes,
+)
+from anhyst.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
+from anhyst.support.arrays import FloatArray
+from planar import RIG
+from rows import Row
+
+FIELDS = 50
+LONG, PITCH = 0.2, 0.004
+"""Of a field along x, with half a turnaround at each end, and from one to the next along y, m."""
+ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, rests=True)
+"""Acceleration, m/s2, and speed, m/s, of a step aside."""
+METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
+PIECE = 20_000
+SETTLED_S = 5e-3
+"""After the acceleration, until what is exposed begins."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """A way along x and y: places, m, and accelerations, m/s2, a row a time."""
+
+    rig: StageRig
+
+    @property
+    def along(self) -> SetPoint:
+        """The way along x."""
+        scan = self.rig.settings.scan
+        turning = 2.0 * scan.speed_m_per_s / max(scan.test_m_per_s2) + scan.jerk_phase_s
+        cruise = LONG / scan.speed_m_per_s - turning / 2.0
+        phases = scan.jerk_phase_s, scan.snap_phase_s
+        return SetPoint((max(scan.test_m_per_s2),) * FIELDS, scan.speed_m_per_s, cruise, *phases)
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return places and accelerations at some times."""
+        along, moved = self.along, float(ASIDE.at(np.array([ASIDE.duration]))[0][0])
+        aside = replace(ASIDE, cruise=(PITCH - moved) / ASIDE.speed)
+        lasts = aside.duration - 2.0 * aside.cruise  # without the cruises around it
+        x, y = along.at(time)[:2], [np.zeros_like(time), np.zeros_like(time)]
+        for begin, length, _ in along.pulses[1:]:
+            since = begin + 0.5 * (length - lasts) - aside.cruise
+            place, acceleration, _, _ = aside.at(time - since)
+            y = [y[0] + place, y[1] + acceleration]
+        return np.column_stack([x[0], y[0]]), np.column_stack([x[1], y[1]])
+
+    def exposed(self, count: int) -> np.ndarray:
+        """Return which ticks are of a field."""
+        found, dt = np.zeros(count, dtype=bool), self.rig.dt
+        for begin, length, _ in self.along.pulses:
+            end = begin + length + self.along.cruise
+            found[round((begin + length + SETTLED_S) / dt) : round(end / dt)] = True
+        return found
+
+
+def errors(setup: StageSetup) -> tuple[FloatArray, int]:
+    """Return the errors of all coordinates, a row a tick, and all flags."""
+    rig, file, path = setup.rig, setup.rig.settings, Path(setup.rig)
+    free, n = file.body.free, round(path.along.duration / rig.dt)
+    time, ahead = instants(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
+    places, wide = path.at(time)[0], np.zeros((n + 1, len(free)))
+    wide[:, :2] = places
+    fed = np.zeros((n, len(free)))
+    fed[:, :2] = path.at(time[:n] + ahead)[1]
+    wrench = fed @ mass_matrix(file).T - weight(file)
+    late = path.along.at(time - STRAY_LATE)[1] / max(file.scan.test_m_per_s2)
+    frame = wide.copy()
+    frame[:, 0] += strayed(rig, late, time)
+    frame[:, 1] += strayed(rig, 0.0, time)
+    bearing = drifted_stage(rig.bearing, NO_DRIFT, 1)
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
+    off, flags = np.zeros((n, len(free))), 0
+    for begin in range(0, n, PIECE):
+        end = min(begin + PIECE, n)
+        still, part = np.zeros((end - begin) * len(free)), np.zeros(end - begin)
+        given = wide[begin:end].ravel(), part, still, wrench[begin:end].ravel()
+        table = loop.run(*given, part.astype(np.uint32), frame[begin : end + 1].ravel())
+        run = Recording.of_table(table, [column(*signal) for signal in loop.signals])
+        poses = np.column_stack([run[name] for name in of_axes("pose", free)])
+        off[begin:end] = wide[begin:end] - poses - frame[begin:end]
+        flags |= int(np.bitwise_or.reduce(run["flags"].astype(int)))
+    return off, flags
+
+
+def rows() -> list[Row]:
+    """Return a line a method."""
+    rig = read_stage(RIG)
+    magnet, found = identify_stage(rig), []
+    for method in METHODS:
+        off, flags = errors(make_stage(rig, magnet, method))
+        ticks = round(rig.settings.scan.slit_s / rig.dt)
+        whole = np.convolve(Path(rig).exposed(len(off)), np.ones(ticks), "valid") > ticks - 0.5
+        slit = np.ones(ticks) / ticks
+        means = np.column_stack([np.convolve(one, slit, "valid") for one in off.T])
+        average = 1e9 * np.abs(means[whole]).max(axis=0)
+        peak = 1e9 * np.abs(off[round(0.05 / rig.dt) :]).max(axis=0)
+        text = ", ".join(
+            f"{axis} {p:.3g} / {m:.3g}"
+            for axis, p, m in zip(rig.settings.body.free, peak, average, strict=True)
+        )
+        what = f"meander, {FIELDS} fields, {len(off) * rig.dt:.0f} s, {method}: peak / average"
+        found.append(Row(what, "stated", f"{text} nm, nrad; flags {flags}", True))
+    return found

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+/* In floating point the signals are SI as they are. */
+
+static inline ANHYST_REAL ANHYST_NAME(code)(double value, double full)
+{
+  (void)full;
+  return (ANHYST_REAL)value;
+}
+
+static inline ANHYST_REAL ANHYST_NAME(flux)(double value, double full)
+{
+  return ANHYST_NAME(code)(value, full);
+}
+
+static inline ANHYST_REAL ANHYST_NAME(measured)(double value, double full)
+{
+  return ANHYST_NAME(code)(value, full);
+}
+
+static inline ANHYST_REAL ANHYST_NAME(gap_code)(double gap, double low, double high)
+{
+  return ANHYST_NAME(code)(gap, high - low);
+}
+
+static inline double ANHYST_NAME(value)(ANHYST_REAL code, double full)
+{
+  (void)full;
+  return (double)code;
+}
