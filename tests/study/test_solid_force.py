@@ -194,6 +194,7 @@ def test_layers_in_the_firmware_leave_a_fraction_of_what_the_model_at_rest_does(
 
 
 @pytest.mark.slow
+@pytest.mark.campaign  # its parts are run one by one above, below and in tests/compilation
 def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     folder: Path, tmp_path: Path
 ) -> None:
