@@ -15,10 +15,12 @@ from anhyst.cli.app import main
 from anhyst.cli.force_control import show_force
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
+from anhyst.compilation.output import compile_model
 from anhyst.data import History, Loop, Loops
 from anhyst.data.speeds import slow_loops, speeds_of
 from anhyst.draft.drafting import init_force_control
 from anhyst.identification import identify
+from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN
@@ -31,6 +33,7 @@ from anhyst.rig.measuring import straight
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.study.force.force_control import force_control
 from anhyst.support.units import QUANTITIES
+from anhyst.verification.verify import verify
 from tests.refusals import refused
 from tests.truths import truth
 
@@ -211,29 +214,56 @@ def test_one_command_goes_from_loops_at_three_speeds_to_verified_c_and_a_page(
     page = (out / "report.html").read_text()
     assert "C verified" in page
     assert "full, iron at rest" in page
+    rig = read_rig(path)
     worst = {
-        name: worst_of_the_last_cycle(read_rig(path), out, name) for name in ("full", "at-rest")
+        name: worst_of_the_last_cycle(
+            rig, read_model(out / "stroke" / name / "model.toml"), GAPS[0], REACHED
+        )
+        for name in ("full", "at-rest")
     }
     assert worst["full"] < 0.2 * worst["at-rest"]
 
 
-def worst_of_the_last_cycle(rig: Rig, out: Path, name: str) -> float:
+@pytest.mark.slow
+def test_c_from_loops_at_three_speeds_is_verified_and_leaves_a_fifth_of_what_rest_does(
+    folder: Path, tmp_path: Path
+) -> None:
+    """At 0.3 and 0.4 mm, the latter not measured; a quarter at 0.5 mm, where the error is least."""
+    path, loops = foreign(folder)
+    rig, model = read_rig(path), identify(loops, law="play-cells").model
+    request = CompileRequest("full", "q31", 20e3)
+    compiled = compile_model(model.save(tmp_path / "model.toml"), tmp_path / "out", request)
+    assert verify(compiled.out, host_steps=2000, target_steps=500).passed
+    for gap, most in ((0.3e-3, 0.2), (0.4e-3, 0.2), (0.5e-3, 0.25)):
+        reached = force_at(rig, gap)
+        full, still = (
+            worst_of_the_last_cycle(rig, one, gap, reached) for one in (model, model.at_rest)
+        )
+        assert full < most * still, gap
+
+
+def force_at(rig: Rig, gap: float) -> float:
+    """Return the force of the largest current; N."""
+    magnet = rig.actuator()
+    assert isinstance(magnet, Electromagnet)
+    return magnet.step(TOP, gap)
+
+
+def worst_of_the_last_cycle(rig: Rig, model: Model, gap: float, reached: float) -> float:
     """Let a magnet follow triangles of 50 Hz between 10 and 50 % of what it reaches there; N."""
-    plan = make_plan(
-        read_model(out / "stroke" / name / "model.toml"), CompileRequest("full", "q31", 20e3), 0
-    )
+    plan = make_plan(model, CompileRequest("full", "q31", 20e3), 0)
     part = np.arange(1600) / 400.0
     demand = (
-        REACHED
+        reached
         * (0.1 + 0.4 * (1.0 - np.abs(2.0 * (part % 1.0) - 1.0)))
         * np.minimum(2.0 * part, 1.0)
     )
-    current = twin_of(plan.block, "q31").run(demand, np.full(1600, GAPS[0]))
+    current = twin_of(plan.block, "q31").run(demand, np.full(1600, gap))
     magnet = rig.actuator()
     assert isinstance(magnet, Electromagnet)
-    magnet.step(0.0, GAPS[0])
+    magnet.step(0.0, gap)
     magnet.seconds = 1.0 / 20e3
-    force = np.array([magnet.step(one, GAPS[0]) for one in current.tolist()])
+    force = np.array([magnet.step(one, gap) for one in current.tolist()])
     return float(np.abs(force - demand)[-400:].max())
 
 

@@ -128,7 +128,7 @@ def _instruments(reach: MeasuredMagnet, rate: float, sweep: float) -> list[FileS
 
 
 def _control(reach: MeasuredMagnet) -> list[Entry]:
-    reached = f"{100.0 * REACHED:.0f} % of what the loops reach at every gap"
+    reached = f"{100.0 * REACHED:.0f} % of what the loops reach at the weakest gap"
     low = float(reach.gaps[0])
     return [
         Entry("kind", "force", "open loop, the armature held"),
