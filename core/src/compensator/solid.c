@@ -160,29 +160,31 @@ static void begin_tick(solid_tick *tick, anhyst_compensator *c, int solved)
 {
   const int16_t *words = c->words;
   const int16_t surface = words[ANHYST_WORD_SOLID_SURFACE];
-  const int16_t inner = (int16_t)((32768 - surface) / (layers_of(words) - 1));
+  const int16_t layers = (int16_t)anhyst_clamp(layers_of(words), 2, ANHYST_MEMORIES);
+  const int16_t inner = (int16_t)((32768 - surface) / (layers - 1));
   const int known = is_placed(&c->next);
   int32_t now = 0;
   tick->c = c;
-  tick->layers = layers_of(words);
+  tick->layers = layers;
   tick->laminated = words[ANHYST_WORD_SOLID_LAMINATED];
   tick->hold = (int32_t)words[ANHYST_WORD_SOLID_HOLD] << words[ANHYST_WORD_SOLID_HOLD_SHIFT];
   tick->own = (int32_t)words[ANHYST_WORD_SOLID_OWN] * 4;
-  for (int16_t j = (int16_t)(tick->layers - 1); j >= 0; j--) {
-    tick->share[j] = j > 0 ? inner : surface;
+  for (int16_t j = (int16_t)(layers - 1); j > 0; j--) {
+    anhyst_deeper *deeper = &c->deeper[j - 1];
+    tick->share[j] = inner;
     set_out(tick, j, known, solved);
     now = section_with(tick, j, now);
     tick->section[j] = now;
-    if (j > 0) {
-      anhyst_deeper *deeper = &c->deeper[j - 1];
-      if (!solved) {
-        deeper->before = anhyst_add_q31(now, deeper->owed);
-      }
-      tick->before[j] = deeper->before;
+    if (!solved) {
+      deeper->before = anhyst_add_q31(now, deeper->owed);
     }
+    tick->before[j] = deeper->before;
   }
+  tick->share[0] = surface;
+  set_out(tick, 0, known, solved);
+  tick->section[0] = section_with(tick, 0, now);
   if (tick->laminated > 0) {
-    set_out(tick, tick->layers, known, solved);
+    set_out(tick, layers, known, solved);
   }
 }
 
@@ -371,10 +373,9 @@ static void solve_tick(solid_tick *tick)
   }
   for (int16_t j = 1; j < tick->layers; j++) {
     tick->c->deeper[j - 1].next_owed = owed_by(tick, j);
-    tick->c->deeper[j - 1].stiffness = tick->stiffness[j];
   }
-  if (tick->laminated > 0) {
-    tick->c->deeper[tick->layers - 1].stiffness = tick->stiffness[tick->layers];
+  for (int16_t j = 1; j < memories_of(tick->c->words); j++) {
+    tick->c->deeper[j - 1].stiffness = tick->stiffness[j];
   }
 }
 
