@@ -77,14 +77,16 @@ class ModelDiff(Result):
 
     def facts(self) -> dict[str, str]:
         """Return what differs, and how far apart the loops are."""
-        facts = {"different": ", ".join(one.name for one in (*self.settings, *self.parameters))}
+        facts = {
+            "different": ", ".join(change.name for change in (*self.settings, *self.parameters))
+        }
         if self.mean is not None and self.worst is not None:
             facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
         return {"same": "yes"} if self.same else facts
 
     def to_columns(self) -> dict[str, Any]:
         """Return how far the settled loops are apart at each scheduling value, SI."""
-        return columns_of([asdict(one) for one in self.loops])
+        return columns_of([asdict(loop) for loop in self.loops])
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, for JSON."""
@@ -92,9 +94,9 @@ class ModelDiff(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest difference of the settled loops over the scheduling variable."""
-        at = [0.0 if one.schedule is None else one.schedule for one in self.loops]
-        ax.plot(at, [one.worst for one in self.loops], "o-", lw=1.1, label="largest difference")
-        ax.plot(at, [one.mean for one in self.loops], "o-", lw=1.1, label="mean")
+        at = [0.0 if loop.schedule is None else loop.schedule for loop in self.loops]
+        ax.plot(at, [loop.worst for loop in self.loops], "o-", lw=1.1, label="largest difference")
+        ax.plot(at, [loop.mean for loop in self.loops], "o-", lw=1.1, label="mean")
         ax.set_xlabel("scheduling variable, SI")
         ax.set_ylabel("difference of the outputs, SI")
 

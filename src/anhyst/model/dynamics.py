@@ -50,14 +50,14 @@ class Dynamics:
 
     def __post_init__(self) -> None:
         numbers = (self.lag, self.fastest, *self.times, *self.shares)
-        if not all(math.isfinite(one) and one >= 0.0 for one in numbers):
+        if not all(math.isfinite(number) and number >= 0.0 for number in numbers):
             raise InputError("model dynamics: lag, times, shares and rate must be finite and not "
                              "negative", code="out-of-range")  # fmt: skip
         if len(self.times) != len(self.shares):
             raise InputError(
                 "model dynamics: give one creep share for each creep time", code="length-differs"
             )
-        if any(one <= 0.0 for one in self.times) or list(self.times) != sorted(set(self.times)):
+        if any(time <= 0.0 for time in self.times) or list(self.times) != sorted(set(self.times)):
             raise InputError(
                 "model dynamics: creep times must be above 0 and ascend", code="not-ascending"
             )

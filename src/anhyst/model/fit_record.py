@@ -138,7 +138,7 @@ def fit_figures(
         monotone=monotone,
         cross_validation=cross_validation,
         candidates=tuple(
-            replace(one, rms=rms / largest) if one.note == CHOSEN else one for one in candidates
+            replace(fit, rms=rms / largest) if fit.note == CHOSEN else fit for fit in candidates
         ),
     )
 

@@ -218,14 +218,14 @@ def _fit(fit: FitFigures, model: ActuatorRecord) -> str:
             "left_out": "block" if expected.left_out == "block" else None,
         }
         text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_keys(table)}"
-    for one in fit.candidates:
+    for candidate in fit.candidates:
         table = {
-            "law": one.law,
-            "gap_map": one.gap_map,
-            "numbers": int(one.numbers),
-            "rms": float(one.rms),
-            "left_out": None if one.left_out is None else float(one.left_out),
-            "note": one.note or None,
+            "law": candidate.law,
+            "gap_map": candidate.gap_map,
+            "numbers": int(candidate.numbers),
+            "rms": float(candidate.rms),
+            "left_out": None if candidate.left_out is None else float(candidate.left_out),
+            "note": candidate.note or None,
         }
         text += f"\n[[fit.candidate]]\n{_keys(table)}"
     for loop in fit.loops:
