@@ -32,7 +32,7 @@ from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.motion import Motion, MotionLaw
+from anhyst.study.tracking.motion import MotionLaw
 from anhyst.study.tracking.plants import ERRORS
 from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.jobs import all_of
@@ -43,7 +43,7 @@ PLANTS, SEED = 12, 30
 FEWER = 4
 """The first of the plants: for one error alone, other irons and what nobody modelled."""
 SCANS = (1, 2, 4)
-METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "single-valued")
+METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
 OTHERS = ("cells 0.05", "cells 0.3", "preisach-usual", "preisach-hard", "duhem-usual")
 """Irons besides that of the example, for which the last number of scans is tried alone."""
 MEASURED = (("average_m", 1e9), ("peak_m", 1e9), ("settling_50_s", 1e3))
@@ -178,7 +178,7 @@ class Trial:
         figures, learner = [judged()], Learner(law)
         for scan in range(1, max(self.scans) + 1):
             run = world.fly(setup, drift, training(rig), gains, noise + scan)
-            learner.learn(Motion(rig, run.columns))
+            learner.learn(law.motion(run.columns))
             setup = law.stage(learner.found)
             gains = bench.calibrated_gains
             if scan in self.scans:

@@ -53,7 +53,7 @@ def table(rows: int = 5, columns: int = 9) -> FloatArray:
 
 
 def densities(rows: int = 5, columns: int = 9) -> FloatArray:
-    """Return flux densities in proportion to the force, the same at every gap, T."""
+    """Return flux densities in proportion to the root of the force, the same at every gap, T."""
     return np.ascontiguousarray(np.tile(0.8 * np.linspace(0.0, 1.0, columns), (rows, 1)))
 
 
@@ -310,7 +310,7 @@ def test_the_flux_loop_brings_the_flux_to_where_it_is_wanted() -> None:
     """Whatever the map is off: here the iron gives a tenth less than it says."""
     drive = of_flux(0.2, 0.1, 0.2, 1.0)
     demand, density = 120.0, 0.0
-    wanted = 0.8 * demand / FORCE
+    wanted = 0.8 * math.sqrt(demand / FORCE)
     for _ in range(600):
         current = drive.solve(demand, WIDE, density)
         drive.commit(current, WIDE)
@@ -326,7 +326,7 @@ def test_a_flux_that_follows_as_expected_asks_for_no_correction() -> None:
         current = drive.solve(demand, WIDE, density)
         assert current == pytest.approx(plain.solve(demand, WIDE, NAN), rel=1e-12)
         drive.commit(current, WIDE)
-        density += share * (0.8 * demand / FORCE - density)
+        density += share * (0.8 * math.sqrt(demand / FORCE) - density)
 
 
 def test_without_a_sample_of_the_probe_the_correction_stands_still() -> None:
@@ -361,7 +361,7 @@ def test_a_shunt_that_reads_wrong_leaves_the_flux_where_it_is_wanted(shunt: floa
         current = drive.solve(120.0, WIDE, density)
         drive.commit(shunt * current, WIDE)
         density = 0.5 * current / of_map(ForceController).solve(120.0, WIDE, NAN)
-    assert density == pytest.approx(0.8 * 120.0 / FORCE, rel=1e-9)
+    assert density == pytest.approx(0.8 * math.sqrt(120.0 / FORCE), rel=1e-9)
 
 
 @pytest.mark.parametrize("limit", [1.0, 0.25])
@@ -387,14 +387,16 @@ def test_the_fixed_flux_loop_follows_the_floating_one_with_the_same_numbers(limi
     )
     rng = np.random.default_rng(6)
     worst, limited = 0.0, 0
-    for demand, gap, density in rng.uniform(0.1, 0.7, (2000, 3)).tolist():
+    # as large as what is wanted in the mean, so that nothing leaves the full scale
+    for demand, gap, density in rng.uniform([0.1, 0.1, 0.2], [0.7, 0.7, 0.8], (2000, 3)).tolist():
         code = fixed.solve(int(demand * ONE), int(gap * ONE), int(density * ONE))
         current = real.solve(demand, gap, density)
         worst = max(worst, abs(code / ONE * current_scale - current))
         limited += code == int(limit * (ONE - 1))
         fixed.commit(int(0.98 * code), int(gap * ONE))
         real.commit(0.98 * current, gap)
-    assert worst < 100.0 * current_scale / ONE
+    # no loop is closed, so what the roots differ by adds up in the integrals
+    assert worst < 1e-6 * current_scale
     assert (limited > 100) == (limit < 1.0)
 
 

@@ -76,10 +76,23 @@ def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
         run = track(replace(setup, drift=WRONG), motion, Feedforward(), 2)
         return measure(run, motion, SLIT).force_rms_N
 
-    parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0}
+    parts: dict[MethodName, float] = {"full": 0.5, "flux": 0.5, "play": 1.0, "fused": 0.5}
     for method, part in parts.items():
         assert left(corrected(method)) < part * left(stages.setup(method)), method
     assert left(corrected()) < 0.4 * left(corrected("play"))
+    assert left(corrected("fused")) < 0.8 * left(corrected("flux"))
+
+
+@pytest.mark.slow
+def test_one_estimate_finds_currents_and_probes() -> None:
+    found, by_probe = learnt("fused"), learnt("flux")
+    assert found.fits
+    assert found.value("scale_1") == pytest.approx(0.007, abs=0.0025)
+    assert found.value("scale_2") == pytest.approx(-0.005, abs=0.0025)
+    for number in (1, 2):
+        probe = found.value(f"probe_{number}")
+        assert probe == pytest.approx(-WRONG.flux_gain, abs=0.001)
+        assert probe == pytest.approx(by_probe.value(f"scale_{number}"), abs=0.001)
 
 
 @pytest.mark.slow

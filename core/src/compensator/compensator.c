@@ -53,6 +53,8 @@ static int32_t root(int32_t a, int16_t knee)
   return ((r * 16384) + (fine >> 1)) >> (up >> 1);
 }
 
+int32_t anhyst_root_q31(int32_t a) { return anhyst_shl_q31(root(a > 0 ? a : 0, 8), 1); }
+
 /* Square of a q30 within 0..1, as a q31; the inverse of root. Error below 2^-15, saturates. */
 static int32_t square(int32_t a, int16_t knee)
 {

@@ -56,7 +56,7 @@ static void swap_q31(anhyst_compensator *compensator, const int16_t *words)
    difference leaves the format. */
 static void correct_q31(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
 {
-  c->flux = anhyst_map_value_q31(&c->loop->wanted, c->demand, gap) >> 1;
+  c->flux = anhyst_map_value_q31(&c->loop->wanted, anhyst_root_q31(c->demand), gap) >> 1;
   c->error = flux == ANHYST_NO_FLUX ? 0 : c->expected - (flux >> 1);
   const int32_t half =
       anhyst_add_q31(c->integral, anhyst_factor_product(c->error, c->loop->proportional));

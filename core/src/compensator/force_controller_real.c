@@ -3,6 +3,7 @@
 
 #include "anhyst/numeric/real.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #include "lookup_real.h"

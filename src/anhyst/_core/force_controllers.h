@@ -24,6 +24,7 @@
     static constexpr auto init_map = anhyst_force_controller_init_map_##f;                         \
     static constexpr auto init_compensator = anhyst_force_controller_init_compensator_##f;         \
     static constexpr auto init_flux = anhyst_force_controller_init_flux_##f;                       \
+    static constexpr auto fuse = anhyst_force_controller_fuse_##f;                                 \
     static constexpr auto make_play = anhyst_play_map_init_##f;                                    \
     static constexpr auto init_play = anhyst_force_controller_init_play_##f;                       \
     static constexpr auto solve = anhyst_force_controller_solve_##f;                               \
@@ -91,6 +92,16 @@ public:
     check_controller(
         F::init_flux(&made->state_, &made->current_, &made->loop_, real(low), real(high)));
     return made;
+  }
+
+  // Corrects a compensator by the measured flux.
+  void fuse(const InTable &wanted, const In &loop, double force_low, double force_high,
+            double gap_low, double gap_high, double low, double high)
+  {
+    same_length(4, loop.shape(0), "loop");
+    loop_ = {table(wanted, force_low, force_high, gap_low, gap_high), real(loop(0)), real(loop(1)),
+             real(loop(2)), real(loop(3))};
+    check_controller(F::fuse(&state_, &loop_, real(low), real(high)));
   }
 
   Real solve(double demand, double gap, double density)
@@ -166,6 +177,9 @@ public:
   static Made flux(const Entries &entries, const Entries &wanted, const Factors &loop, int32_t low,
                    int32_t high);
 
+  // Corrects a compensator by the measured flux.
+  void fuse(const Entries &wanted, const Factors &loop, int32_t low, int32_t high);
+
   int32_t solve(int32_t demand, int32_t gap, int32_t density)
   {
     return anhyst_force_controller_solve_q31(&state_, demand, gap, density);
@@ -200,6 +214,7 @@ private:
   FixedForceController() = default;
 
   anhyst_map_q31 table(const Entries &entries);
+  void take_loop(const Entries &wanted, const Factors &loop);
 
   anhyst_force_controller_q31 state_{};
   anhyst_map_q31 current_{};

@@ -1,4 +1,4 @@
-"""The method that measures: a map of the current, corrected by a Hall probe."""
+"""Methods that measure: a map of the current, or the inverse law, corrected by a Hall probe."""
 
 from __future__ import annotations
 
@@ -14,12 +14,67 @@ from anhyst.compensate.block import Scales
 from anhyst.compensate.current_map import CurrentMap, current_map, table_words
 from anhyst.compensate.flux import FluxGains, design_flux_loop
 from anhyst.compensate.force_controller import REAL, Native
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse, full_inverse
 from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.sources import Sources
+from anhyst.compensate.surface import Surface
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-from anhyst.support.fixed_point import as_factor, as_smoothing
+from anhyst.support.fixed_point import as_factor, as_smoothing, q31
+
+
+@dataclass(frozen=True)
+class FluxLoop:
+    """How the measured flux density corrects the current of a method."""
+
+    # T, at both ends of the force, on equal steps of the gap; shape (g, 2). Between them it goes with
+    # the root of the force, or where that has a sign, straight with it
+    wanted: FloatArray
+    scales: Scales  # of the method
+    gains: FluxGains
+    rate: float  # ticks a second, Hz
+
+    @cached_property
+    def full_scale(self) -> float:
+        """Flux density that counts as 1.0 in fixed point, T."""
+        return full_scale(float(self.wanted.max()))
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Crossover and gains."""
+        return {
+            "crossover_Hz": self.gains.crossover / (2.0 * math.pi),
+            "k_p_A_per_T": self.gains.proportional,
+            "k_i_A_per_T_s": self.gains.integral * self.rate,
+        }
+
+    def words(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+        """Return table and gains as fixed point takes them."""
+        across = self.full_scale / self.scales.current
+        rows = [
+            as_factor("proportional of the flux loop", self.gains.proportional * across),
+            as_factor("integral of the flux loop", self.gains.integral * across),
+            as_factor("anti-windup of the flux loop", self.gains.back),
+            as_smoothing("delay of the flux loop", self.gains.smoothing),
+        ]
+        wanted = table_words(self.wanted, self.full_scale, "flux density")
+        return wanted, np.array(rows, dtype=np.int16)
+
+
+def _flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
+    """Design the loop around a method with these scales."""
+    operating, calibration = sources.operating, sources.flux_calibration
+    if calibration is None:
+        raise InputError(
+            "flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux"
+        )
+    density = calibration.density_over(surface.force, surface.gap)
+    gains = design_flux_loop(calibration, surface, density, operating.force, operating.rate)
+    ends = np.array([-operating.both_ways * scales.demand, scales.demand])
+    gap = np.linspace(scales.gap_low, scales.gap_high, surface.gap.size)
+    wanted = np.ascontiguousarray(calibration.density_over(ends, gap))
+    return FluxLoop(wanted, scales, gains, operating.rate)
 
 
 @dataclass(frozen=True)
@@ -27,59 +82,78 @@ class FluxFeedback:
     """A map, corrected by the measured flux density."""
 
     map: CurrentMap  # current over force and gap
-    wanted: FloatArray  # flux density on the same steps, T; shape (g, f)
-    gains: FluxGains  # of the flux loop
-    rate: float  # ticks a second, Hz
+    loop: FluxLoop
 
     @property
     def scales(self) -> Scales:
         """Those of the map."""
         return self.map.scales
 
-    @cached_property
+    @property
     def flux_full_scale(self) -> float:
         """Flux density that counts as 1.0 in fixed point, T."""
-        return full_scale(float(self.wanted.max()))
+        return self.loop.full_scale
 
     @property
     def numbers(self) -> dict[str, float]:
         """Crossover and gains of the flux loop."""
-        return {
-            "crossover_Hz": self.gains.crossover / (2.0 * math.pi),
-            "k_p_A_per_T": self.gains.proportional,
-            "k_i_A_per_T_s": self.gains.integral * self.rate,
-        }
+        return self.loop.numbers
 
     def native(self, number_format: NumberFormat) -> Native:
         """Return the core's own."""
-        table = self.map
+        table, loop = self.map, self.loop
         if number_format == "fixed":
-            wanted = table_words(self.wanted, self.flux_full_scale, "flux density")
-            return _core.FixedForceController.flux(
-                table.words(), wanted, self._factors(), *table.codes()
-            )
-        given = table.entries, self.wanted, self.gains.row
+            return _core.FixedForceController.flux(table.words(), *loop.words(), *table.codes())
+        given = table.entries, loop.wanted, loop.gains.row
         return REAL[number_format].flux(*given, *table.real())
-
-    def _factors(self) -> NDArray[np.int16]:
-        """Gains as fixed point takes them."""
-        across = self.flux_full_scale / self.scales.current
-        rows = [
-            as_factor("proportional of the flux loop", self.gains.proportional * across),
-            as_factor("integral of the flux loop", self.gains.integral * across),
-            as_factor("anti-windup of the flux loop", self.gains.back),
-            as_smoothing("delay of the flux loop", self.gains.smoothing),
-        ]
-        return np.array(rows, dtype=np.int16)
 
 
 def flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
     """Design the flux loop around the best current without memory."""
-    surface, operating, calibration = sources.surface(), sources.operating, sources.flux_calibration
-    if calibration is None:
-        raise InputError(
-            "flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux"
-        )
-    wanted = np.ascontiguousarray(calibration.density_over(surface.force, surface.gap))
-    gains = design_flux_loop(calibration, surface, wanted, operating.force, operating.rate)
-    return FluxFeedback(current_map(surface.current, operating, {}), wanted, gains, operating.rate)
+    surface = sources.surface()
+    table = current_map(surface.current, sources.operating, {})
+    return FluxFeedback(table, _flux_loop(sources, surface, table.scales))
+
+
+@dataclass(frozen=True)
+class FusedInverse:
+    """The inverse of the hysteresis, corrected by the measured flux density."""
+
+    inverse: HysteresisInverse
+    loop: FluxLoop
+    limits: tuple[float, float]  # of the current, A
+    force_low: float  # of the table of the flux density, N
+
+    @property
+    def scales(self) -> Scales:
+        """Those of the inverse."""
+        return self.inverse.scales
+
+    @property
+    def flux_full_scale(self) -> float:
+        """Flux density that counts as 1.0 in fixed point, T."""
+        return self.loop.full_scale
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Those of both."""
+        return self.inverse.numbers | self.loop.numbers
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own."""
+        made, scales = self.inverse.native(number_format), self.scales
+        if isinstance(made, _core.FixedForceController):
+            low, high = (q31(end / scales.current) for end in self.limits)
+            made.fuse(*self.loop.words(), low, high)
+        else:
+            ends = self.force_low, scales.demand, scales.gap_low, scales.gap_high
+            made.fuse(self.loop.wanted, self.loop.gains.row, *ends, *self.limits)
+        return made
+
+
+def fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
+    """Compile the full law, and design the flux loop around it."""
+    inverse, where = full_inverse(sources, number_format), sources.operating
+    low = -where.both_ways * inverse.scales.demand
+    loop = _flux_loop(sources, sources.surface(), inverse.scales)
+    return FusedInverse(inverse, loop, where.currents, low)

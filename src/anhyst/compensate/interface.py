@@ -20,6 +20,7 @@ MethodName = Literal[
     "at-rest",
     "full",
     "flux",
+    "fused",
 ]
 """How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
 

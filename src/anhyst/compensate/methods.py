@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from anhyst.compensate.current_map import linearised_map, ratio_map, secant_map, single_valued_map
-from anhyst.compensate.flux_feedback import flux_feedback
+from anhyst.compensate.flux_feedback import flux_feedback, fused_inverse
 from anhyst.compensate.force_controller import ForceController, MethodParameters
 from anhyst.compensate.hysteresis_inverse import (
     full_inverse,
@@ -35,6 +35,7 @@ class Method:
     role: Role
     # from what is known of a magnet and a number format to the parameters
     fit: Callable[[Sources, NumberFormat], MethodParameters]
+    probed: bool = False  # whether it needs a flux probe
 
 
 METHODS: Mapping[MethodName, Method] = {
@@ -46,11 +47,17 @@ METHODS: Mapping[MethodName, Method] = {
     "simplified": Method("simplified hysteresis compensator", "model", simplified_inverse),
     "at-rest": Method("full hysteresis compensator, at rest", "model", full_inverse_at_rest),
     "full": Method("full hysteresis compensator", "model", full_inverse),
-    "flux": Method("measured flux density", "sensor", flux_feedback),
+    "flux": Method("measured flux density", "sensor", flux_feedback, probed=True),
+    "fused": Method(
+        "full hysteresis compensator and measured flux density",
+        "model",
+        fused_inverse,
+        probed=True,
+    ),
 }
 
 BASELINES = tuple(name for name, method in METHODS.items() if method.role == "baseline")
-SENSORS = tuple(name for name, method in METHODS.items() if method.role == "sensor")
+PROBED = tuple(name for name, method in METHODS.items() if method.probed)
 MODELS = tuple(name for name, method in METHODS.items() if method.role == "model")
 
 

@@ -4,6 +4,7 @@
      map          current over force and gap without memory
      compensator  the inverse of hysteresis, with any kernel
      flux         a map, corrected until the measured flux density is the one of the wanted force
+     fused        a compensator, corrected in the same way
      play         such a map with one play: force_by_play.h
 
    At every tick: solve once or more, limit and apply the current, then commit what was applied.
@@ -29,7 +30,7 @@ extern "C" {
 /* How the measured flux corrects the current; constant. U is the full scale of the current, B that
    of the flux density, T the length of a tick. */
 typedef struct {
-  anhyst_map_q31 wanted;      /* flux density of a force */
+  anhyst_map_q31 wanted;      /* flux density over the root of the force */
   anhyst_factor proportional; /* k_p*B/U */
   anhyst_factor integral;     /* k_i*T*B/U */
   anhyst_factor back;         /* share of applied - wanted that the integral takes in a tick in

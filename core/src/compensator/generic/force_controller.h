@@ -228,3 +228,52 @@ void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_contro
   c->low = low;
   c->high = high;
 }
+
+/* ---- by a compensator and the measured flux ---- */
+
+static ANHYST_REAL ANHYST_NAME(solve_fused)(ANHYST_NAME(anhyst_force_controller) *c,
+                                            ANHYST_REAL demand, ANHYST_REAL gap, ANHYST_REAL flux)
+{
+  const ANHYST_REAL by_law = ANHYST_NAME(solve_by_compensator)(c, demand, gap, flux);
+  ANHYST_NAME(correct)(c, gap, flux);
+  c->wanted = ANHYST_NAME(anhyst_add)(by_law, c->correction);
+  c->current = ANHYST_NAME(limited)(c, c->wanted);
+  if (c->current != c->wanted) {
+    c->flags |= ANHYST_CURRENT_LIMITED;
+  }
+  return c->current;
+}
+
+/* The iron is taken for one of which the measured flux corrects the current: the compensator
+   commits what is left of it. */
+static ANHYST_REAL ANHYST_NAME(commit_fused)(ANHYST_NAME(anhyst_force_controller) *c,
+                                             ANHYST_REAL applied, ANHYST_REAL gap)
+{
+  const uint16_t solved = c->solved;
+  const ANHYST_REAL added = solved == 0U ? ANHYST_NAME(held)(c) : c->correction;
+  const ANHYST_REAL output =
+      ANHYST_NAME(commit_by_compensator)(c, ANHYST_NAME(anhyst_sub)(applied, added), gap);
+  if (solved != 0U) {
+    ANHYST_NAME(advance_flux)(c, applied);
+  }
+  return output;
+}
+
+anhyst_status ANHYST_NAME(anhyst_force_controller_fuse)(ANHYST_NAME(anhyst_force_controller) *c,
+                                                        const ANHYST_NAME(anhyst_flux_loop) *loop,
+                                                        ANHYST_REAL low, ANHYST_REAL high)
+{
+  static const ANHYST_NAME(anhyst_force_method) fused = {
+      ANHYST_NAME(solve_fused), ANHYST_NAME(commit_fused), ANHYST_NAME(expected_by_compensator),
+      ANHYST_NAME(length),      ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise),
+      ANHYST_NAME(carry)};
+  if (ANHYST_NAME(anhyst_map_check)(&loop->wanted) != ANHYST_OK || !ANHYST_NAME(is_valid)(loop) ||
+      !ANHYST_NAME(is_known)(low) || !ANHYST_NAME(is_known)(high) || low > high) {
+    return ANHYST_BAD_PARAMETER;
+  }
+  c->method = &fused;
+  c->loop = loop;
+  c->low = low;
+  c->high = high;
+  return ANHYST_OK;
+}

@@ -75,7 +75,11 @@ static void ANHYST_NAME(swap)(ANHYST_NAME(anhyst_compensator) *compensator,
 static void ANHYST_NAME(correct)(ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL gap,
                                  ANHYST_REAL flux)
 {
-  c->flux = ANHYST_NAME(anhyst_map_value)(&c->loop->wanted, c->demand, gap);
+  const ANHYST_NAME(anhyst_map) *wanted = &c->loop->wanted;
+  const int pulls = wanted->force_low >= R(0.0);
+  const ANHYST_REAL force =
+      pulls ? ANHYST_SQRT(ANHYST_NAME(pulling)(wanted, c->demand) * wanted->force_high) : c->demand;
+  c->flux = ANHYST_NAME(anhyst_map_value)(wanted, force, gap);
   c->error = ANHYST_NAME(is_known)(flux) ? c->expected - flux : R(0.0);
   c->correction = c->loop->proportional * c->error + c->integral;
 }

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from anhyst.compensate.methods import METHODS
+from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.file import RigFile
@@ -44,7 +44,7 @@ def feedback(controller: ControllerTable) -> str:
     inputs = ["gap"]
     if controller.compensation.applied == "measured":
         inputs.append("current")
-    if controller.compensation.variant == "flux":
+    if controller.compensation.variant in PROBED:
         inputs.append("flux density")
     return ", ".join(inputs)
 
@@ -152,7 +152,7 @@ def _sensors(plant: RigFile, controller: ControllerTable) -> DiagramBlock:
     if position.delay:
         lines.append(f"delay {1e6 * position.delay:g} µs")
     lines.append(f"current: {shunt.adc_bits} bits, {1e3 * shunt.noise_A:g} mA rms")
-    if controller.compensation.variant == "flux" and plant.hall_probe is not None:
+    if controller.compensation.variant in PROBED and plant.hall_probe is not None:
         probe = plant.hall_probe
         lines.append(f"Hall: {probe.adc_bits} bits, {1e3 * probe.noise_T:g} mT rms")
     return DiagramBlock("sensors", tuple(lines))

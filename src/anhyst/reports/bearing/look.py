@@ -32,6 +32,7 @@ COLOURS: Mapping[MethodName, str] = {
     "at-rest": "#8C8C8C",
     "full": RISING,
     "flux": "#56B4E9",
+    "fused": "#6A3D9A",
 }
 DASHES: Mapping[MethodName, Any] = {
     "ratio": "-",
@@ -43,6 +44,7 @@ DASHES: Mapping[MethodName, Any] = {
     "at-rest": (0, (5, 2)),
     "full": "-",
     "flux": (0, (2, 1, 1, 1)),
+    "fused": (0, (8, 1)),
 }
 _WIDTH_DIGITS, _MEAN_DIGITS, _PLACES = 2, 4, 3
 MOST_POINTS = 1200

@@ -237,6 +237,7 @@ def legend_table(variants: Sequence[MethodName]) -> PageTable:
         "at-rest": "the same as full, but for iron that answers late: taken as if it did not",
         "full": "inverse of the identified law, its state advanced with what was applied",
         "flux": "needs a Hall probe in the gap, and measures instead of modelling",
+        "fused": "full, corrected by a Hall probe in the gap",
     }
     rows: list[list[str | Cell]] = [
         [Cell(name, code=True), METHODS[name].title, meaning[name]] for name in variants

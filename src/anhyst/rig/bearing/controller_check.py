@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.rig.bearing.file import BearingRig, step_ends
 from anhyst.rig.bearing.scenario import land_time, lift_time
@@ -47,8 +48,9 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:
         faults.append(
             FileFault(("limits", "force_high_N"), f"{text}; raise it", code="load-not-lifted")
         )
-    if settings.compensation.variant == "flux" and plant.hall_probe is None:
-        text = f'"flux" needs the table [hall_probe], {rig.path} has none; add it'
+    variant = settings.compensation.variant
+    if variant in PROBED and plant.hall_probe is None:
+        text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
         faults.append(FileFault(("compensation", "variant"), text, code="no-hall-probe"))
     faults += _amplifier_faults(settings, rig)
     lowest, highest = _visited(rig)

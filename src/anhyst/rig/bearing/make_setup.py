@@ -11,7 +11,7 @@ import numpy as np
 from anhyst.compensate.flux import FluxCalibration
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName, NumberFormat
-from anhyst.compensate.methods import MODELS, make_compensator
+from anhyst.compensate.methods import MODELS, PROBED, make_compensator
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
@@ -72,7 +72,7 @@ def fit_magnets(
 ) -> list[ForceController]:
     """Fit one variant to what is known of each magnet."""
     where = operating_point(rig, controller, *(one.loops for one in magnets))
-    probe = calibrate_probe(rig) if variant == "flux" else None
+    probe = calibrate_probe(rig) if variant in PROBED else None
     fitted = []
     for one in magnets:
         sources = Sources(where, one.loops, one.model, probe)

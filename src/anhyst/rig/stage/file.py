@@ -330,12 +330,15 @@ def correction(found: CalibratedMethod, compensator: ForceController, rig: Stage
     first one's is read too large.
     """
     count = range(1, len(rig.settings.placed) + 1)
-    scales = np.array([1.0 + found.value(f"scale_{number}") for number in count])
+    scales, probes = (
+        np.array([1.0 + found.value(f"{kind}_{number}") for number in count])
+        for kind in ("scale", "probe")
+    )
     zeros = [found.value(f"gap_zero_{number}_m") for number in count]
     if not rig.settings.several:
         zeros = [found.value("gap_zero_m"), -found.value("gap_zero_m")]
     ones = np.ones(scales.size)
-    rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
+    rows = np.column_stack([ones, zeros, probes, 0.0 * ones])
     if found.name == "flux":
         rows[:, 2] = scales
     else:

@@ -24,7 +24,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.interface import MethodName, NumberFormat
-from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.methods import PROBED, make_compensator
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
@@ -578,7 +578,7 @@ def fit_method(
             current_max=table.amplifier.current_high_A,
             both_ways=table.magnet.both_ways,
         )
-        probe = calibrate_probe(rig.bearing) if method == "flux" else None
+        probe = calibrate_probe(rig.bearing) if method in PROBED else None
         model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
         sources = Sources(operating, magnet.loops, model, probe)
         compensator = make_compensator(method, sources, table.tracking.format)

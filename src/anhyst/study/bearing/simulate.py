@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from anhyst.compensate.interface import MethodName
-from anhyst.compensate.methods import BASELINES, MODELS, SENSORS
+from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.writing import check_recording
 from anhyst.model.compilable import has_layers
@@ -44,7 +44,7 @@ from anhyst.support.result import Result, columns_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COMPARED = (*BASELINES, *SENSORS, *(name for name in MODELS if name != "at-rest"))
+COMPARED = (*BASELINES, "flux", *(name for name in MODELS if name not in ("at-rest", "fused")))
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
 
 FIGURES = "figures.json"
@@ -338,7 +338,7 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
 
 def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
-    found = [name for name in COMPARED if name != "flux" or rig.settings.hall_probe is not None]
+    found = [name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None]
     return tuple(dict.fromkeys([*found, own]))
 
 

@@ -215,7 +215,7 @@ class StageLearner(BenchLearner):
         elif on and lap.known >= first and end > self._since:
             known = lap.known - first
             columns = dict(zip(_NEEDED, (one[known:] for one in read), strict=True))
-            setup = self._learn(learners, lap, Motion(self._rig, columns, begin - known))
+            setup = self._learn(learners, lap, columns, begin - known)
         learner = learners.get(lap.method)
 
         def act() -> None:
@@ -241,16 +241,20 @@ class StageLearner(BenchLearner):
         return learner.stage()
 
     def _learn(
-        self, learners: dict[MethodName, Learner], lap: StageLap, motion: Motion
+        self,
+        learners: dict[MethodName, Learner],
+        lap: StageLap,
+        read: Mapping[str, FloatArray],
+        begin: int,
     ) -> StageSetup | None:
-        """Take a lap in; return what is to be put in force, if anything changes."""
+        """Take a lap in that begins with a row; return what is to be put in force, if anything changes."""
         method = lap.method
         if method not in self._laws:
             self._laws[method] = MotionLaw(self._rig, self._magnet, method)
         learner = learners.setdefault(method, Learner(self._laws[method], FORGET_S))
         before = dict(learner.applied)
         try:
-            learner.learn(motion)
+            learner.learn(learner.law.motion(read, begin))
             learner.step(lap.motion.duration)
             return None if learner.applied == before else learner.stage()
         except (InputError, np.linalg.LinAlgError) as error:

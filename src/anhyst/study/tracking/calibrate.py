@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.data.table import read_columns
 from anhyst.model.compilable import has_layers
@@ -351,9 +352,11 @@ def calibrate(
     left_out: set[MethodName] = set() if has_layers(known.model) else {"at-rest"}
     if isinstance(whole, BearingRig):
         laws = partial(laws, load_known=all("load_N" in one.read for one in motions))
-        left_out.add("flux")
+        left_out.update(PROBED)
     elif not probes or not all(name in one.read for one in motions for name in probes):
-        left_out.add("flux")
+        left_out.update(PROBED)
+    elif file.several:
+        left_out.add("fused")
     possible = [name for name in MOVED if name not in left_out]
     for name in methods:
         if name not in possible:

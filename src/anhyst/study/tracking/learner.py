@@ -33,6 +33,7 @@ RATE = 2.0
 """Standard deviations a second by which what is applied follows the estimate."""
 STEPS: Mapping[str, float] = {
     "scale": 0.005,
+    "probe": 0.005,
     "gap_zero_m": 2e-6,
     "width": 0.1,
     "lag_s": 25e-6,
@@ -85,7 +86,7 @@ class Learner:
         if self.seen and (off := self._missed(motion, values)) > known:
             fresh = self._rows_of(motion, values, exact=True)
             # along one coordinate, every motion shows the same
-            unsure = self._unsure(before, fresh) if motion.rows > 1 else 0.0
+            unsure = self._unsure(before, fresh) if self.law.rig.settings.several else 0.0
             if off > math.hypot(known, GROWN * unsure):
                 return self._refuse(motion, before, fresh)
         for turn in range(PASSES):
@@ -100,7 +101,7 @@ class Learner:
         far = any(
             abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0
             for name in self._names
-            if kind_of(name) == "scale"
+            if kind_of(name) in ("scale", "probe")
         )
         if far or missed > math.hypot(FAULT * force, self.noise_N):
             self._sums = self._sums if self.seen else sums
@@ -315,5 +316,5 @@ def fit(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
     """Find the numbers with which a law explains motions best; what is not seen stays where it was."""
     learner = Learner(law)
     for motion in motions:
-        learner.learn(motion)
+        learner.learn(law.motion(motion.read, motion.begin))
     return learner.found

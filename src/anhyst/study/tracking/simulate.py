@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from anhyst.compensate.interface import MethodName
-from anhyst.compensate.methods import METHODS
+from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.data.writing import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
@@ -138,7 +138,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 FIGURES = "figures.json"
 OWN: MethodName = "full"
 """What the others are the baselines of; its run is recorded."""
-_NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest")
+_NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest", "fused")
 COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
 """Variants, in the order of every table."""
 OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux")
@@ -391,7 +391,7 @@ def make_variants(
     left_out: dict[MethodName, str] = {}
     beside: tuple[MethodName, ...] = ("at-rest",) if has_layers(magnet.model) else ()
     for name in names or (*(OF_AXES if rig.settings.several else COMPARED), *beside):
-        if name == "flux" and rig.settings.hall_probe is None:
+        if name in PROBED and rig.settings.hall_probe is None:
             left_out[name] = "the rig has no Hall probe"
             continue
         try:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import check_plant, make_setups
@@ -259,7 +260,9 @@ class _Stage(_Subject):
 
     def names(self) -> Sequence[MethodName]:
         names = OF_AXES if self.rig.settings.several else COMPARED
-        return [one for one in names if one != "flux" or self.rig.settings.hall_probe is not None]
+        return [
+            one for one in names if one not in PROBED or self.rig.settings.hall_probe is not None
+        ]
 
     def loops(self, names: Sequence[MethodName], jobs: int | None) -> Mapping[MethodName, Tunable]:
         made, _ = make_variants(self.rig, identify_stage(self.rig), names)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-/* How the measured flux corrects the current; constant. T is the length of a tick. */
+/* How the measured flux corrects the current; constant. T is the length of a tick. The flux density
+   of a force goes with its root where a magnet pulls alone: the axis of the table is then the root
+   of force*force_high, of the same ends, and two columns say it all. */
 typedef struct {
   ANHYST_NAME(anhyst_map) wanted; /* flux density of a force */
   ANHYST_REAL proportional;       /* k_p, current for a unit of flux density */

@@ -59,8 +59,16 @@ void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_contro
                                                  const ANHYST_NAME(anhyst_map) *map,
                                                  ANHYST_REAL low, ANHYST_REAL high);
 
+/* Corrects a compensator by the measured flux from the next solve on, within low..high: what the
+   flux loop adds is of no iron that the compensator knows, so it commits the rest. ANHYST_OK, or
+   ANHYST_BAD_PARAMETER where parameters are out of range; nothing is changed then. For a force
+   controller with a compensator, before its first tick. */
+anhyst_status ANHYST_NAME(anhyst_force_controller_fuse)(ANHYST_NAME(anhyst_force_controller) *c,
+                                                        const ANHYST_NAME(anhyst_flux_loop) *loop,
+                                                        ANHYST_REAL low, ANHYST_REAL high);
+
 /* The current that gives the demanded force now, within the controller's limits. flux is looked at
-   by the method flux alone. */
+   by the method flux, and fused with it. */
 static inline ANHYST_REAL ANHYST_NAME(anhyst_force_controller_solve)(
     ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL demand, ANHYST_REAL gap, ANHYST_REAL flux)
 {

@@ -1,0 +1,158 @@
+"""A compensator that the measured flux corrects, in every format."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from anhyst._core import FixedForceController, ForceController, ForceControllerF32
+from anhyst.compensate.floating import RealKind, build_real
+from anhyst.support.arrays import FloatArray
+from tests.actuators import SIZES, WIDE, closed_form, compiled, magnet, ranges, reversals
+
+ONE, NO_FLUX, NAN = 2**31, -(2**31), math.nan
+CURRENT_LIMITED = 2
+KINDS: tuple[RealKind, ...] = ("full", "simplified")
+DENSITY = 0.8  # of the largest force, T
+GAPS = (0.3e-3, 0.6e-3)
+Real = ForceController | ForceControllerF32
+
+
+def plain(kind: RealKind, single: bool = False) -> tuple[Real, float]:
+    """Return a compensator, and its largest force, N."""
+    law = closed_form("reluctance") if kind == "simplified" else None
+    block = build_real(magnet(), kind, *ranges("reluctance"), SIZES, law=law)
+    made = (
+        ForceControllerF32.compensator(block.single)
+        if single
+        else ForceController.compensator(block.double)
+    )
+    return made, block.scales.demand
+
+
+def fused(kind: RealKind, *loop: float, single: bool = False, high: float = 2.0) -> Real:
+    """Return the same with a flux loop around it."""
+    made, full = plain(kind, single)
+    table = np.tile([0.0, DENSITY], (2, 1))
+    made.fuse(table, np.array(loop), 0.0, full, *GAPS, 0.0, high)
+    return made
+
+
+def wanted(demand: float, full: float) -> float:
+    return DENSITY * math.sqrt(demand / full)
+
+
+def demands(full: float, amplitude: float = 0.25) -> FloatArray:
+    return np.asarray(0.4 * full + amplitude * full * np.sin(np.linspace(0.0, 12.0, 240)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("single", "bound"), [(False, 1e-9), (True, 2e-4)])
+def test_a_flux_that_follows_as_expected_leaves_the_currents_of_the_compensator(
+    kind: RealKind, single: bool, bound: float
+) -> None:
+    share, density = 0.4, 0.0
+    drive, (law, full) = fused(kind, 0.5, 0.1, 0.2, share, single=single), plain(kind, single)
+    for demand in demands(full).tolist():
+        current = drive.solve(demand, WIDE, density)
+        assert current == pytest.approx(law.solve(demand, WIDE, NAN), abs=bound)
+        drive.commit(current, WIDE)
+        law.commit(current, WIDE)
+        density += share * (wanted(demand, full) - density)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_measured_flux_is_brought_to_what_is_wanted_whatever_the_law_is_off(
+    kind: RealKind,
+) -> None:
+    """The iron here gives a tenth less flux than the law says."""
+    drive, (law, full) = fused(kind, 0.2, 0.1, 0.2, 1.0), plain(kind)
+    demand, density = 0.4 * full, 0.0
+    needed = law.solve(demand, WIDE, NAN)
+    for _ in range(600):
+        current = drive.solve(demand, WIDE, density)
+        drive.commit(current, WIDE)
+        density = 0.9 * wanted(demand, full) * current / needed
+    assert density == pytest.approx(wanted(demand, full), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_iron_is_left_with_the_current_without_what_the_flux_added(kind: RealKind) -> None:
+    """So what is off by a constant current, as an amplifier is, spoils no memory."""
+    drive, (law, full) = fused(kind, 0.0, 0.02, 0.2, 1.0), plain(kind)
+    for demand in demands(full).tolist():
+        current = drive.solve(demand, WIDE, 0.97 * wanted(demand, full))
+        by_law = law.solve(demand, WIDE, NAN)
+        applied = 0.98 * current
+        expected = drive.commit(applied, WIDE)
+        assert expected == pytest.approx(law.commit(applied - (current - by_law), WIDE), rel=1e-9)
+    assert current - by_law > 0.05
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_a_sample_the_fixed_one_is_its_compensator_bit_for_bit(kind: RealKind) -> None:
+    block = compiled(kind)
+    drive = FixedForceController.compensator(block.kind, block.words)
+    law = FixedForceController.compensator(block.kind, block.words)
+    table = np.tile(np.array([0, 26000], dtype=np.int16), (2, 1))
+    loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
+    drive.fuse(table, loop, -ONE, ONE - 1)
+    for demand in reversals(0.1, 0.8, 60, 9).tolist():
+        code, gap = int(demand * ONE), ONE // 3
+        current = drive.solve(code, gap, NO_FLUX)
+        assert current == law.solve(code, gap, NO_FLUX)
+        applied = current & ~0xFFFF
+        assert drive.commit(applied, gap) == law.commit(applied, gap)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_fixed_one_answers_anything_within_its_limits(kind: RealKind) -> None:
+    """No current leaves the limits, solving twice changes nothing, and sense comes back."""
+    block = compiled(kind)
+    drive = FixedForceController.compensator(block.kind, block.words)
+    table = np.tile(np.array([0, 26000], dtype=np.int16), (2, 1))
+    loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
+    low, high = -ONE // 8, ONE // 2
+    drive.fuse(table, loop, low, high)
+    rng = np.random.default_rng(5)
+    limited = 0
+    for demand, gap, flux, other in rng.integers(-ONE, ONE, (3000, 4)).tolist():
+        current = drive.solve(demand, gap, flux)
+        assert low <= current <= high
+        assert current == drive.solve(demand, gap, flux)
+        limited += bool(drive.flags & CURRENT_LIMITED)
+        drive.commit(other, gap)
+    assert limited > 1000
+    root = int(26000 / 32768 * math.sqrt(0.2) * ONE)
+    for _ in range(4000):
+        current = drive.solve(ONE // 5, ONE // 3, root)
+        drive.commit(current, ONE // 3)
+    assert low < current < high
+
+
+def test_it_does_not_wind_up_while_the_current_is_limited() -> None:
+    def after(ticks: int) -> float:
+        drive, (_, full) = fused("full", 0.0, 0.1, 0.5, 1.0, high=0.8), plain("full")
+        for _ in range(ticks):
+            current = drive.solve(0.95 * full, WIDE, 0.3)
+            assert current == 0.8
+            drive.commit(current, WIDE)
+        return drive.solve(0.1 * full, WIDE, NAN)
+
+    assert after(20) == pytest.approx(after(3000), abs=0.02)
+
+
+def test_a_loop_that_is_not_valid_is_refused_and_changes_nothing() -> None:
+    drive, (law, full) = plain("full")[0], plain("full")
+    table, loop = np.tile([0.0, DENSITY], (2, 1)), np.array([0.1, 0.1, 0.1, 1.0])
+    for wrong, low, high in (
+        (np.array([NAN, 0.1, 0.1, 1.0]), 0.0, 2.0),
+        (np.array([0.1, 0.1, 2.0, 1.0]), 0.0, 2.0),
+        (loop, 2.0, 0.0),
+        (loop, NAN, 2.0),
+    ):
+        with pytest.raises(ValueError, match="not valid"):
+            drive.fuse(table, wrong, 0.0, full, *GAPS, low, high)
+    assert drive.solve(0.3 * full, WIDE, 0.0) == law.solve(0.3 * full, WIDE, 0.0)
