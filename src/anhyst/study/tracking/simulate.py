@@ -138,7 +138,7 @@ def find_gains(setup: StageSetup, motion: SetPoint) -> Feedforward:
 FIGURES = "figures.json"
 OWN: MethodName = "full"
 """What the others are the baselines of; its run is recorded."""
-_NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest", "fused")
+_NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest")
 COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
 """Variants, in the order of every table."""
 OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux")

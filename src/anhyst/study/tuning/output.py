@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.methods import BASELINES, MODELS
+from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.study.engine.verdict import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.result import Tuned, Tuning
@@ -29,7 +29,7 @@ def worth(tuning: Tuning) -> str:
 
     What counts is the settling time of those whose gains meet the aims, or the moving average.
     """
-    models = [one for name, one in tuning.tuned.items() if name in MODELS]
+    models = [one for name, one in tuning.tuned.items() if name in MODELS and name not in PROBED]
     baselines = [one for name, one in tuning.tuned.items() if name in BASELINES]
     if not models or not baselines:
         names = " and ".join(f"'{name}'" for name in tuning.tuned)
