@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import changed, draw_plant
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
@@ -24,11 +25,12 @@ from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
-from calibration import METHODS, SCANS, Bench, bench_of, training
+from calibration import SCANS, Bench, bench_of, training
 from planar import RIG
 from rows import Row
 
 PLANTS = 12
+METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "single-valued")
 FIGURES = ("average", "peak", "settling", "z", "ry", "rz")
 UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
@@ -39,8 +39,8 @@ from anhyst.support.jobs import all_of
 from rows import Row
 from tracking import IRONS, RIG, with_iron
 
-PLANTS, SEED = 12, 30
-FEWER = 4
+PLANTS, SEED = 12, 31
+FEWER = 6
 """The first of the plants: for one error alone, other irons and what nobody modelled."""
 SCANS = (1, 2, 4)
 METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
@@ -54,9 +54,9 @@ AVERAGE = 0.5
 ALONE = {
     "gap zero": METHODS,
     "current scale": METHODS,
-    "pinning": ("full", "play", "single-valued"),
-    "eddy lag": ("full", "play", "single-valued"),
-    "Hall gain": ("flux",),
+    "pinning": ("full", "play", "fused", "single-valued"),
+    "eddy lag": ("full", "play", "fused", "single-valued"),
+    "Hall gain": ("flux", "fused"),
 }
 """Errors that are tried one at a time, of the methods that they concern."""
 
@@ -68,6 +68,9 @@ class World:
     payload: float = 0.0  # part by which the body is heavier
     cable: float = 0.0  # pulls back to where the motion begins, N/m
     late_ticks: float = 0.0  # by which currents come later than the rig file says
+    precision: NumberFormat = (
+        "f64"  # of PID, allocation and correction; compensators have the rig's
+    )
     changes: Mapping[str, Any] = field(default_factory=dict)  # of the rig, known to everybody
 
     def law(self, bench: Bench) -> MotionLaw:
@@ -87,6 +90,7 @@ class World:
             setup,
             rig=changed(rig, {"timing.delay_ticks": ticks}) if self.late_ticks else rig,
             drift=replace(drift, mass=self.payload, cable=self.cable),
+            law=self.precision,
         )
         early = replace(gains, jerk=gains.jerk - self.late_ticks * rig.dt)
         return track(plant, motion, early, noise)
@@ -103,6 +107,7 @@ WORLDS = {
     "cable 50 N/m": World(cable=50.0, changes=ALLOWED),
     "half a tick late": World(late_ticks=0.5),
     "half a tick early": World(late_ticks=-0.5),
+    "as compiled: single precision, compensators in 16 bits": World(precision="f32"),
     "position noise 5 nm": World(changes={"position_sensor.noise_m": 5e-9}),
 }
 
@@ -245,16 +250,34 @@ def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
     return found
 
 
-def reached(found: Found) -> dict[str, tuple[str, bool]]:
-    """Return for each measure of the full law what was to reach, and whether it is."""
+def reached(method: MethodName, found: Found) -> dict[str, tuple[str, bool]]:
+    """Return for each measure what the law, alone and with a probe, was to reach, and whether it does."""
     average, peak, settled = (found.percentiles(name) for name, _ in MEASURED)
     first, last = average[1], average[-1]
-    met = first[0] <= 40.0 and first[1] <= 50.0 and last[0] <= 18.0 and last[1] <= 35.0
+    met = last[0] <= 18.0 and last[1] <= 35.0
+    if method == "fused":
+        return {
+            "average_m": ("18 / 35 after four", met),
+            "peak_m": ("100 (50 %)", peak[-1][0] <= 100.0),
+        }
+    if method != "full":
+        return {}
     return {
-        "average_m": ("40 / 50 after one scan, 18 / 35 after four", met),
+        "average_m": (
+            "40 / 50 after one scan, 18 / 35 after four",
+            met and first[0] <= 40.0 and first[1] <= 50.0,
+        ),
         "peak_m": ("200 (50 %)", peak[-1][0] <= 200.0),
         "settling_50_s": ("3 (50 %)", settled[-1][0] <= 3.0),
     }
+
+
+def ahead(flown: Mapping[Case, Found]) -> Row:
+    """Return the line that says how far the calibrated law is ahead of the other methods."""
+    last = {m: flown[m, "all", ""].percentiles("average_m")[-1][0] for m in METHODS}
+    text = ", ".join(f"{last[m] / last['full']:.2g} times {m}" for m in METHODS[1:])
+    what = "calibration, full ahead of the others: average of half of the plants"
+    return Row(what, "2 times play", text, last["play"] >= 2.0 * last["full"])
 
 
 def of_example(benches: Sequence[Bench]) -> list[Row]:
@@ -272,7 +295,7 @@ def of_example(benches: Sequence[Bench]) -> list[Row]:
         trials += [Trial(full, plant, last, world=world) for world in WORLDS if world]
     flown = all_plants(trials)
     calibrated = flown["full", "all", ""].percentiles("average_m")[-1][0]
-    lines = []
+    lines = [ahead(flown)]
     for (method, errors, world), found in flown.items():
         if world == LEFT_ON:
             half, most = found.percentiles("average_m")[1]
@@ -286,7 +309,7 @@ def of_example(benches: Sequence[Bench]) -> list[Row]:
             aim = 1.3 * calibrated if method == "full" else None
             lines.append(found.row(f"{method}, {errors} alone", aim))
         else:
-            aims = reached(found) if method == "full" else {}
+            aims = reached(method, found)
             for name, _ in MEASURED:
                 aim_text, met = aims.get(name, ("stated", None))
                 what = f"calibration, {method}: {name}, before -> after 1, 2, 4 scans"
@@ -296,9 +319,12 @@ def of_example(benches: Sequence[Bench]) -> list[Row]:
 
 def of_iron(name: str, rig: StageRig, magnet: IdentifiedMagnet) -> list[Row]:
     """Return the lines of another iron."""
-    benches = all_of(bench_of, [(name, rig, magnet, method) for method in METHODS[:3]])
+    benches = all_of(bench_of, [(name, rig, magnet, method) for method in METHODS[:-1]])
     trials = [Trial(bench, plant, SCANS[-1:]) for bench in benches for plant in range(FEWER)]
-    return [one.row(f"{name}, {case[0]}", None) for case, one in all_plants(trials).items()]
+    aims = {"fused": 44.0} if name.startswith("duhem") else {}
+    return [
+        one.row(f"{name}, {case[0]}", aims.get(case[0])) for case, one in all_plants(trials).items()
+    ]
 
 
 def rows() -> list[Row]:
