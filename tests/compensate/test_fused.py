@@ -32,11 +32,13 @@ def plain(kind: RealKind, single: bool = False) -> tuple[Real, float]:
     return made, block.scales.demand
 
 
-def fused(kind: RealKind, *loop: float, single: bool = False, high: float = 2.0) -> Real:
+def fused(
+    kind: RealKind, *loop: float, single: bool = False, high: float = 2.0, most: float = 9.0
+) -> Real:
     """Return the same with a flux loop around it."""
     made, full = plain(kind, single)
     table = np.tile([0.0, DENSITY], (2, 1))
-    made.fuse(table, np.array(loop), 0.0, full, *GAPS, 0.0, high)
+    made.fuse(table, np.array(loop), most, 0.0, full, *GAPS, 0.0, high)
     return made
 
 
@@ -98,7 +100,7 @@ def test_without_a_sample_the_fixed_one_is_its_compensator_bit_for_bit(kind: Rea
     law = FixedForceController.compensator(block.kind, block.words)
     table = np.tile(np.array([0, 26000], dtype=np.int16), (2, 1))
     loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
-    drive.fuse(table, loop, -ONE, ONE - 1)
+    drive.fuse(table, loop, ONE - 1, -ONE, ONE - 1)
     for demand in reversals(0.1, 0.8, 60, 9).tolist():
         code, gap = int(demand * ONE), ONE // 3
         current = drive.solve(code, gap, NO_FLUX)
@@ -115,7 +117,7 @@ def test_the_fixed_one_answers_anything_within_its_limits(kind: RealKind) -> Non
     table = np.tile(np.array([0, 26000], dtype=np.int16), (2, 1))
     loop = np.array([[20000, 0], [20000, -3], [20000, 0], [-30000, 1]], dtype=np.int16)
     low, high = -ONE // 8, ONE // 2
-    drive.fuse(table, loop, low, high)
+    drive.fuse(table, loop, ONE - 1, low, high)
     rng = np.random.default_rng(5)
     limited = 0
     for demand, gap, flux, other in rng.integers(-ONE, ONE, (3000, 4)).tolist():
@@ -130,6 +132,21 @@ def test_the_fixed_one_answers_anything_within_its_limits(kind: RealKind) -> Non
         current = drive.solve(ONE // 5, ONE // 3, root)
         drive.commit(current, ONE // 3)
     assert low < current < high
+
+
+@pytest.mark.parametrize("flux", [0.0, 0.7])
+def test_a_probe_that_is_stuck_adds_no_more_than_was_allowed(flux: float) -> None:
+    drive, (law, full) = fused("full", 0.2, 0.1, 0.2, 1.0, most=0.07), plain("full")
+    for demand in demands(full).tolist():
+        current, by_law = drive.solve(demand, WIDE, flux), law.solve(demand, WIDE, NAN)
+        assert abs(current - by_law) <= 0.07 + 1e-12
+        drive.commit(current, WIDE)
+        law.commit(by_law, WIDE)
+    # and does not have to be unlearnt longer
+    for _ in range(40):
+        drive.commit(drive.solve(demand, WIDE, wanted(demand, full) + 0.05), WIDE)
+        law.commit(law.solve(demand, WIDE, NAN), WIDE)
+    assert drive.solve(demand, WIDE, NAN) < law.solve(demand, WIDE, NAN)
 
 
 def test_it_does_not_wind_up_while_the_current_is_limited() -> None:
@@ -147,12 +164,13 @@ def test_it_does_not_wind_up_while_the_current_is_limited() -> None:
 def test_a_loop_that_is_not_valid_is_refused_and_changes_nothing() -> None:
     drive, (law, full) = plain("full")[0], plain("full")
     table, loop = np.tile([0.0, DENSITY], (2, 1)), np.array([0.1, 0.1, 0.1, 1.0])
-    for wrong, low, high in (
-        (np.array([NAN, 0.1, 0.1, 1.0]), 0.0, 2.0),
-        (np.array([0.1, 0.1, 2.0, 1.0]), 0.0, 2.0),
-        (loop, 2.0, 0.0),
-        (loop, NAN, 2.0),
+    for wrong, most, low, high in (
+        (np.array([NAN, 0.1, 0.1, 1.0]), 1.0, 0.0, 2.0),
+        (np.array([0.1, 0.1, 2.0, 1.0]), 1.0, 0.0, 2.0),
+        (loop, -1.0, 0.0, 2.0),
+        (loop, 1.0, 2.0, 0.0),
+        (loop, 1.0, NAN, 2.0),
     ):
         with pytest.raises(ValueError, match="not valid"):
-            drive.fuse(table, wrong, 0.0, full, *GAPS, low, high)
+            drive.fuse(table, wrong, most, 0.0, full, *GAPS, low, high)
     assert drive.solve(0.3 * full, WIDE, 0.0) == law.solve(0.3 * full, WIDE, 0.0)

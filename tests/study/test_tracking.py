@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from anhyst._core import allocate
+from anhyst.compensate.interface import MethodName
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
-from anhyst.rig.recording import moving
+from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.loop import Feedforward, pid, track
 from anhyst.rig.stage.setpoint import ticks_of
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
@@ -257,3 +258,16 @@ def test_the_recording_of_a_stage_is_of_the_format_that_its_name_says(
     place = table.opened.find("error") if place is None else place
     assert place is not None
     assert np.array_equal(np.asarray(table.columns[place]), found.tried["full"].shown["error_m"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gain", [-1.0, 0.3])
+def test_a_probe_that_fails_costs_a_law_accuracy_and_measured_flux_the_flight(gain: float) -> None:
+    failed = Drift(flux_gain=gain)
+    motion = stages.training()
+
+    def flown(method: MethodName) -> Recording:
+        return track(replace(stages.setup(method), drift=failed), motion, Feedforward(), 2)
+
+    assert flown("flux").loss is not None
+    assert flown("fused").loss is None

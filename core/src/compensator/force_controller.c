@@ -15,7 +15,7 @@ static int is_valid_q31(const anhyst_flux_loop_q31 *loop)
 {
   return anhyst_factor_is_valid(loop->proportional) && anhyst_factor_is_valid(loop->integral) &&
          anhyst_factor_is_valid(loop->back) && loop->back.mantissa >= 0 &&
-         anhyst_factor_is_share(loop->smoothing);
+         anhyst_factor_is_share(loop->smoothing) && loop->most >= 0;
 }
 
 static int32_t limited_q31(const anhyst_force_controller_q31 *c, int32_t current)
@@ -76,6 +76,17 @@ static void advance_flux_q31(anhyst_force_controller_q31 *c, int32_t applied)
   }
   c->expected += anhyst_factor_product(behind, loop->smoothing);
   c->integral = anhyst_add_q31(c->integral, learnt);
+}
+
+/* What is added to a compensator is bounded, so that a probe that fails costs no more than that. */
+static void bound_correction_q31(anhyst_force_controller_q31 *c)
+{
+  c->correction = anhyst_clamp(c->correction, -c->loop->most, c->loop->most);
+}
+
+static void bound_integral_q31(anhyst_force_controller_q31 *c)
+{
+  c->integral = anhyst_clamp(c->integral, -(c->loop->most >> 1), c->loop->most >> 1);
 }
 
 #include "generic/force_controller.h"

@@ -319,10 +319,10 @@ class _RealForceController:
         gap_low: float, gap_high: float, low: float, high: float,
     ) -> Self: ...  # fmt: skip
     def fuse(
-        self, wanted: _Array, loop: _Array, force_low: float, force_high: float,
+        self, wanted: _Array, loop: _Array, most: float, force_low: float, force_high: float,
         gap_low: float, gap_high: float, low: float, high: float,
     ) -> None:  # fmt: skip
-        """Correct a compensator by the measured flux, before its first tick."""
+        """Correct a compensator by the measured flux, `most` A at most, before its first tick."""
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""
     def commit(self, applied: float, gap: float) -> float:
@@ -359,7 +359,7 @@ class FixedForceController:
         entries: _Words, wanted: _Words, loop: _Words, low: int, high: int
     ) -> FixedForceController:
         """Make one; a row of `loop` is mantissa and shift of a factor."""
-    def fuse(self, wanted: _Words, loop: _Words, low: int, high: int) -> None:
+    def fuse(self, wanted: _Words, loop: _Words, most: int, low: int, high: int) -> None:
         """Correct a compensator by the measured flux, before its first tick."""
     def solve(self, demand: int, gap: int, flux: int) -> int:
         """Return the current for a force; `flux` is the measured density, or -2^31 for none."""

@@ -31,8 +31,8 @@ template <class F> void bind_real(nb::module_ &m, const char *name)
       .def_static("flux", &Bound::flux, "entries"_a.noconvert(), "wanted"_a.noconvert(),
                   "loop"_a.noconvert(), "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a,
                   "low"_a, "high"_a)
-      .def("fuse", &Bound::fuse, "wanted"_a.noconvert(), "loop"_a.noconvert(), "force_low"_a,
-           "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
+      .def("fuse", &Bound::fuse, "wanted"_a.noconvert(), "loop"_a.noconvert(), "most"_a,
+           "force_low"_a, "force_high"_a, "gap_low"_a, "gap_high"_a, "low"_a, "high"_a)
       .def("solve", &Bound::solve, "demand"_a, "gap"_a, "flux"_a)
       .def("commit", &Bound::commit, "applied"_a, "gap"_a)
       .def("follow", &Bound::follow, "applied"_a.noconvert(), "gap"_a.noconvert())
@@ -89,24 +89,24 @@ FixedForceController::Made FixedForceController::flux(const Entries &entries, co
 {
   Made made(new FixedForceController);
   made->current_ = made->table(entries);
-  made->take_loop(wanted, loop);
+  made->take_loop(wanted, loop, 0);
   check_controller(anhyst_force_controller_init_flux_q31(&made->state_, &made->current_,
                                                          &made->loop_, low, high));
   return made;
 }
 
-void FixedForceController::take_loop(const Entries &wanted, const Factors &loop)
+void FixedForceController::take_loop(const Entries &wanted, const Factors &loop, int32_t most)
 {
   same_length(4, loop.shape(0), "loop");
   same_length(2, loop.shape(1), "a factor of the loop");
   const auto factor = [&](size_t i) { return anhyst_factor{loop(i, 0), loop(i, 1)}; };
-  loop_ = {table(wanted), factor(0), factor(1), factor(2), factor(3)};
+  loop_ = {table(wanted), factor(0), factor(1), factor(2), factor(3), most};
 }
 
-void FixedForceController::fuse(const Entries &wanted, const Factors &loop, int32_t low,
-                                int32_t high)
+void FixedForceController::fuse(const Entries &wanted, const Factors &loop, int32_t most,
+                                int32_t low, int32_t high)
 {
-  take_loop(wanted, loop);
+  take_loop(wanted, loop, most);
   check_controller(anhyst_force_controller_fuse_q31(&state_, &loop_, low, high));
 }
 
@@ -123,7 +123,7 @@ void bind_force_controllers(nb::module_ &m)
       .def_static("flux", &FixedForceController::flux, "entries"_a.noconvert(),
                   "wanted"_a.noconvert(), "loop"_a.noconvert(), "low"_a, "high"_a)
       .def("fuse", &FixedForceController::fuse, "wanted"_a.noconvert(), "loop"_a.noconvert(),
-           "low"_a, "high"_a)
+           "most"_a, "low"_a, "high"_a)
       .def("solve", &FixedForceController::solve, "demand"_a, "gap"_a, "flux"_a)
       .def("commit", &FixedForceController::commit, "applied"_a, "gap"_a)
       .def("follow", &FixedForceController::follow, "applied"_a.noconvert(), "gap"_a.noconvert())

@@ -84,23 +84,19 @@ public:
   static Made flux(const InTable &entries, const InTable &wanted, const In &loop, double force_low,
                    double force_high, double gap_low, double gap_high, double low, double high)
   {
-    same_length(4, loop.shape(0), "loop");
     Made made(new RealForceController);
     made->current_ = made->table(entries, force_low, force_high, gap_low, gap_high);
-    made->loop_ = {made->table(wanted, force_low, force_high, gap_low, gap_high), real(loop(0)),
-                   real(loop(1)), real(loop(2)), real(loop(3))};
+    made->take_loop(wanted, loop, 0.0, force_low, force_high, gap_low, gap_high);
     check_controller(
         F::init_flux(&made->state_, &made->current_, &made->loop_, real(low), real(high)));
     return made;
   }
 
   // Corrects a compensator by the measured flux.
-  void fuse(const InTable &wanted, const In &loop, double force_low, double force_high,
+  void fuse(const InTable &wanted, const In &loop, double most, double force_low, double force_high,
             double gap_low, double gap_high, double low, double high)
   {
-    same_length(4, loop.shape(0), "loop");
-    loop_ = {table(wanted, force_low, force_high, gap_low, gap_high), real(loop(0)), real(loop(1)),
-             real(loop(2)), real(loop(3))};
+    take_loop(wanted, loop, most, force_low, force_high, gap_low, gap_high);
     check_controller(F::fuse(&state_, &loop_, real(low), real(high)));
   }
 
@@ -151,6 +147,18 @@ private:
             real(gap_high)};
   }
 
+  void take_loop(const InTable &wanted, const In &loop, double most, double force_low,
+                 double force_high, double gap_low, double gap_high)
+  {
+    same_length(4, loop.shape(0), "loop");
+    loop_ = {table(wanted, force_low, force_high, gap_low, gap_high),
+             real(loop(0)),
+             real(loop(1)),
+             real(loop(2)),
+             real(loop(3)),
+             real(most)};
+  }
+
   typename F::State state_{};
   typename F::Map current_{};
   typename F::Loop loop_{};
@@ -178,7 +186,7 @@ public:
                    int32_t high);
 
   // Corrects a compensator by the measured flux.
-  void fuse(const Entries &wanted, const Factors &loop, int32_t low, int32_t high);
+  void fuse(const Entries &wanted, const Factors &loop, int32_t most, int32_t low, int32_t high);
 
   int32_t solve(int32_t demand, int32_t gap, int32_t density)
   {
@@ -214,7 +222,7 @@ private:
   FixedForceController() = default;
 
   anhyst_map_q31 table(const Entries &entries);
-  void take_loop(const Entries &wanted, const Factors &loop);
+  void take_loop(const Entries &wanted, const Factors &loop, int32_t most);
 
   anhyst_force_controller_q31 state_{};
   anhyst_map_q31 current_{};

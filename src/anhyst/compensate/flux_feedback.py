@@ -23,6 +23,10 @@ from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import as_factor, as_smoothing, q31
 
+MOST = 0.05
+"""Of the largest current: what a flux loop adds to that of a law at most, so that a probe that fails
+costs accuracy and not the flight."""
+
 
 @dataclass(frozen=True)
 class FluxLoop:
@@ -125,6 +129,11 @@ class FusedInverse:
     force_low: float  # of the table of the flux density, N
 
     @property
+    def most(self) -> float:
+        """Current that the loop adds at most, A."""
+        return MOST * self.limits[1]
+
+    @property
     def scales(self) -> Scales:
         """Those of the inverse."""
         return self.inverse.scales
@@ -143,11 +152,11 @@ class FusedInverse:
         """Return the core's own."""
         made, scales = self.inverse.native(number_format), self.scales
         if isinstance(made, _core.FixedForceController):
-            low, high = (q31(end / scales.current) for end in self.limits)
-            made.fuse(*self.loop.words(), low, high)
+            codes = (q31(end / scales.current) for end in (self.most, *self.limits))
+            made.fuse(*self.loop.words(), *codes)
         else:
             ends = self.force_low, scales.demand, scales.gap_low, scales.gap_high
-            made.fuse(self.loop.wanted, self.loop.gains.row, *ends, *self.limits)
+            made.fuse(self.loop.wanted, self.loop.gains.row, self.most, *ends, *self.limits)
         return made
 
 

@@ -36,6 +36,7 @@ typedef struct {
   anhyst_factor back;         /* share of applied - wanted that the integral takes in a tick in
                                  which the controller's limits cut the current */
   anhyst_factor smoothing;    /* minus the share of a step that is expected to show in a tick */
+  int32_t most;               /* current that is added to that of a compensator at most, >= 0 */
 } anhyst_flux_loop_q31;
 
 typedef anhyst_compensator anhyst_compensator_q31;

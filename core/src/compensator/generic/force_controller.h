@@ -236,6 +236,7 @@ static ANHYST_REAL ANHYST_NAME(solve_fused)(ANHYST_NAME(anhyst_force_controller)
 {
   const ANHYST_REAL by_law = ANHYST_NAME(solve_by_compensator)(c, demand, gap, flux);
   ANHYST_NAME(correct)(c, gap, flux);
+  ANHYST_NAME(bound_correction)(c);
   c->wanted = ANHYST_NAME(anhyst_add)(by_law, c->correction);
   c->current = ANHYST_NAME(limited)(c, c->wanted);
   if (c->current != c->wanted) {
@@ -255,6 +256,7 @@ static ANHYST_REAL ANHYST_NAME(commit_fused)(ANHYST_NAME(anhyst_force_controller
       ANHYST_NAME(commit_by_compensator)(c, ANHYST_NAME(anhyst_sub)(applied, added), gap);
   if (solved != 0U) {
     ANHYST_NAME(advance_flux)(c, applied);
+    ANHYST_NAME(bound_integral)(c);
   }
   return output;
 }

@@ -19,7 +19,7 @@ static int ANHYST_NAME(is_valid)(const ANHYST_NAME(anhyst_flux_loop) *loop)
 {
   return ANHYST_NAME(is_known)(loop->proportional) && ANHYST_NAME(is_known)(loop->integral) &&
          loop->back >= R(0.0) && loop->back <= R(1.0) && loop->smoothing > R(0.0) &&
-         loop->smoothing <= R(1.0);
+         loop->smoothing <= R(1.0) && loop->most >= R(0.0);
 }
 
 static ANHYST_REAL ANHYST_NAME(limited)(const ANHYST_NAME(anhyst_force_controller) *c,
@@ -94,4 +94,15 @@ static void ANHYST_NAME(advance_flux)(ANHYST_NAME(anhyst_force_controller) *c, A
   if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
     c->integral += loop->back * (applied - c->wanted);
   }
+}
+
+/* What is added to a compensator is bounded, so that a probe that fails costs no more than that. */
+static void ANHYST_NAME(bound_correction)(ANHYST_NAME(anhyst_force_controller) *c)
+{
+  c->correction = ANHYST_NAME(anhyst_limited)(c->correction, -c->loop->most, c->loop->most);
+}
+
+static void ANHYST_NAME(bound_integral)(ANHYST_NAME(anhyst_force_controller) *c)
+{
+  c->integral = ANHYST_NAME(anhyst_limited)(c->integral, -c->loop->most, c->loop->most);
 }

@@ -9,4 +9,5 @@ typedef struct {
   ANHYST_REAL integral;           /* k_i*T */
   ANHYST_REAL back;               /* share of applied - solved that the integral takes, 0..1 */
   ANHYST_REAL smoothing; /* share of a step that is expected to show in a tick, 0 < .. <= 1 */
+  ANHYST_REAL most;      /* current that is added to that of a compensator at most, >= 0 */
 } ANHYST_NAME(anhyst_flux_loop);

@@ -59,8 +59,9 @@ void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_contro
                                                  const ANHYST_NAME(anhyst_map) *map,
                                                  ANHYST_REAL low, ANHYST_REAL high);
 
-/* Corrects a compensator by the measured flux from the next solve on, within low..high: what the
-   flux loop adds is of no iron that the compensator knows, so it commits the rest. ANHYST_OK, or
+/* Corrects a compensator by the measured flux from the next solve on, within low..high and by no
+   more than the loop says: what it adds is of no iron that the compensator knows, so that commits
+   the rest. ANHYST_OK, or
    ANHYST_BAD_PARAMETER where parameters are out of range; nothing is changed then. For a force
    controller with a compensator, before its first tick. */
 anhyst_status ANHYST_NAME(anhyst_force_controller_fuse)(ANHYST_NAME(anhyst_force_controller) *c,
