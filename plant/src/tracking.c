@@ -60,3 +60,17 @@ void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
   const anhyst_force_controller_f64 fresh = {.method = &by_drive, .own = force};
   *c = fresh;
 }
+
+uint16_t anhyst_axes_word(uint16_t state, uint32_t lost)
+{
+  static const uint16_t phases[] = {ANHYST_PHASE_HOVER, ANHYST_PHASE_DESCEND, ANHYST_PHASE_REST,
+                                    ANHYST_PHASE_RISE};
+  const int rests = state == ANHYST_AXES_REST;
+  const int fault = lost != 0U && (rests || state == ANHYST_AXES_LAND);
+  const unsigned running = rests ? ANHYST_STATE_READY : ANHYST_STATE_RUN;
+  unsigned highest = 0;
+  while ((lost & 0xFFFFU) >> highest) {
+    highest++;
+  }
+  return (uint16_t)(256U * highest + 16U * (fault ? ANHYST_STATE_FAULT : running) + phases[state]);
+}

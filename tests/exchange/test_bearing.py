@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.control.states import Phase, State
+from anhyst.control.states import Command, Phase, State
 from anhyst.exchange import stage_part
 from anhyst.exchange.description import model_description
 from anhyst.exchange.fmu_file import export_fmu
@@ -28,6 +28,7 @@ from anhyst.rig.stage.loop import (
     demand_columns,
     fed_wrench,
     feed,
+    fly,
     make_stage,
     pose_columns,
     track,
@@ -509,6 +510,34 @@ def test_six_axes_and_ten_calibrated_magnets_move_as_the_simulation_does_bit_for
     assert np.abs(found["demand_x_N"]).max() > 100.0
     away = pushed[:, names.index("pose_x_m")] - rows[:300, names.index("pose_x_m")]
     assert away.max() > 1e-7  # the load, which the simulation has none of
+
+
+def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_bit(
+    planar: Scan, tmp_path: Path
+) -> None:
+    rig, up, down, count = read_stage(planar.path.with_name("rig.toml")), 200, 4000, 8000
+    setup = make_stage(rig, bearings.knowledge(), "full")
+    free, still = rig.settings.body.free, np.zeros(count)
+    frame, forward = np.zeros((count + 1, len(free))), fed_wrench(setup.believed, still)
+    commands = np.zeros(count, dtype=np.uint32)
+    commands[[0, up, down]] = Command.IDLE, Command.LIFT, Command.LAND
+    run = fly(setup, 0, still, frame, forward, commands)
+    held = np.repeat([Command.IDLE, Command.LIFT, Command.LAND], [up, down - up, count - down])
+    inputs = {"command": held.astype(np.float64).tolist()} | {
+        f"feedforward_{axis}_N{'_m' * axis.startswith('r')}": forward[:, place].tolist()
+        for place, axis in enumerate(free)
+    }
+    with slave(planar.path, tmp_path) as made:
+        rows = np.array(made.run(inputs, ["state", "command_3_A", "pose_z_m"], TICK))
+    assert np.array_equal(rows[:, 0], run["state"])
+    assert np.array_equal(rows[:, 1], run["command_3_A"])
+    phases = rows[:, 0] % 16
+    assert phases[up - 1] == Phase.REST
+    assert rows[up - 1, 2] < -5e-5  # it fell onto its stops
+    assert phases[down - 1] == Phase.HOVER
+    assert abs(rows[down - 1, 2]) < 1e-8
+    assert rows[-1, 0] // 16 == State.READY
+    assert rows[-1, 1] == 0.0
 
 
 def test_six_axes_go_over_to_another_instance_and_agree_in_both_versions(

@@ -5,6 +5,7 @@
 #ifndef ANHYST_PLANT_TRACKING_H
 #define ANHYST_PLANT_TRACKING_H
 
+#include "anhyst/control/axes.h"
 #include "anhyst/control/tracking.h"
 #include "anhyst/control/tracking_real.h"
 #include "anhyst_plant/controller.h"
@@ -46,6 +47,9 @@ ANHYST_TRACKING_ADAPTER(q31);
 ANHYST_TRACKING_ADAPTER(f64);
 ANHYST_TRACKING_ADAPTER(f32);
 #undef ANHYST_TRACKING_ADAPTER
+
+/* The state of a controller of several coordinates, and what it has lost, as an answer has them. */
+uint16_t anhyst_axes_word(uint16_t state, uint32_t lost);
 
 #ifdef __cplusplus
 }

@@ -202,19 +202,8 @@ private:
                            Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
                            Row(sample->current, sample->current + drives),
                            static_cast<uint16_t>(sample->command));
-    static constexpr uint16_t phases[] = {ANHYST_PHASE_HOVER, ANHYST_PHASE_DESCEND,
-                                          ANHYST_PHASE_REST, ANHYST_PHASE_RISE};
-    const bool rests = out.state == ANHYST_AXES_REST;
-    const bool fault = out.lost != 0 && (rests || out.state == ANHYST_AXES_LAND);
-    int highest = 0;
-    while ((out.lost & 0xFFFFU) >> highest) {
-      highest++;
-    }
     answer->flags = out.flags;
-    answer->state = static_cast<uint16_t>(256 * highest + phases[out.state] +
-                                          16 * (fault   ? ANHYST_STATE_FAULT
-                                                : rests ? ANHYST_STATE_READY
-                                                        : ANHYST_STATE_RUN));
+    answer->state = anhyst_axes_word(out.state, out.lost);
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
     std::copy(c.demand_.begin(), c.demand_.end(), answer->demand);
     std::copy(sample->target, sample->target + axes, answer->reference);

@@ -9,6 +9,7 @@ import numpy as np
 from anhyst.compilation.core import LAYERS, SOURCES, core_files
 from anhyst.compilation.floating_source import memories
 from anhyst.compilation.stage import parameters_in_double
+from anhyst.control.states import Command
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     fields,
@@ -214,6 +215,13 @@ def _stage_variables(rig: StageRig) -> list[Variable]:
     pose, stroke = "pose" if several else "position", "of the long stroke at the end of the tick"
     gap = "gap at the magnet, as its sensor said at the last tick"
     wrench = each("wrench", "output", "of the magnets", _WRENCH) if several else []
+    commands = [Variable("command", "input", "1", _COMMANDS, 0.0, 0.0, 7.0)] if several else []
+    of_controller = {"state": "16*state + phase + 256*(highest magnet lost)", "flags": "flags"}
+    states = [
+        Variable(name, "output", "1", f"of the controller: {text}")
+        for name, text in of_controller.items()
+        if several
+    ]
     sense = "" if several else "; the first magnet pulls along it"
     return [
         *each("reference", "input", "wanted position"),
@@ -221,6 +229,7 @@ def _stage_variables(rig: StageRig) -> list[Variable]:
         *each("frame", "input", f"{stroke}; begins here"),
         Variable("load_N", "input", "N", "pushes the body towards larger positions"),
         *each("position_noise", "input", "added to the position that is read"),
+        *commands,
         *each(pose, "output", "true position"),
         *each(f"{pose}_read", "output", "position as the controller had it at the last tick"),
         *(
@@ -228,11 +237,17 @@ def _stage_variables(rig: StageRig) -> list[Variable]:
             for number in range(1, (count if several else 1) + 1)
         ),
         *each("demand", "output", f"wanted net force{sense}", _WRENCH),
+        *states,
         *each("velocity", "output", "of the body", _VELOCITY),
         *wrench,
         *magnet_variables("of the magnets, net, with the sign of the demand", count),
     ]
 
+
+_COMMANDS = "acts when it changes: " + ", ".join(
+    f"{one.value} {one.name.lower()}"
+    for one in (Command.NONE, Command.LIFT, Command.LAND, Command.IDLE)
+)
 
 _Units = tuple[tuple[str, str], tuple[str, str]]
 """Of a displacement and of an angle, each as names end with it and as tools read it."""

@@ -7,7 +7,8 @@
 #include "stage_controller.h"
 #include "virtual_plant.h"
 
-/* A number a coordinate, of GAP_READ one a gap sensor; from PLANT on as show_plant has it. */
+/* A number a coordinate, of GAP_READ one a gap sensor; COMMAND, STATE and FLAGS of several
+   coordinates only; from PLANT on as show_plant has it. */
 enum {
   AXES = BEARING_COORDINATES,
   REFERENCE = 1,
@@ -15,17 +16,21 @@ enum {
   FRAME = FORWARD + AXES,
   LOAD = FRAME + AXES,
   NOISE,
-  POSITION = NOISE + AXES,
+  COMMAND = NOISE + AXES,
+  POSITION = COMMAND + (STAGE_HEADS > 0),
   POSITION_READ = POSITION + AXES,
   GAP_READ = POSITION_READ + AXES,
   DEMAND = GAP_READ + BEARING_HEADS - STAGE_HEADS,
-  PLANT = DEMAND + AXES
+  STATE = DEMAND + AXES,
+  FLAGS,
+  PLANT = STATE + (STAGE_HEADS > 0 ? 2 : 0)
 };
 
 typedef struct {
   virtual_plant plant;
   anhyst_stage_controller controller;
   double frame[AXES]; /* where the long stroke is, m and rad */
+  double command;     /* of the tick before */
 } state_of;
 
 static void relink(const void *tables, void *state)
@@ -84,7 +89,8 @@ static const char *tick(const void *tables, void *state, double *values, double 
   state_of *now = (state_of *)state;
   double frame[2 * AXES];
   double forward[AXES];
-  const uint32_t command = 0;
+  const double asked = STAGE_HEADS > 0 ? values[COMMAND] : 0.0;
+  const uint32_t command = asked >= 0.0 && asked != now->command ? (uint32_t)asked : 0U;
   const anhyst_plant_events events = {values + REFERENCE, values + LOAD, values + NOISE, forward,
                                       &command,           frame};
   const anhyst_loop_controller controller = {now->controller, anhyst_stage_controller_tick};
@@ -93,6 +99,10 @@ static const char *tick(const void *tables, void *state, double *values, double 
   int i;
   (void)tables;
   (void)seconds;
+  if (!(asked >= 0.0 && asked <= 7.0)) {
+    return "a command is a number from 0 to 7";
+  }
+  now->command = asked;
   for (i = 0; i < AXES; i++) {
     frame[i] = now->frame[i];
     frame[AXES + i] = now->frame[i] = values[FRAME + i];
@@ -106,6 +116,10 @@ static const char *tick(const void *tables, void *state, double *values, double 
     values[DEMAND + i] = recorded(record, ANHYST_LOOP_DEMAND)[i];
     sum += now->plant.plant.pose[bearing.coordinate[i].axis];
   }
+#if STAGE_HEADS > 0
+  values[STATE] = *recorded(record, ANHYST_LOOP_STATE);
+  values[FLAGS] = *recorded(record, ANHYST_LOOP_FLAGS);
+#endif
   memcpy(values + GAP_READ, recorded(record, ANHYST_LOOP_GAP_READ),
          (size_t)(BEARING_HEADS - STAGE_HEADS) * sizeof *values);
   show_commands(record, values + PLANT);

@@ -81,7 +81,8 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
                                      .forward = sample->load,
                                      .gap = sample->head,
                                      .flux = sample->flux,
-                                     .current = sample->current};
+                                     .current = sample->current,
+                                     .command = (uint16_t)sample->command};
   anhyst_axes_answer_f64 out = {.current = answer->current, .demand = answer->demand};
   for (int i = 0; i < STAGE_HEADS; i++) {
     head[i] = sample->head[STAGE_DRIVES + i];
@@ -93,6 +94,8 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
   law->share.layout = &settings.layout;
   law->drive = drive;
   anhyst_axes_tick_f64(law, &in, &out);
+  answer->flags = out.flags;
+  answer->state = anhyst_axes_word(out.state, out.lost);
 }
 
 #else
