@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,11 +128,7 @@ def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
     """Fly all trials, and return them by their case."""
     found: dict[Case, Found] = {}
 
-    def said(done: int, of: int) -> None:
-        if done % 20 == 0:
-            print(f"calibration: {done} of {of} trials", file=sys.stderr, flush=True)
-
-    for trial, flown in zip(trials, all_of(Trial.run, trials, said), strict=True):
+    for trial, flown in zip(trials, all_of(Trial.run, trials), strict=True):
         case = trial.bench.iron, trial.bench.method, trial.errors, trial.world
         found.setdefault(case, Found([])).flown.append(flown)
     return found
@@ -141,7 +137,8 @@ def all_plants(trials: Sequence[Trial]) -> dict[Case, Found]:
 def headline(title: str, aim: Aim | None, found: Found) -> list[Row]:
     """Return the lines of a method on the example's own iron."""
     average, peak, settled = (found.percentiles(name) for name, _, _ in MEASURED)
-    reach, met = ["stated"] * 3, [None, None, None]
+    reach = ["stated"] * 3
+    met: list[bool | None] = [None] * 3
     if aim is not None:
         first = f"{aim.first[0]:g} / {aim.first[1]:g} after one scan, " if aim.first else ""
         reach[:2] = f"{first}{aim.last[0]:g} / {aim.last[1]:g} after four", f"{aim.peak:g} (50 %)"
@@ -275,18 +272,25 @@ def of_hours(bench: Bench, found: tuple[float, float]) -> Row:
 
 
 def rows() -> list[Row]:
-    """Return the lines of this table."""
+    """Return the lines of this table; each is told as soon as it is known."""
+    found: list[Row] = []
+
+    def told(lines: Iterable[Row]) -> None:
+        for row in lines:
+            found.append(row)
+            met = "" if row.met is None else ": met" if row.met else ": MISSED"
+            print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
+
     rig = changed(read_stage(RIG), {"scan.average_weight": AVERAGE})
     own = "own", rig, identify_magnet(rig.measured.read(), rig.settings.loops)
-    irons = [own, *all_of(iron_of, [(name, rig) for name in OTHERS])]
-    made = all_of(bench_of, [(*iron, method) for iron in irons for method in METHODS])
-    benches = made[: len(METHODS)]
-    flown = all_plants(trials_of_example(benches))
-    found = of_example(flown)
-    others = [
-        Trial(bench, plant, SCANS[-1:]) for bench in made[len(METHODS) :] for plant in range(FEWER)
-    ]
-    found += [of_iron(iron, method, one) for (iron, method, *_), one in all_plants(others).items()]
+    benches = all_of(bench_of, [(*own, method) for method in METHODS])
+    told(of_example(all_plants(trials_of_example(benches))))
+    others = all_of(iron_of, [(name, rig) for name in OTHERS])
+    made = all_of(bench_of, [(*iron, method) for iron in others for method in METHODS])
+    trials = [Trial(bench, plant, SCANS[-1:]) for bench in made for plant in range(FEWER)]
+    told(of_iron(iron, method, one) for (iron, method, *_), one in all_plants(trials).items())
     at_it = [bench for bench in benches if bench.method in WORKED]
-    found += map(of_hours, at_it, all_of(kept_at_it, at_it))
-    return found + levitated.asked() + balancing.asked()
+    told(map(of_hours, at_it, all_of(kept_at_it, at_it)))
+    told(levitated.asked())
+    told(balancing.asked())
+    return found
