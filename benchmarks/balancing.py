@@ -25,12 +25,12 @@ from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
-from calibration import SCANS, Bench, bench_of, training
+from calibration_trials import SCANS, Bench, bench_of, training
 from planar import RIG
 from rows import Row
 
-PLANTS = 12
 METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "single-valued")
+PLANTS, FEWER = 12, 4
 FIGURES = ("average", "peak", "settling", "z", "ry", "rz")
 UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")
 
@@ -124,6 +124,25 @@ def of_method(method: str, flown: Sequence[Flown]) -> list[Row]:
         what = f"balancing, {method}: {name}, {unit}, before -> after 1, 2, 4 scans"
         found.append(Row(what, aim, f"{text} ({count} of {len(flown)})", met))
     return found
+
+
+def asked() -> list[Row]:
+    """Return the moving average and Rz, those to reach of all plants, of baselines of the first ones."""
+    rig = read_stage(RIG)
+    magnet = identify_stage(rig)
+    benches = all_of(bench_of, [("planar", rig, magnet, method) for method in METHODS])
+    plants = [PLANTS if bench.method == METHODS[0] else FEWER for bench in benches]
+    work = [(bench, one) for bench, n in zip(benches, plants, strict=True) for one in range(n)]
+    flown = all_of(balanced, work)
+    return [
+        row
+        for own in benches
+        for row in of_method(
+            own.method,
+            [one for one, (bench, _) in zip(flown, work, strict=True) if bench is own],
+        )
+        if any(f": {name}," in row.what for name in ("average", "rz"))
+    ]
 
 
 def rows() -> list[Row]:
