@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anhyst._core import Coil, Magnet
 from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bench import stage
-from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.bench.stage import AxesBench, StageBench, StageVariant, bench_of
+from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.rig.recording import Loss
+from anhyst.rig.stage.file import pull_rows
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
 from anhyst.support.arrays import FloatArray
 from tests.refusals import refused
@@ -194,6 +197,39 @@ def axes() -> StageBench:
         make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")
     ]
     return bench_of([StageVariant(one, Feedforward()) for one in setups])
+
+
+def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: StageBench) -> None:
+    assert isinstance(axes, AxesBench)
+    axes.advance(400)
+    axes.command(Command.RUN)
+    rows = axes.advance(3000)
+    read = {one.name: rows[:, 1 + place] for place, one in enumerate(axes.signals)}
+
+    def all_of(name: str) -> FloatArray:
+        return np.column_stack([read[name], *(read[f"{name}_{n}"] for n in range(2, 11))])
+
+    free, file = axes.body["free"], axes.rig.settings
+    wrench = np.column_stack([read[f"wrench_{axis}"] for axis in free])
+    assert np.ptp(wrench[:, 0]) > 50.0
+    # the lines of pull turn with the body, by tilts of less than 1e-5
+    assert np.allclose(all_of("pull") @ pull_rows(file), wrench, atol=2e-3)
+    opened = all_of("gap") - [one["gap"] for one in axes.body["magnets"]]
+    pose = -opened @ np.transpose(axes.body["see"])
+    assert np.allclose(-pose @ pull_rows(file).T, opened, atol=1e-11)
+    # they ride on the long stroke: along the set-point it strays, the others are errors alone
+    assert np.allclose(pose[:, 1], -read["error_y"], atol=1e-11)
+
+
+def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
+    file = stages.stage().settings
+    poles, steel = file.magnet.poles, file.steel.steel()
+    for one in (poles, replace(poles, outer=poles.reluctance(0.5e-3), bias=2e5, spring=300.0)):
+        coil = Coil(Magnet(circuit_numbers(one, 0.0, 0.5e-3), steel.plant()))
+        for current, gap in ((2.0, 0.45e-3), (0.5, 0.55e-3)):
+            coil.hold(current, gap)
+            told = one.pull(np.array(coil.density), np.array(gap), 0.5e-3)
+            assert told == pytest.approx(coil.force, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,8 @@ from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import check_values
-from anhyst.rig.recording import Loss, Recording, column
-from anhyst.rig.stage.file import axes_of, scan_direction, unit_of
+from anhyst.rig.recording import Loss, Recording, column, peak
+from anhyst.rig.stage.file import axes_of, pull_rows, scan_direction, unit_of
 from anhyst.rig.stage.loop import (
     COMMANDS,
     WRENCH,
@@ -33,6 +33,7 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     axes_loss,
     axes_recorded,
+    demand_columns,
     fed_wrench,
     make_loop_controller,
     of_axes,
@@ -478,32 +479,71 @@ class StageBench:
         """Nothing runs beside it."""
 
 
+_OF_AXIS = (
+    ("error", ("m", "rad"), "error along {}, or about it"),
+    ("demand", WRENCH, "force that the controller wants along {}, or moment about it"),
+    ("wrench", WRENCH, "true force of the magnets along {}, or moment about it"),
+    ("pose_read", ("m", "rad"), "pose along {}, or about it, as the heads say"),
+)
+_OF_MAGNET = (
+    ("gap", "m", "true gap of magnet {}"),
+    ("gap_read", "m", "the same as its sensor says, of magnet {}"),
+    ("pull", "N", "true pull of magnet {}"),
+    ("command", "A", "current asked for, of magnet {}"),
+    ("current", "A", "true current of magnet {}"),
+)
+"""Signals of each coordinate, and of each magnet."""
+
+
 class AxesBench(StageBench):
     """The same of a body of several coordinates: nothing pushes at it."""
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
-        errors = [
-            Signal(f"error_{axis}", unit_of(axis), f"error along {axis}, or about it")
+        axes = [
+            Signal(f"{name}_{axis}", units[unit_of(axis) == "rad"], text.format(axis))
+            for name, units, text in _OF_AXIS
             for axis in file.body.free
         ]
         magnets = [
-            Signal(column(name, "", number), unit, f"{text} {one.name}")
+            Signal(column(name, "", number), unit, text.format(one.name))
             for number, one in enumerate(file.placed, 1)
-            for name, unit, text in (
-                ("gap", "m", "true gap of magnet"),
-                ("command", "A", "current asked for, of magnet"),
-                ("current", "A", "true current of magnet"),
-            )
+            for name, unit, text in _OF_MAGNET
         ]
         forces = [
             Signal("demand", "N", "force that the controller wants along the set-point"),
             Signal("force", "N", "true force of the magnets"),
         ]
         along = [_OF_BENCH[0], _OF_BENCH[1], _OF_BENCH[3]]
-        self.signals = (*along, *forces, *errors, *magnets, *_OF_BENCH[4:])
+        self.signals = (*along, *forces, *axes, *magnets, *_OF_BENCH[4:])
         super().__init__(variants, seed)
         self.load_most = 0.0
+
+    @property
+    def body(self) -> Mapping[str, Any]:
+        """What a picture of the body is drawn from, SI; `see` takes gaps that close to a pose."""
+        file = self.rig.settings
+        stops = file.body.stop_low_m - self.rig.gap, file.body.stop_high_m - self.rig.gap
+        return {
+            "free": list(file.body.free),
+            "along": list(file.scan.direction),
+            "way": peak(self._way.place),
+            "force": file.tracking.force_max_N,
+            "magnets": [
+                {
+                    "name": one.name,
+                    "at": one.position_m,
+                    "direction": one.direction,
+                    "gap": one.gap_m or self.rig.gap,
+                }
+                for one in file.placed
+            ],
+            "stops": stops,
+            "heads": [
+                {"at": one.position_m, "direction": one.direction} for one in file.position_sensors
+            ],
+            "see": np.linalg.pinv(pull_rows(file)).tolist(),
+        }
 
     def _place_body(self, stray: float) -> None:
         along = scan_direction(self.rig.settings)
@@ -526,13 +566,27 @@ class AxesBench(StageBench):
         loss = axes_loss(rig, Recording.of_table(table, self._names), n)
         kept = n if loss is None else min(loss.tick + 1, len(table))
         run = Recording.of_table(table[:kept], self._names)
-        seen = axes_recorded(rig, run, reference, frame)
+        seen = axes_recorded(rig, run, reference, frame) | self._pulled(run)
         count = range(1, self._magnets + 1)
         flowed = [run[column("command", "A", number)] for number in count]
         flowed += [run[column("gap_read", "m", number)] for number in count]
         flowed += [run[name] for name in of_axes("demand", file.body.free, WRENCH)]
         of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
         return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
+
+    def _pulled(self, run: Recording) -> dict[str, FloatArray]:
+        """Return what each magnet pulls with, and what all do along each coordinate."""
+        file, poles, free = (
+            self.rig.settings,
+            self.rig.settings.magnet.poles,
+            self.rig.settings.body.free,
+        )
+        own = of_axes("wrench", free, WRENCH)
+        read = dict(zip(demand_columns(free, "wrench"), (run[name] for name in own), strict=True))
+        for number, one in enumerate(file.placed, 1):
+            density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
+            read[column("pull", "N", number)] = poles.pull(density, gap, one.gap_m or self.rig.gap)
+        return read
 
     def _lying(self) -> dict[str, float]:
         """Return the same where weight pulls the body down, or at the low end of its way."""
@@ -543,9 +597,12 @@ class AxesBench(StageBench):
         way = float(off @ along)
         values = {"reference": place, "position": place + way, "error": -way}
         values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
+        pose = zip(free, (place * along + off).tolist(), strict=True)
+        values |= {f"pose_read_{axis}": one for axis, one in pose}
         for number, one in enumerate(file.placed, 1):
             pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
-            values[column("gap", "", number)] = (one.gap_m or 0.0) - float(pulls @ off)
+            gap = (one.gap_m or 0.0) - float(pulls @ off)
+            values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
         return values
 
 
