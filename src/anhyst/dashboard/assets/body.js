@@ -172,9 +172,10 @@ export class BodyView {
     const shown = 10 ** Math.floor(Math.log10(force)); // N
     const long = (LONGEST * this.shape.size * this.space.scale * shown) / force;
     const millimetres = (metres) => (1e3 * metres).toFixed(2);
-    const exaggerated = `${text} × ${spaced(this.factor)}; dotted: the body ${thin}; gaps are not to scale`;
+    const exaggerated = `${text} × ${spaced(this.factor)}`;
     this.space.canvas.title = exaggerated;
-    this.space.note(exaggerated, 2);
+    this.space.note(exaggerated, 3);
+    this.space.note(`dotted: the body ${thin}; gaps are not to scale`, 2);
     this.space.note(`pull of ${show(shown, "N")} across the view; green: position heads`, 1, long, COLOURS[1]);
     this.space.note(`long stroke: ${millimetres(this.#last("reference"))} mm of ± ${millimetres(way)} mm`, 0);
   }

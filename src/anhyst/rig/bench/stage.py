@@ -106,9 +106,15 @@ class StageLap(NamedTuple):
     begin: int  # its first tick
     ticks: int
     known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
+    switched: int  # but what a constant force met since this tick, at which it was switched on
     motion: SetPoint
     under: tuple[object, ...]  # plant, gains and all else in force but what is learnt
     setup: StageSetup  # in force, with what was learnt
+
+    @property
+    def end(self) -> int:
+        """Its last tick."""
+        return self.begin + self.ticks - 1
 
     @property
     def method(self) -> MethodName:
@@ -184,7 +190,7 @@ class StageBench:
         free = len(self.rig.settings.body.free)
         self._latest = np.zeros((0, 2 * (self._magnets + free)))
         self._carried = np.zeros(free)
-        self._known = self.tick + 1
+        self._known = self.switched = self.tick + 1
         self._control()
 
     def _place_body(self, stray: float) -> None:
@@ -244,7 +250,8 @@ class StageBench:
             self._lap, self._side = self._laps, -self._side
             under = (*self._values.values(), *self._gains, self._load)
             begin, ticks = self.tick + 1, len(self._way)
-            lap = StageLap(self._lap, begin, ticks, self._known, self._motion, under, self._setup)
+            since = self._known, self.switched
+            lap = StageLap(self._lap, begin, ticks, *since, self._motion, under, self._setup)
             self.laps.append(lap)
 
     def _begin(self, course: Course) -> None:
@@ -522,11 +529,11 @@ class AxesBench(StageBench):
     @property
     def body(self) -> Mapping[str, Any]:
         """What a picture of the body is drawn from, SI; `see` takes gaps that close to a pose."""
-        file = self.rig.settings
+        file, along = self.rig.settings, list(self.rig.settings.scan.direction)
         stops = file.body.stop_low_m - self.rig.gap, file.body.stop_high_m - self.rig.gap
         return {
             "free": list(file.body.free),
-            "along": list(file.scan.direction),
+            "along": along,
             "way": peak(self._way.place),
             "force": file.tracking.force_max_N,
             "magnets": [
@@ -540,7 +547,8 @@ class AxesBench(StageBench):
             ],
             "stops": stops,
             "heads": [
-                {"at": one.position_m, "direction": one.direction} for one in file.position_sensors
+                {"at": one.position_m or [0.0] * 3, "direction": one.direction or along}
+                for one in file.position_sensors
             ],
             "see": np.linalg.pinv(pull_rows(file)).tolist(),
         }
