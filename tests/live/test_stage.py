@@ -335,8 +335,8 @@ def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show
 def test_laps_that_ended_meanwhile_are_left_out_and_counted(
     beside: Beside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    taken: list[int] = []
-    monkeypatch.setattr(Learner, "learn", lambda *_: bool(taken.append(1)))
+    taken: list[Motion] = []
+    monkeypatch.setattr(Learner, "learn", lambda _, motion: taken.append(motion))
     start(beside)
     beside.learner.turn(True)
     beside.laps()

@@ -296,13 +296,35 @@ def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_c
     assert np.abs(column(axes, rows, "error_z")).max() < 3e-6
 
 
-def test_nothing_pushes_at_a_body_of_several_coordinates_and_a_drawn_plant_is_another_one(
-    axes: StageBench,
-) -> None:
-    assert axes.load_most == 0.0
+def test_a_drawn_plant_of_several_coordinates_is_another_one(axes: StageBench) -> None:
     axes.advance(400)
     axes.apply({"plant": 1.0})
     rows = axes.advance(400)
     error = np.abs(column(axes, rows, "error_rx"))
     assert error.max() < 20e-6
     assert error[-1] > 1e-8  # its magnets are not alike
+
+
+def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_it_up(
+    axes: StageBench,
+) -> None:
+    assert axes.load_most == 0.0
+    quiet = axes.advance(3000)
+    limits = {one.name: one.high for one in axes.parameters() if one.name.startswith("push_")}
+    # two pairs along x, the weight of 20 kg on the four magnets of 240 N above it
+    assert limits["push_x"] == pytest.approx(0.5 * 480.0, rel=0.02)
+    assert limits["push_z"] == pytest.approx(0.5 * (20.0 * 9.81 - 2.0), rel=0.02)
+    assert axes.apply({"push_z": 20.0}) == axes.tick + 1
+    rows = axes.advance(3000)
+    away = np.abs(column(axes, rows, "error_z"))
+    assert away.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
+    assert away[-1] < 0.1 * away.max()
+    assert np.ptp(column(axes, rows, "error_y")) < 0.01 * away.max()
+    # another controller goes on with what the loop holds against it
+    axes.apply({"compensation": 0.0})
+    assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
+    with refused("out-of-range"):
+        axes.apply({"push_z": 1000.0})
+    axes.apply({"plant": 2.0})
+    axes.advance(50)
+    assert {one.value for one in axes.parameters() if one.name.startswith("push_")} == {0.0}

@@ -22,10 +22,10 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of, of_axes_and_magnets
 from anhyst.rig.bench.settings import check_values
 from anhyst.rig.recording import Loss, Recording, column, peak
-from anhyst.rig.stage.file import axes_of, pull_rows, scan_direction, unit_of
+from anhyst.rig.stage.file import axes_of, layout_of, pushed_with, scan_direction
 from anhyst.rig.stage.loop import (
     COMMANDS,
     WRENCH,
@@ -160,6 +160,7 @@ class StageBench:
         self._rng = np.random.default_rng([rig.settings.seed, seed])
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
+        self._push: dict[str, float] = {}
         self._ahead = (rig.settings.timing.delay_ticks + 0.5) * rig.dt
         self._move(1.0)
         self._renew()
@@ -248,7 +249,8 @@ class StageBench:
             self._begin(self._way if self._side > 0.0 else self._way.back())
             self._laps += 1
             self._lap, self._side = self._laps, -self._side
-            under = (*self._values.values(), *self._gains, self._load)
+            pushed = self._load, *self._push.values()
+            under = (*self._values.values(), *self._gains, *pushed)
             begin, ticks = self.tick + 1, len(self._way)
             since = self._known, self.switched
             lap = StageLap(self._lap, begin, ticks, *since, self._motion, under, self._setup)
@@ -438,13 +440,7 @@ class StageBench:
         off, on = (one.compensator.method for one in self._setups)
         known = (
             ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
-            (
-                "gain_acceleration",
-                "",
-                0.0,
-                2.0,
-                "weight of mass times acceleration that is fed forward",
-            ),
+            ("gain_acceleration", "", 0.0, 2.0, "of mass times acceleration that is fed forward"),
             ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
             ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
             ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
@@ -486,72 +482,50 @@ class StageBench:
         """Nothing runs beside it."""
 
 
-_OF_AXIS = (
-    ("error", ("m", "rad"), "error along {}, or about it"),
-    ("demand", WRENCH, "force that the controller wants along {}, or moment about it"),
-    ("wrench", WRENCH, "true force of the magnets along {}, or moment about it"),
-    ("pose_read", ("m", "rad"), "pose along {}, or about it, as the heads say"),
-)
-_OF_MAGNET = (
-    ("gap", "m", "true gap of magnet {}"),
-    ("gap_read", "m", "the same as its sensor says, of magnet {}"),
-    ("pull", "N", "true pull of magnet {}"),
-    ("command", "A", "current asked for, of magnet {}"),
-    ("current", "A", "true current of magnet {}"),
-)
-"""Signals of each coordinate, and of each magnet."""
-
-
 class AxesBench(StageBench):
-    """The same of a body of several coordinates: nothing pushes at it."""
+    """The same of a body of several coordinates.
+
+    There is no load drive: its parameters `push_` add to what is demanded of the magnets, at once.
+    """
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
-        axes = [
-            Signal(f"{name}_{axis}", units[unit_of(axis) == "rad"], text.format(axis))
-            for name, units, text in _OF_AXIS
-            for axis in file.body.free
-        ]
-        magnets = [
-            Signal(column(name, "", number), unit, text.format(one.name))
-            for number, one in enumerate(file.placed, 1)
-            for name, unit, text in _OF_MAGNET
-        ]
+        each = of_axes_and_magnets(file.body.free, [one.name for one in file.placed])
         forces = [
             Signal("demand", "N", "force that the controller wants along the set-point"),
             Signal("force", "N", "true force of the magnets"),
         ]
         along = [_OF_BENCH[0], _OF_BENCH[1], _OF_BENCH[3]]
-        self.signals = (*along, *forces, *axes, *magnets, *_OF_BENCH[4:])
+        self.signals = (*along, *forces, *each, *_OF_BENCH[4:])
+        most = [LOAD * one for one in pushed_with(file)]
+        self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))
         super().__init__(variants, seed)
         self.load_most = 0.0
 
     @property
     def body(self) -> Mapping[str, Any]:
-        """What a picture of the body is drawn from, SI; `see` takes gaps that close to a pose."""
-        file, along = self.rig.settings, list(self.rig.settings.scan.direction)
-        stops = file.body.stop_low_m - self.rig.gap, file.body.stop_high_m - self.rig.gap
-        return {
-            "free": list(file.body.free),
-            "along": along,
-            "way": peak(self._way.place),
-            "force": file.tracking.force_max_N,
-            "magnets": [
-                {
-                    "name": one.name,
-                    "at": one.position_m,
-                    "direction": one.direction,
-                    "gap": one.gap_m or self.rig.gap,
-                }
-                for one in file.placed
-            ],
-            "stops": stops,
-            "heads": [
-                {"at": one.position_m or [0.0] * 3, "direction": one.direction or along}
-                for one in file.position_sensors
-            ],
-            "see": np.linalg.pinv(pull_rows(file)).tolist(),
-        }
+        """What a picture of the body is drawn from, SI."""
+        return {**layout_of(self.rig.settings), "way": peak(self._way.place)}
+
+    def _renew(self) -> None:
+        self._push = dict.fromkeys(self._pushes, 0.0)
+        super()._renew()
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed, with the values that are in force once the body rests."""
+        pushes = [
+            Parameter(name, WRENCH["_r" in name], -most, most, "at once, by the magnets", now)
+            for (name, most), now in zip(self._pushes.items(), self._push.values(), strict=True)
+        ]
+        return (*super().parameters(), *pushes)
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
+        others = {name: one for name, one in values.items() if name not in self._pushes}
+        check_values(values, self.parameters())
+        due = super().apply(others) if others else self.tick + 1
+        self._push |= {name: one for name, one in values.items() if name in self._pushes}
+        return due
 
     def _place_body(self, stray: float) -> None:
         along = scan_direction(self.rig.settings)
@@ -563,6 +537,7 @@ class AxesBench(StageBench):
         rig, file, n = self.rig, self.rig.settings, forward.size
         along, reference = scan_direction(file), place[:n] + self._offset
         frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
+        fed += list(self._push.values())
         table = self._loop.run(
             np.outer(reference, along).ravel(),
             np.zeros(n),
