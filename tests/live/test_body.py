@@ -10,7 +10,7 @@ import pytest
 from anhyst.rig.bench.stage import StageVariant, bench_of
 from anhyst.rig.stage.file import StageRig, pull_rows, read_stage
 from anhyst.rig.stage.loop import Feedforward, make_stage
-from tests.live.conftest import Serve, Show
+from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, seen, state_is, until
 from tests.study import bearings
 from tests.study.test_axes import planar, three_magnets
@@ -75,8 +75,11 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
     assert "pull_10_N" in heads
 
 
-def test_another_layout_is_drawn_as_its_file_says(serve: Serve, show: Show, tmp_path: Path) -> None:
-    page = show(serve(bench=bench_of(variants(read_stage(three_magnets(tmp_path))))))
+def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
+    serve: Serve, show: Show, tmp_path: Path
+) -> None:
+    served = serve(bench=bench_of(variants(read_stage(three_magnets(tmp_path)))))
+    page = show(served)
     ready(page)
     page.keyboard.press("0")
     until(page, "document.querySelector('#body canvas').title.includes('error')")
@@ -86,3 +89,10 @@ def test_another_layout_is_drawn_as_its_file_says(serve: Serve, show: Show, tmp_
     way, turn = seen(page, "page.body.pose()")
     assert np.any(way[:2])
     assert [way[2], *turn] == [0.0] * 4
+    # a push along a coordinate acts there
+    page.select_option("#push-axis", "push_y")
+    page.locator("#push").focus()
+    page.keyboard.press("End")
+    most = {one.name: one.high for one in served.session.parameters}["push_y"]
+    wait_for(lambda: {one.name: one.value for one in served.session.parameters}["push_y"] == most)
+    until(page, "window.anhyst.body.figures.axes[1][1][2].peak > 1e-7")

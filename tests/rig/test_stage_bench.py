@@ -325,6 +325,3 @@ def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_i
     assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
     with refused("out-of-range"):
         axes.apply({"push_z": 1000.0})
-    axes.apply({"plant": 2.0})
-    axes.advance(50)
-    assert {one.value for one in axes.parameters() if one.name.startswith("push_")} == {0.0}

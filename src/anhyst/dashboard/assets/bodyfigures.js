@@ -6,6 +6,7 @@ import { fine, shown } from "./units.js";
 
 const EVERY_MS = 100; // from one reading to the next
 const WINDOW_S = 1; // of which the largest is told
+const MANY = 1e4; // beyond so many of a fine unit the usual one is better read
 
 // What a signal of a magnet is called: of the first one without a number.
 export const numbered = (name, n) => (n ? `${name}_${n + 1}` : name);
@@ -60,7 +61,8 @@ export class Figures {
       const now = store.value(cell.column, store.count - 1);
       const part = cell.part ? cell.part(now) : now / largest[`${cell.unit} ${cell.of.name}`];
       const told = cell.head.startsWith("error") ? cell.peak : now;
-      cell.text.textContent = `${digits(told * cell.of.factor)} ${cell.of.name}`;
+      const { name, factor } = Math.abs(told * cell.of.factor) < MANY ? cell.of : shown(cell.unit);
+      cell.text.textContent = `${digits(told * factor)} ${name}`;
       cell.bar.style.transform = `scaleX(${Math.max(-1, Math.min(1, part || 0))})`;
     }
   }

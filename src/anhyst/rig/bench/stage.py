@@ -500,16 +500,13 @@ class AxesBench(StageBench):
         most = [LOAD * one for one in pushed_with(file)]
         self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))
         super().__init__(variants, seed)
+        self._push = dict.fromkeys(self._pushes, 0.0)
         self.load_most = 0.0
 
     @property
     def body(self) -> Mapping[str, Any]:
         """What a picture of the body is drawn from, SI."""
         return {**layout_of(self.rig.settings), "way": peak(self._way.place)}
-
-    def _renew(self) -> None:
-        self._push = dict.fromkeys(self._pushes, 0.0)
-        super()._renew()
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed, with the values that are in force once the body rests."""
