@@ -289,20 +289,6 @@ def test_a_bench_that_does_not_learn_refuses_to() -> None:
         session.close()
 
 
-def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(tmp_path: Path) -> None:
-    found = prepared()
-    bench = found.open()
-    session = LiveSession(bench, start_recording(tmp_path / "run.mf4", bench.signals, bench.rate))
-    session.do(lambda: bench.apply({"plant": WRONG}))
-    session.do(lambda: session.bench.command(Command.RUN))
-    session.start()
-    wait_for(lambda: len(bench.laps) > 2)
-    session.close()
-    learnt = calibrate(found.whole, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
-    assert learnt.learnt
-    assert learnt.file.method[0].fits
-
-
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show: Show) -> None:
@@ -357,6 +343,24 @@ def several() -> PreparedStage:
     setups = [make_stage(short(), bearings.knowledge(), one) for one in ("single-valued", "full")]
     variants = tuple(StageVariant(one, Feedforward()) for one in setups)
     return PreparedStage(short(), bearings.knowledge(), variants)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [prepared, several])
+def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
+    make: Callable[[], PreparedStage], tmp_path: Path
+) -> None:
+    found = make()
+    bench = found.open()
+    session = LiveSession(bench, start_recording(tmp_path / "run.mf4", bench.signals, bench.rate))
+    session.do(lambda: bench.apply({"plant": WRONG}))
+    session.do(lambda: session.bench.command(Command.RUN))
+    session.start()
+    wait_for(lambda: len(bench.laps) > 2)
+    session.close()
+    learnt = calibrate(found.whole, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
+    assert learnt.learnt
+    assert learnt.file.method[0].fits
 
 
 @pytest.mark.slow

@@ -19,10 +19,11 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Bench, Signal, Subscription
 from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
 from anhyst.rig.calibration import ParameterName
-from anhyst.rig.recording import column, of_magnets, peak, rms
+from anhyst.rig.recording import column, peak, rms
 from anhyst.rig.stage.file import StageRig
-from anhyst.rig.stage.loop import COMMANDS, READ, StageSetup, demand_columns, pose_columns
+from anhyst.rig.stage.loop import StageSetup
 from anhyst.study.tracking.bodies import BearingLaw, law_of
+from anhyst.study.tracking.calibrate import needed
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
@@ -175,7 +176,7 @@ class StageLearner(BenchLearner):
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._needed = _needed(rig)
+        self._needed = needed(rig)[1:]  # the clock is the tick here
         self._columns = [_place(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
         self._left_out = 0
         self._lifted = np.zeros(
@@ -470,16 +471,6 @@ def _values(learner: Learner) -> dict[str, tuple[float, float, float, float]]:
         for one in learner.found.parameter
         if one.name in learner.seen
     }
-
-
-def _needed(rig: StageRig) -> Sequence[str]:
-    """Return the columns that a stage of one or several coordinates is learnt from."""
-    file = rig.settings
-    if not file.several:
-        return ("demand_N", *READ, *COMMANDS)
-    free, read = file.body.free, (("gap_read", "m"), ("command", "A"))
-    magnets = of_magnets(read, 1, len(file.placed))
-    return ("demand_N", *demand_columns(free), *pose_columns(free), *magnets)
 
 
 def _place(signals: Sequence[Signal], header: str) -> int:
