@@ -370,7 +370,7 @@ def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
     beside.laps(2)
     before = min(one.average for one in beside.learner.laps)
     beside.learner.turn(True)
-    beside.laps(5)
+    beside.laps(4)
     learnt = beside.learner.laps[-1]
     assert learnt.average < before / 2.0
     assert learnt.refused == 0
@@ -380,11 +380,6 @@ def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
         assert sigma < stated
         assert abs(value) < 4.0 * stated
         assert abs(value - applied) < 0.5 * stated
-    beside.learner.revert()
-    beside.learner.turn(False)
-    beside.laps(3)
-    assert beside.learner.laps[-1].values == {}
-    assert beside.learner.laps[-1].average > before / 1.5
 
 
 @pytest.mark.slow
