@@ -106,7 +106,6 @@ class StageLap(NamedTuple):
     begin: int  # its first tick
     ticks: int
     known: int  # from this tick on it is to be looked at what flowed: before, nothing is remembered
-    switched: int  # but what a constant force met since this tick, at which it was switched on
     motion: SetPoint
     under: tuple[object, ...]  # plant, gains and all else in force but what is learnt
     setup: StageSetup  # in force, with what was learnt
@@ -191,7 +190,7 @@ class StageBench:
         free = len(self.rig.settings.body.free)
         self._latest = np.zeros((0, 2 * (self._magnets + free)))
         self._carried = np.zeros(free)
-        self._known = self.switched = self.tick + 1
+        self._known = self.switched = self.tick + 1  # first tick with demagnetised iron
         self._control()
 
     def _place_body(self, stray: float) -> None:
@@ -252,8 +251,7 @@ class StageBench:
             pushed = self._load, *self._push.values()
             under = (*self._values.values(), *self._gains, *pushed)
             begin, ticks = self.tick + 1, len(self._way)
-            since = self._known, self.switched
-            lap = StageLap(self._lap, begin, ticks, *since, self._motion, under, self._setup)
+            lap = StageLap(self._lap, begin, ticks, self._known, self._motion, under, self._setup)
             self.laps.append(lap)
 
     def _begin(self, course: Course) -> None:
@@ -511,7 +509,7 @@ class AxesBench(StageBench):
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed, with the values that are in force once the body rests."""
         pushes = [
-            Parameter(name, WRENCH["_r" in name], -most, most, "at once, by the magnets", now)
+            Parameter(name, WRENCH["_r" in name], -most, most, "at once, asked of the magnets", now)
             for (name, most), now in zip(self._pushes.items(), self._push.values(), strict=True)
         ]
         return (*super().parameters(), *pushes)

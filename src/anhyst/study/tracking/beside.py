@@ -179,9 +179,8 @@ class StageLearner(BenchLearner):
         self._needed = needed(rig)[1:]  # the clock is the tick here
         self._columns = [_place(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
         self._left_out = 0
-        self._lifted = np.zeros(
-            (0, 1 + len(self._columns))
-        )  # rows of that, since it was switched on
+        # rows of that, since it was switched on
+        self._lifted = np.zeros((0, 1 + len(self._columns)))
         self._laws: dict[MethodName, MotionLaw] = {}
         self._kept: dict[MethodName, _Kept] = {}
 
