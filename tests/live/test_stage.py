@@ -24,7 +24,7 @@ from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused
 from tests.study import bearings, stages
-from tests.study.test_axes import planar
+from tests.study.test_balancing import short
 
 SUBSTEPS = 4
 WRONG = 3.0
@@ -40,8 +40,8 @@ def prepared(**control: object) -> PreparedStage:
 class Beside:
     """A bench and its learner in step, without a session."""
 
-    def __init__(self) -> None:
-        found = prepared()
+    def __init__(self, found: PreparedStage | None = None) -> None:
+        found = found or prepared()
         self.bench = found.open()
         self.learner = StageLearner(found.whole, found.magnet, self.bench)
 
@@ -289,20 +289,6 @@ def test_a_bench_that_does_not_learn_refuses_to() -> None:
         session.close()
 
 
-def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(tmp_path: Path) -> None:
-    found = prepared()
-    bench = found.open()
-    session = LiveSession(bench, start_recording(tmp_path / "run.mf4", bench.signals, bench.rate))
-    session.do(lambda: bench.apply({"plant": WRONG}))
-    session.do(lambda: session.bench.command(Command.RUN))
-    session.start()
-    wait_for(lambda: len(bench.laps) > 2)
-    session.close()
-    learnt = calibrate(found.whole, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
-    assert learnt.learnt
-    assert learnt.file.method[0].fits
-
-
 @pytest.mark.slow
 @pytest.mark.needs("chromium")
 def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show: Show) -> None:
@@ -332,16 +318,88 @@ def test_the_page_shows_what_a_stage_learns_and_takes_it_back(serve: Serve, show
     assert page.locator("#next").inner_text() == "press run"
 
 
-def test_a_body_of_several_coordinates_opens_with_nothing_that_learns() -> None:
-    setups = [
-        make_stage(planar(), bearings.knowledge(), name) for name in ("single-valued", "full")
-    ]
+def test_laps_that_ended_meanwhile_are_left_out_and_counted(
+    beside: Beside, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[Motion] = []
+    monkeypatch.setattr(Learner, "learn", lambda _, motion: taken.append(motion))
+    start(beside)
+    beside.learner.turn(True)
+    beside.laps()
+    waiting = [beside.bench.advance(200)]
+    while beside.bench.laps[-1].number < beside.learner.laps[-1].lap + 4:
+        waiting.append(beside.bench.advance(200))
+    for rows in waiting:
+        beside.learner.take(rows, lambda act: act())
+    assert [one.learning for one in beside.learner.laps] == [True, False, False, True]
+    assert len(taken) == 2
+    assert beside.learner.status()["left_out"] == 2
+    beside.learner.revert()
+    assert beside.learner.status()["left_out"] == 0
+
+
+def several() -> PreparedStage:
+    """The ten magnets of which all but the widths of their loops is drawn, with short set-points."""
+    setups = [make_stage(short(), bearings.knowledge(), one) for one in ("single-valued", "full")]
     variants = tuple(StageVariant(one, Feedforward()) for one in setups)
-    bench, improver, learner = opened(PreparedStage(planar(), bearings.knowledge(), variants))
-    assert (improver, learner) == (None, None)
-    session = LiveSession(bench)
-    try:
-        with refused("not-for-this-kind learn"):
-            perform(session, "test", {"do": "learn", "on": True})
-    finally:
-        session.close()
+    return PreparedStage(short(), bearings.knowledge(), variants)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [prepared, several])
+def test_a_recording_from_the_first_tick_on_can_be_calibrated_from(
+    make: Callable[[], PreparedStage], tmp_path: Path
+) -> None:
+    found = make()
+    bench = found.open()
+    session = LiveSession(bench, start_recording(tmp_path / "run.mf4", bench.signals, bench.rate))
+    session.do(lambda: bench.apply({"plant": WRONG}))
+    session.do(lambda: session.bench.command(Command.RUN))
+    session.start()
+    wait_for(lambda: len(bench.laps) > 2)
+    session.close()
+    learnt = calibrate(found.whole, tmp_path / "run.mf4", magnet=found.magnet, methods=["full"])
+    assert learnt.learnt
+    assert learnt.file.method[0].fits
+
+
+@pytest.mark.slow
+def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
+    beside = Beside(several())
+    start(beside)
+    beside.laps(2)
+    before = min(one.average for one in beside.learner.laps)
+    beside.learner.turn(True)
+    beside.laps(4)
+    learnt = beside.learner.laps[-1]
+    assert learnt.average < before / 2.0
+    assert learnt.refused == 0
+    # what works is told from what was stated; what carries the weight begins where it was switched on
+    for name in ("scale_1", "scale_4", "gap_zero_2_m", "scale_7", "centre_z_m"):
+        value, sigma, applied, stated = learnt.values[name]
+        assert sigma < stated
+        assert abs(value) < 4.0 * stated
+        assert abs(value - applied) < 0.5 * stated
+
+
+@pytest.mark.slow
+@pytest.mark.needs("chromium")
+def test_the_page_shows_what_a_body_of_many_numbers_learns_by_kind_and_by_magnet(
+    serve: Serve, show: Show
+) -> None:
+    served = serve(prepared=several())
+    page = show(served)
+    ready(page)
+    state_is(page, "ready")
+    served.session.do(lambda: served.session.apply({"plant": WRONG}))
+    press(page, "run")
+    page.keyboard.press("6")
+    press(page, "learn from the motion")
+    page.wait_for_selector("#learnt tbody tr")
+    heads = page.locator("#learnt tbody th").all_inner_texts()
+    assert {one.rpartition("_")[0] for one in heads} == {"scale"}
+    page.select_option("#learnt-kind", label="magnet x2")
+    assert page.locator("#learnt tbody th").all_inner_texts() == ["scale_2", "gap_zero_2_m"]
+    page.select_option("#learnt-kind", "body")
+    assert "centre_z_m" in page.locator("#learnt tbody th").all_inner_texts()
+    page.keyboard.press("Escape")

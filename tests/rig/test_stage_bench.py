@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from anhyst._core import Coil, Magnet
 from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bench import stage
-from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
+from anhyst.rig.bench.stage import AxesBench, StageBench, StageVariant, bench_of
+from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.rig.recording import Loss
+from anhyst.rig.stage.file import pull_rows
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
 from anhyst.support.arrays import FloatArray
 from tests.refusals import refused
@@ -196,6 +199,39 @@ def axes() -> StageBench:
     return bench_of([StageVariant(one, Feedforward()) for one in setups])
 
 
+def test_the_pulls_of_all_magnets_make_the_wrench_and_their_gaps_the_pose(axes: StageBench) -> None:
+    assert isinstance(axes, AxesBench)
+    axes.advance(400)
+    axes.command(Command.RUN)
+    rows = axes.advance(3000)
+    read = {one.name: rows[:, 1 + place] for place, one in enumerate(axes.signals)}
+
+    def all_of(name: str) -> FloatArray:
+        return np.column_stack([read[name], *(read[f"{name}_{n}"] for n in range(2, 11))])
+
+    free, file = axes.body["free"], axes.rig.settings
+    wrench = np.column_stack([read[f"wrench_{axis}"] for axis in free])
+    assert np.ptp(wrench[:, 0]) > 50.0
+    # the lines of pull turn with the body, by tilts of less than 1e-5
+    assert np.allclose(all_of("pull") @ pull_rows(file), wrench, atol=2e-3)
+    opened = all_of("gap") - [one["gap"] for one in axes.body["magnets"]]
+    pose = -opened @ np.transpose(axes.body["see"])
+    assert np.allclose(-pose @ pull_rows(file).T, opened, atol=1e-11)
+    # they ride on the long stroke: along the set-point it strays, the others are errors alone
+    assert np.allclose(pose[:, 1], -read["error_y"], atol=1e-11)
+
+
+def test_a_pull_is_told_from_the_flux_density_as_the_plant_makes_it() -> None:
+    file = stages.stage().settings
+    poles, steel = file.magnet.poles, file.steel.steel()
+    for one in (poles, replace(poles, outer=poles.reluctance(0.5e-3), bias=2e5, spring=300.0)):
+        coil = Coil(Magnet(circuit_numbers(one, 0.0, 0.5e-3), steel.plant()))
+        for current, gap in ((2.0, 0.45e-3), (0.5, 0.55e-3)):
+            coil.hold(current, gap)
+            told = one.pull(np.array(coil.density), np.array(gap), 0.5e-3)
+            assert told == pytest.approx(coil.force, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_the_first_lap_of_several_coordinates_is_what_a_simulation_of_it_gives(
     axes: StageBench,
@@ -260,13 +296,32 @@ def test_a_body_of_several_coordinates_that_is_lost_lies_without_current_until_c
     assert np.abs(column(axes, rows, "error_z")).max() < 3e-6
 
 
-def test_nothing_pushes_at_a_body_of_several_coordinates_and_a_drawn_plant_is_another_one(
-    axes: StageBench,
-) -> None:
-    assert axes.load_most == 0.0
+def test_a_drawn_plant_of_several_coordinates_is_another_one(axes: StageBench) -> None:
     axes.advance(400)
     axes.apply({"plant": 1.0})
     rows = axes.advance(400)
     error = np.abs(column(axes, rows, "error_rx"))
     assert error.max() < 20e-6
     assert error[-1] > 1e-8  # its magnets are not alike
+
+
+def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_it_up(
+    axes: StageBench,
+) -> None:
+    assert axes.load_most == 0.0
+    quiet = axes.advance(3000)
+    limits = {one.name: one.high for one in axes.parameters() if one.name.startswith("push_")}
+    # two pairs along x, the weight of 20 kg on the four magnets of 240 N above it
+    assert limits["push_x"] == pytest.approx(0.5 * 480.0, rel=0.02)
+    assert limits["push_z"] == pytest.approx(0.5 * (20.0 * 9.81 - 2.0), rel=0.02)
+    assert axes.apply({"push_z": 20.0}) == axes.tick + 1
+    rows = axes.advance(3000)
+    away = np.abs(column(axes, rows, "error_z"))
+    assert away.max() > 30.0 * np.abs(column(axes, quiet, "error_z")[-500:]).max()
+    assert away[-1] < 0.1 * away.max()
+    assert np.ptp(column(axes, rows, "error_y")) < 0.01 * away.max()
+    # another controller goes on with what the loop holds against it
+    axes.apply({"compensation": 0.0})
+    assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
+    with refused("out-of-range"):
+        axes.apply({"push_z": 1000.0})

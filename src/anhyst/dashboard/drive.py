@@ -9,6 +9,7 @@ import numpy as np
 from anhyst.control.states import Command
 from anhyst.dashboard.generator import Wave
 from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal
+from anhyst.rig.bench.stage import AxesBench
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 
@@ -28,6 +29,7 @@ class DrivenBench:
         self.load_most: float = bench.load_most
         self.keeps_time: bool = bench.keeps_time
         self.every: int = bench.every
+        self.body = bench.body if isinstance(bench, AxesBench) else None
         self.target = bench.aim.value
         self._refused = refused
         self._happened = happened

@@ -86,6 +86,7 @@ def describe(session: LiveSession, title: str, you: int) -> Mapping[str, Any]:
         "signals": [{**one._asdict(), "head": header(one)} for one in bench.signals],
         "aim": bench.aim._asdict(),
         "load_most": bench.load_most,
+        "body": bench.body,
         "keeps_time": bench.keeps_time,
         "every": bench.every,
         "commands": [command.name.lower() for command in bench.commands()],

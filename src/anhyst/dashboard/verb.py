@@ -217,8 +217,6 @@ def opened(prepared: Prepared) -> tuple[Bench, Improver | None, BenchLearner | N
     """Open what was prepared, with what improves or calibrates it."""
     if isinstance(prepared, PreparedStage):
         stage = prepared.open()
-        if prepared.whole.settings.several:
-            return stage, None, None  # what one coordinate teaches is known of no others
         return stage, None, StageLearner(prepared.whole, prepared.magnet, stage)
     if isinstance(prepared, PreparedBearing):
         bearing = prepared.open()

@@ -78,6 +78,7 @@ _FAMILIES: tuple[tuple[str, str, tuple[tuple[str, float], ...]], ...] = (
     ),
     ("length", "m", (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9))),
     ("time", "s", (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))),
+    ("moment", "N_m", (("N_m", 1.0),)),
     ("pressure", "Pa", (("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5))),
     ("frequency", "Hz", (("Hz", 1.0), ("kHz", 1e3))),
     ("angle", "rad", (("rad", 1.0), ("deg", math.pi / 180.0))),

@@ -56,14 +56,14 @@ export class Plane {
   }
 
   // What lies between two lines, in a light colour.
-  band(xs, lows, highs, colour) {
+  band(xs, lows, highs, colour, alpha) {
     const { context } = this;
     context.save();
     context.beginPath();
     for (let i = 0; i < xs.length; i++) context.lineTo(this.x(xs[i]), this.y(lows[i]));
     for (let i = xs.length - 1; i >= 0; i--) context.lineTo(this.x(xs[i]), this.y(highs[i]));
     context.fillStyle = colour;
-    context.globalAlpha = 0.22;
+    context.globalAlpha = alpha;
     context.fill();
     context.restore();
   }

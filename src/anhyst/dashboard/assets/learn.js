@@ -2,19 +2,23 @@
 
 import { Plane, limits } from "./canvas.js";
 import { COLOURS } from "./colours.js";
-import { make, refuse } from "./dom.js";
+import { field, make, refuse, select } from "./dom.js";
 
 const MOST = 500; // laps that are drawn
-const UNITS = {
-  scale_1: ["%", 100],
-  scale_2: ["%", 100],
-  gap_zero_m: ["µm", 1e6],
-  width: ["%", 100],
-  payload: ["%", 100],
-  lag_s: ["µs", 1e6],
-  bias_N: ["N", 1],
-  cable_N_per_m: ["N/m", 1],
+// By the kind of a number, whichever magnet it is of: what it is called, its unit, factor from SI.
+const KINDS = {
+  scale: ["scales", "%", 100],
+  gap_zero_m: ["gap zeros", "µm", 1e6],
+  width: ["widths", "%", 100],
+  payload: ["body", "%", 100],
+  lag_s: ["lag", "µs", 1e6],
+  bias_N: ["body", "N", 1],
+  cable_N_per_m: ["body", "N/m", 1],
+  centre_x_m: ["body", "µm", 1e6],
+  centre_y_m: ["body", "µm", 1e6],
+  centre_z_m: ["body", "µm", 1e6],
 };
+const FEW = 8; // numbers that are shown together, whatever they are
 const ERRORS = {
   m: { what: "moving average", axis: "moving average of the error / nm", unit: "nm", factor: 1e9 },
   N: { what: "force off by", axis: "force off by, rms / N", unit: "N", factor: 1 },
@@ -34,13 +38,20 @@ export class Learning {
     this.gained = make("output", { className: "reading", id: "gained" });
     this.said = make("output", { className: "soft", id: "learnt-said" });
     this.legend = make("span");
+    const kinds = [...new Set(Object.values(KINDS).map(([name]) => name))].map((one) => [one, one]);
+    const magnets = (bench.body?.magnets ?? []).map(({ name }, n) => [String(n + 1), `magnet ${name}`]);
+    this.kind = select([...kinds, ...magnets], "scales");
+    this.kind.id = "learnt-kind";
+    this.kind.onchange = () => this.#again();
+    this.group = field("shown", this.kind);
+    this.group.hidden = true;
     this.figures = make("div", { className: "scroll figures" });
     const left = make("figure");
     const right = make("figure");
     this.values = new Plane(left, "t / s", "learnt / stated deviation");
     this.errors = new Plane(right, "t / s", this.of.axis);
     place.replaceChildren(
-      make("div", { className: "bar" }, this.button, this.back, this.gained),
+      make("div", { className: "bar" }, this.button, this.back, this.group, this.gained),
       make("div", { className: "bar" }, this.said, this.legend),
       this.figures,
       make("div", { className: "pair" }, left, right),
@@ -50,9 +61,22 @@ export class Learning {
   // Takes the laps that came.
   learnt(laps) {
     this.#laps = [...this.#laps, ...laps].slice(-MOST);
+    this.#again();
+    this.#gain();
+  }
+
+  #again() {
     this.#shown = "";
     this.figures.replaceChildren(this.#table());
-    this.#gain();
+  }
+
+  // The numbers of a lap that are shown: all of them, or of many those of a kind or of a magnet.
+  #names({ values = {} } = {}) {
+    const names = Object.keys(values);
+    this.group.hidden = names.length <= FEW;
+    const { value } = this.kind;
+    const shown = (name) => kindOf(name)[0] === value || name.match(/_(\d+)/)?.[1] === value;
+    return this.group.hidden ? names : names.filter(shown);
   }
 
   status({ learn, refused }) {
@@ -63,7 +87,8 @@ export class Learning {
     refuse(this.button, refused.learn || (learn.on ? "" : learn.refused));
     refuse(this.back, refused.learn);
     const last = this.#laps.at(-1);
-    const parts = [learn.trouble, last && learn.said[last.method]].filter(Boolean);
+    const left = learn.left_out ? `${learn.left_out} laps left out: to look at one takes longer than a lap` : "";
+    const parts = [learn.trouble, last && learn.said[last.method], left].filter(Boolean);
     const moved = this.bench.learns === "m" ? "a set-point was followed: press run" : "the reference moves: start the generator";
     const waits = learn.on ? `learns once ${moved}` : "nothing was learnt yet";
     this.said.textContent = parts.join("; ") || waits;
@@ -87,19 +112,19 @@ export class Learning {
   }
 
   #table() {
-    const { values = {} } = this.#laps.at(-1) ?? {};
-    const names = Object.keys(values);
+    const { values } = this.#laps.at(-1) ?? {};
+    const names = this.#names(this.#laps.at(-1));
     if (!names.length) return "";
     const row = (name) => {
       const [value, sigma, applied, stated] = values[name];
-      const [unit, factor] = UNITS[name];
+      const [, unit, factor] = kindOf(name);
       const cells = [
         `${short(factor * value)} ± ${short(2 * factor * sigma)} ${unit}`,
         `${short(factor * applied)} ${unit}`,
         `± ${short(2 * factor * stated)} ${unit}`,
       ];
       const head = make("th", { textContent: name, scope: "row" });
-      head.style.color = COLOURS[names.indexOf(name)];
+      head.style.color = colour(names.indexOf(name));
       return make("tr", {}, head, ...cells.map((text) => make("td", { textContent: text })));
     };
     const heads = ["number", "learnt, two deviations", "applied", "stated, two deviations"];
@@ -134,7 +159,7 @@ export class Learning {
   // In parts of the deviation that the rig file states, so that all stand in one picture.
   #drawValues(laps) {
     const times = this.#times(laps);
-    const names = Object.keys(laps.at(-1)?.values ?? {});
+    const names = this.#names(laps.at(-1));
     const curves = names.map((name) => {
       const rows = laps.map(({ values }) => values[name] ?? [NaN, NaN, NaN, 1]);
       const part = (pick) => rows.map((row) => pick(row) / row[3]);
@@ -142,9 +167,9 @@ export class Learning {
     });
     this.values.begin([...limits(times), ...limits([-1, 1], ...curves.flat())]);
     for (const [n, [value, low, high]] of curves.entries()) {
-      this.values.band(times, low, high, COLOURS[n]);
-      this.values.line(times, value, COLOURS[n], 2);
-      this.values.dot(times.at(-1), value.at(-1), COLOURS[n]);
+      this.values.band(times, low, high, colour(n), Math.min(0.22, 0.6 / curves.length));
+      this.values.line(times, value, colour(n), 2);
+      this.values.dot(times.at(-1), value.at(-1), colour(n));
     }
   }
 
@@ -180,6 +205,9 @@ export class Learning {
     return [[[this.gained.textContent], ...methods], rows];
   }
 }
+
+const kindOf = (name) => KINDS[name.replace(/_\d+/, "")];
+const colour = (n) => COLOURS[n % COLOURS.length];
 
 function short(value) {
   return String(Number(value.toPrecision(3)));

@@ -1,5 +1,6 @@
 // Brings link, views and controls together.
 
+import { BodyView } from "./body.js";
 import { NAME as COMPENSATION } from "./compensation.js";
 import { download, keeping, make, refuse } from "./dom.js";
 import { Improve } from "./improve.js";
@@ -17,7 +18,8 @@ import { SpectrumView } from "./spectrum.js";
 import { StepView } from "./steps.js";
 import { Store } from "./store.js";
 
-const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning"];
+const VIEWS = ["scope", "loop", "steps", "parameters", "log", "improve", "levitation", "spectrum", "learning", "body"];
+const KEYED = "1234567890"; // keys of the views
 const NOTICE_MS = 8000;
 
 const at = (id) => document.getElementById(id);
@@ -63,9 +65,10 @@ function open(bench) {
     learning: both ? new Learning(at("learning"), bench, order) : null,
     levitation: new LevitationView(at("levitation"), bench, store),
     spectrum: new SpectrumView(at("spectrum"), bench, store),
+    body: bench.body ? new BodyView(at("body"), bench, store) : null,
     panel: new Panel(at("panel"), bench, order, parameters),
   };
-  at("tabs").lastChild.hidden = !page.learning;
+  for (const tab of at("tabs").children) tab.hidden = !offered(tab.dataset.view);
   at("title").textContent = bench.title;
   document.title = `${bench.title} – anhyst live`;
   at("log").replaceChildren(make("ol"));
@@ -175,8 +178,11 @@ function askToken() {
   });
 }
 
+// Views that not every bench has.
+const offered = (name) => !["learning", "body"].includes(name) || Boolean(page?.[name]);
+
 function choose(wanted) {
-  const name = wanted === "learning" && !page?.learning ? "improve" : wanted;
+  const name = offered(wanted) ? wanted : wanted === "learning" ? "improve" : "scope";
   view = name;
   page?.bench.choices.set("view", name);
   const none = page?.[name]?.table ? "" : "nothing is drawn in this view";
@@ -224,9 +230,8 @@ document.addEventListener(
     }
     if (event.target.matches("input, select") || event.ctrlKey || event.altKey || event.metaKey)
       return;
-    const act =
-      KEYS[event.key.toLowerCase()] ??
-      (VIEWS[event.key - 1] && (() => choose(VIEWS[event.key - 1])));
+    const keyed = VIEWS[KEYED.indexOf(event.key)];
+    const act = KEYS[event.key.toLowerCase()] ?? (keyed && (() => choose(keyed)));
     if (act) {
       event.preventDefault();
       act();
@@ -242,7 +247,7 @@ function draw() {
 
 for (const [n, name] of VIEWS.entries()) {
   const tab = make("button", {
-    textContent: `${n + 1} ${name}`,
+    textContent: `${KEYED[n]} ${name}`,
     role: "tab",
     onclick: () => choose(name),
   });

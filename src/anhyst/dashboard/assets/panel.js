@@ -16,6 +16,7 @@ export class Panel {
     this.unit = bench.aim.unit;
     this.shown = shown(this.unit);
     this.gap = bench.parameters.find((one) => one.name === "gap");
+    this.pushes = bench.parameters.filter((one) => one.name.startsWith("push_"));
     const generator = this.#group("Generator", "generator");
     this.generator = new GeneratorPanel(generator, bench, order);
     place.replaceChildren(
@@ -26,6 +27,7 @@ export class Panel {
         : [this.#group("Compensation", "apply", compensationSwitch(parameters))]),
       generator,
       ...(bench.load_most ? [this.#group("Load drive", "load", ...this.#load())] : []),
+      ...(this.pushes.length ? [this.#group("Push", "apply", ...this.#push())] : []),
       ...(this.gap ? [this.#group("Armature", "apply", ...this.#armature())] : []),
       ...(bench.keeps_time ? [] : [this.#group("Time", "pace", ...this.#time())]),
     );
@@ -103,6 +105,22 @@ export class Panel {
     this.load = this.#slider({ id: "load", min: -most, max: most, step: 1, value: 0 }, order);
     this.loadNow = make("output", { className: "reading" });
     return [make("div", { className: "line" }, this.load), this.loadNow];
+  }
+
+  // A push by the magnets along one coordinate; the others have none.
+  #push() {
+    const names = this.pushes.map(({ name }) => name);
+    const axis = select(names.map((name) => [name, name.replace("push_", "along ")]), names[0]);
+    axis.id = "push-axis";
+    const now = make("output", { className: "reading" });
+    const order = (part) => {
+      const { name, high, unit } = this.pushes.find((one) => one.name === axis.value);
+      now.textContent = show(part * high, unit, 3);
+      this.order("apply", { values: { ...Object.fromEntries(names.map((one) => [one, 0])), [name]: part * high } });
+    };
+    const slider = this.#slider({ id: "push", min: -1, max: 1, step: 0.05, value: 0 }, order);
+    axis.onchange = () => slider.oninput();
+    return [make("div", { className: "line" }, axis, now), make("div", { className: "line" }, slider)];
   }
 
   #armature() {

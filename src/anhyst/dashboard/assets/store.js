@@ -71,6 +71,17 @@ export class Store {
     return this.#data[column][(this.#begin + row) % CAPACITY];
   }
 
+  // The largest size of a column from a row on.
+  largest(column, first) {
+    const data = this.#data[column];
+    let most = 0;
+    for (let row = first; row < this.#count; row++) {
+      const size = Math.abs(data[(this.#begin + row) % CAPACITY]);
+      if (size > most) most = size;
+    }
+    return most;
+  }
+
   // Ticks and columns of rows to draw: all, or smallest and largest of each pixel in the order in
   // which they came, so that no spike is lost. What is missing is no number.
   envelope(columns, from, to, pixels) {

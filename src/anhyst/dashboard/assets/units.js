@@ -3,8 +3,10 @@
 // Name, factor from SI, and the least range of an axis, so that noise at rest stays small.
 const SHOWN = {
   m: ["µm", 1e6, 0.02],
+  rad: ["µrad", 1e6, 0.02],
   "m/s": ["mm/s", 1e3, 0.01],
   N: ["N", 1, 0.1],
+  N_m: ["N m", 1, 0.01],
   A: ["A", 1, 1e-3],
   V: ["V", 1, 0.1],
   Wb: ["mWb", 1e3, 0.01],
@@ -17,7 +19,7 @@ export function shown(unit) {
 }
 
 // Units for what is small beside the value itself: noise, deviations.
-const FINE = { m: ["nm", 1e9], N: ["mN", 1e3], A: ["mA", 1e3] };
+const FINE = { m: ["nm", 1e9], rad: ["nrad", 1e9], N: ["mN", 1e3], A: ["mA", 1e3] };
 
 export function fine(unit) {
   const [name, factor] = FINE[unit] ?? [unit, 1];

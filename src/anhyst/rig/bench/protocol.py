@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 
 from anhyst.control.states import Command
 from anhyst.rig.recording import column
+from anhyst.rig.stage.loop import WRENCH
 from anhyst.support.arrays import FloatArray
 
 
@@ -28,6 +29,36 @@ def currents_of(first: int, last: int) -> dict[str, Signal]:
         for number in range(first, last + 1)
         for name, text in texts.items()
     }
+
+
+_OF_AXIS = (
+    ("error", ("m", "rad"), "error along {}, or about it"),
+    ("demand", WRENCH, "force that the controller wants along {}, or moment about it"),
+    ("wrench", WRENCH, "true force of the magnets along {}, or moment about it"),
+    ("pose_read", ("m", "rad"), "pose along {}, or about it, as the heads say"),
+)
+_OF_MAGNET = (
+    ("gap", "m", "true gap of magnet {}"),
+    ("gap_read", "m", "the same as its sensor says, of magnet {}"),
+    ("pull", "N", "true pull of magnet {}"),
+    ("command", "A", "current asked for, of magnet {}"),
+    ("current", "A", "true current of magnet {}"),
+)
+
+
+def of_axes_and_magnets(free: Sequence[str], magnets: Sequence[str]) -> list[Signal]:
+    """Return what is measured of coordinates and of magnets, by their names."""
+    axes = [
+        Signal(f"{name}_{axis}", units[axis.startswith("r")], text.format(axis))
+        for name, units, text in _OF_AXIS
+        for axis in free
+    ]
+    each = [
+        Signal(column(name, "", number), unit, text.format(magnet))
+        for number, magnet in enumerate(magnets, 1)
+        for name, unit, text in _OF_MAGNET
+    ]
+    return axes + each
 
 
 class Aim(NamedTuple):

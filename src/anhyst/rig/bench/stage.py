@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
+from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of, of_axes_and_magnets
 from anhyst.rig.bench.settings import check_values
-from anhyst.rig.recording import Loss, Recording, column
-from anhyst.rig.stage.file import axes_of, scan_direction, unit_of
+from anhyst.rig.recording import Loss, Recording, column, peak
+from anhyst.rig.stage.file import axes_of, layout_of, pushed_with, scan_direction
 from anhyst.rig.stage.loop import (
     COMMANDS,
     WRENCH,
@@ -33,6 +33,7 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     axes_loss,
     axes_recorded,
+    demand_columns,
     fed_wrench,
     make_loop_controller,
     of_axes,
@@ -110,6 +111,11 @@ class StageLap(NamedTuple):
     setup: StageSetup  # in force, with what was learnt
 
     @property
+    def end(self) -> int:
+        """Its last tick."""
+        return self.begin + self.ticks - 1
+
+    @property
     def method(self) -> MethodName:
         """The one that drove it."""
         return self.setup.compensator.method
@@ -153,6 +159,7 @@ class StageBench:
         self._rng = np.random.default_rng([rig.settings.seed, seed])
         self._state, self._fault, self._laps, self._lap = State.READY, Fault.NONE, 0, 0
         self._offset, self._load, self._side = 0.0, 0.0, 1.0
+        self._push: dict[str, float] = {}
         self._ahead = (rig.settings.timing.delay_ticks + 0.5) * rig.dt
         self._move(1.0)
         self._renew()
@@ -183,7 +190,7 @@ class StageBench:
         free = len(self.rig.settings.body.free)
         self._latest = np.zeros((0, 2 * (self._magnets + free)))
         self._carried = np.zeros(free)
-        self._known = self.tick + 1
+        self._known = self.switched = self.tick + 1  # first tick with demagnetised iron
         self._control()
 
     def _place_body(self, stray: float) -> None:
@@ -241,7 +248,8 @@ class StageBench:
             self._begin(self._way if self._side > 0.0 else self._way.back())
             self._laps += 1
             self._lap, self._side = self._laps, -self._side
-            under = (*self._values.values(), *self._gains, self._load)
+            pushed = self._load, *self._push.values()
+            under = (*self._values.values(), *self._gains, *pushed)
             begin, ticks = self.tick + 1, len(self._way)
             lap = StageLap(self._lap, begin, ticks, self._known, self._motion, under, self._setup)
             self.laps.append(lap)
@@ -430,13 +438,7 @@ class StageBench:
         off, on = (one.compensator.method for one in self._setups)
         known = (
             ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
-            (
-                "gain_acceleration",
-                "",
-                0.0,
-                2.0,
-                "weight of mass times acceleration that is fed forward",
-            ),
+            ("gain_acceleration", "", 0.0, 2.0, "of mass times acceleration that is fed forward"),
             ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
             ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
             ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
@@ -479,31 +481,46 @@ class StageBench:
 
 
 class AxesBench(StageBench):
-    """The same of a body of several coordinates: nothing pushes at it."""
+    """The same of a body of several coordinates.
+
+    There is no load drive: its parameters `push_` add to what is demanded of the magnets, at once.
+    """
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
-        errors = [
-            Signal(f"error_{axis}", unit_of(axis), f"error along {axis}, or about it")
-            for axis in file.body.free
-        ]
-        magnets = [
-            Signal(column(name, "", number), unit, f"{text} {one.name}")
-            for number, one in enumerate(file.placed, 1)
-            for name, unit, text in (
-                ("gap", "m", "true gap of magnet"),
-                ("command", "A", "current asked for, of magnet"),
-                ("current", "A", "true current of magnet"),
-            )
-        ]
+        each = of_axes_and_magnets(file.body.free, [one.name for one in file.placed])
         forces = [
             Signal("demand", "N", "force that the controller wants along the set-point"),
             Signal("force", "N", "true force of the magnets"),
         ]
         along = [_OF_BENCH[0], _OF_BENCH[1], _OF_BENCH[3]]
-        self.signals = (*along, *forces, *errors, *magnets, *_OF_BENCH[4:])
+        self.signals = (*along, *forces, *each, *_OF_BENCH[4:])
+        most = [LOAD * one for one in pushed_with(file)]
+        self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))
         super().__init__(variants, seed)
+        self._push = dict.fromkeys(self._pushes, 0.0)
         self.load_most = 0.0
+
+    @property
+    def body(self) -> Mapping[str, Any]:
+        """What a picture of the body is drawn from, SI."""
+        return {**layout_of(self.rig.settings), "way": peak(self._way.place)}
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return all that may be changed, with the values that are in force once the body rests."""
+        pushes = [
+            Parameter(name, WRENCH["_r" in name], -most, most, "at once, asked of the magnets", now)
+            for (name, most), now in zip(self._pushes.items(), self._push.values(), strict=True)
+        ]
+        return (*super().parameters(), *pushes)
+
+    def apply(self, values: Mapping[str, float]) -> int:
+        """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
+        others = {name: one for name, one in values.items() if name not in self._pushes}
+        check_values(values, self.parameters())
+        due = super().apply(others) if others else self.tick + 1
+        self._push |= {name: one for name, one in values.items() if name in self._pushes}
+        return due
 
     def _place_body(self, stray: float) -> None:
         along = scan_direction(self.rig.settings)
@@ -515,6 +532,7 @@ class AxesBench(StageBench):
         rig, file, n = self.rig, self.rig.settings, forward.size
         along, reference = scan_direction(file), place[:n] + self._offset
         frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
+        fed += list(self._push.values())
         table = self._loop.run(
             np.outer(reference, along).ravel(),
             np.zeros(n),
@@ -526,13 +544,27 @@ class AxesBench(StageBench):
         loss = axes_loss(rig, Recording.of_table(table, self._names), n)
         kept = n if loss is None else min(loss.tick + 1, len(table))
         run = Recording.of_table(table[:kept], self._names)
-        seen = axes_recorded(rig, run, reference, frame)
+        seen = axes_recorded(rig, run, reference, frame) | self._pulled(run)
         count = range(1, self._magnets + 1)
         flowed = [run[column("command", "A", number)] for number in count]
         flowed += [run[column("gap_read", "m", number)] for number in count]
         flowed += [run[name] for name in of_axes("demand", file.body.free, WRENCH)]
         of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
         return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
+
+    def _pulled(self, run: Recording) -> dict[str, FloatArray]:
+        """Return what each magnet pulls with, and what all do along each coordinate."""
+        file, poles, free = (
+            self.rig.settings,
+            self.rig.settings.magnet.poles,
+            self.rig.settings.body.free,
+        )
+        own = of_axes("wrench", free, WRENCH)
+        read = dict(zip(demand_columns(free, "wrench"), (run[name] for name in own), strict=True))
+        for number, one in enumerate(file.placed, 1):
+            density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
+            read[column("pull", "N", number)] = poles.pull(density, gap, one.gap_m or self.rig.gap)
+        return read
 
     def _lying(self) -> dict[str, float]:
         """Return the same where weight pulls the body down, or at the low end of its way."""
@@ -543,9 +575,12 @@ class AxesBench(StageBench):
         way = float(off @ along)
         values = {"reference": place, "position": place + way, "error": -way}
         values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
+        pose = zip(free, (place * along + off).tolist(), strict=True)
+        values |= {f"pose_read_{axis}": one for axis, one in pose}
         for number, one in enumerate(file.placed, 1):
             pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
-            values[column("gap", "", number)] = (one.gap_m or 0.0) - float(pulls @ off)
+            gap = (one.gap_m or 0.0) - float(pulls @ off)
+            values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
         return values
 
 

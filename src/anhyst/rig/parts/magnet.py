@@ -45,6 +45,15 @@ class Poles:
         """Return the flux density in the gap, T, that pulls with a force of `gain`, N."""
         return np.sqrt(MU_0 * gain / ((self.width + gap) * (self.depth + gap)))
 
+    def pull(self, density: FloatArray, gap: FloatArray, middle: float) -> FloatArray:
+        """Return the force, N, that a flux density, T, makes at a gap, m, as the plant does.
+
+        What goes both ways has no force of its own in the middle.
+        """
+        if self.outer is not None:
+            return self.bias * self.area * density - self.spring * (middle - gap)
+        return density**2 * (self.area - gap**2) / MU_0
+
     @property
     def area(self) -> float:
         """Cross-section of the core, m^2."""

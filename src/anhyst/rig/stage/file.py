@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linprog
@@ -183,6 +184,29 @@ def head_rows(file: RigFile) -> FloatArray:
     return _rows(file, sensors)
 
 
+def layout_of(file: RigFile) -> dict[str, Any]:
+    """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
+    along = list(file.scan.direction)
+    heads = [(one.position_m or [0.0] * 3, one.direction or along) for one in file.position_sensors]
+    return {
+        "free": list(file.body.free),
+        "along": along,
+        "force": file.tracking.force_max_N,
+        "stops": [file.body.stop_low_m - file.gap_m, file.body.stop_high_m - file.gap_m],
+        "magnets": [
+            {
+                "name": one.name,
+                "at": one.position_m,
+                "direction": one.direction,
+                "gap": one.gap_m or file.gap_m,
+            }
+            for one in file.placed
+        ],
+        "heads": [{"at": at, "direction": direction} for at, direction in heads],
+        "see": np.linalg.pinv(pull_rows(file)).tolist(),
+    }
+
+
 def without(file: RigFile) -> FloatArray:
     """Return for each head what the others tell of the pose, zeros where they do not."""
     rows = head_rows(file)
@@ -232,6 +256,26 @@ def wrench_layout(file: RigFile, kind: Allocation, idle: float) -> WrenchLayout:
     return WrenchLayout(
         pull_rows(file), opposed(file), kind, idle, least, most, yields=yields(file)
     )
+
+
+def pushed_with(file: RigFile) -> list[float]:
+    """Return what all magnets can push with along each coordinate, either way, beside the weight."""
+    layout = wrench_layout(file, usual_allocation(file), file.bias_N or 0.0)
+    each = file.tracking.force_max_N
+    most = each * len(file.placed)
+
+    def fits(push: FloatArray) -> bool:
+        shared = [layout.share((one - weight(file)).tolist()) for one in (push, -push)]
+        return all(made and max(forces) <= each for forces, made in shared)
+
+    found = []
+    for way in np.eye(len(file.body.free)):
+        low, high = 0.0, most
+        while high - low > 1e-3 * most:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fits(middle * way) else (low, middle)
+        found.append(low)
+    return found
 
 
 def yields(file: RigFile) -> list[float]:

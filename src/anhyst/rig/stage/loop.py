@@ -328,9 +328,9 @@ def pose_columns(free: Sequence[str]) -> list[str]:
     return [f"pose_read_{axis}_{unit_of(axis)}" for axis in free]
 
 
-def demand_columns(free: Sequence[str]) -> list[str]:
-    """Return the columns of a recording that hold the wrench that was demanded."""
-    return [f"demand_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
+def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
+    """Return the columns of a recording that hold the wrench that was demanded, or another one."""
+    return [f"{signal}_{axis}_{WRENCH[unit_of(axis) == 'rad']}" for axis in free]
 
 
 COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)

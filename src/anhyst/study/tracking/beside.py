@@ -21,8 +21,9 @@ from anhyst.rig.bench.stage import LAPS, StageBench, StageLap
 from anhyst.rig.calibration import ParameterName
 from anhyst.rig.recording import column, peak, rms
 from anhyst.rig.stage.file import StageRig
-from anhyst.rig.stage.loop import COMMANDS, READ, StageSetup
-from anhyst.study.tracking.bodies import BearingLaw
+from anhyst.rig.stage.loop import StageSetup
+from anhyst.study.tracking.bodies import BearingLaw, law_of
+from anhyst.study.tracking.calibrate import needed
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
@@ -31,11 +32,12 @@ from anhyst.support.errors import InputError
 
 KEPT = 500
 """Laps that a page can draw."""
+LIFTED_S = 0.1
+"""In which the weight of a body is taken up: the iron that carries it remembers that ever after."""
 ROOM_S = 20.0
 """Rows that are kept for a lap and what its iron remembers, s; after a longer rest a lap is waited for."""
 GREW = 1.5
 """Times the least error, in two laps in a row, beyond which what was learnt is taken back."""
-_NEEDED = ("demand_N", *READ, *COMMANDS)
 _OF_BEARING = ("reference_m", "gap_read_m", "command_A", "load_N", "demand_N", "state", "phase")
 LEAST, LITTLE = 50, 0.1
 """Comparisons of a second that teaches; part of a stated deviation below which nothing is swapped."""
@@ -174,29 +176,45 @@ class StageLearner(BenchLearner):
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, bench: StageBench) -> None:
         super().__init__(bench, rig.settings.tracking.calibrate)
         self._rig, self._magnet, self._bench = rig, magnet, bench
-        self._columns = [_place(bench.signals, name) for name in (*_NEEDED, "error_m", "lap")]
+        self._needed = needed(rig)[1:]  # the clock is the tick here
+        self._columns = [_place(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
+        self._left_out = 0
+        # rows of that, since it was switched on
+        self._lifted = np.zeros((0, 1 + len(self._columns)))
         self._laws: dict[MethodName, MotionLaw] = {}
         self._kept: dict[MethodName, _Kept] = {}
 
     def revert(self) -> int:
         """Forget all that was learnt, and put in force what the rig file says."""
         super().revert()
-        self._kept = {}
+        self._kept, self._left_out = {}, 0
         return [self._bench.correct(one.setup) for one in self._bench.variants][-1]
+
+    def status(self) -> Mapping[str, Any]:
+        """Return what a page shows beside the laps."""
+        return {**super().status(), "left_out": self._left_out}
+
+    def take(self, rows: FloatArray, do: Do) -> None:
+        """Take rows, and learn from each lap that ends with them."""
+        super().take(rows[:, [0, *self._columns]], do)
 
     def _look(self, rows: FloatArray, do: Do) -> None:
         while len(self._rows) > 1 and sum(map(len, self._rows)) > ROOM_S * self._bench.rate:
             self._rows.popleft()
+        at, behind = self._bench.switched - int(rows[0, 0]), len(self._lifted)
+        if 0 <= at < len(rows):
+            self._lifted = rows[at:]
+        elif behind < LIFTED_S * self._bench.rate:
+            self._lifted = np.concatenate([self._lifted, rows])
         for lap in tuple(self._bench.laps):
-            end = lap.begin + lap.ticks - 1
-            if rows[0, 0] <= end <= rows[-1, 0]:
-                self._end(lap, end, do)
+            if rows[0, 0] <= lap.end <= rows[-1, 0]:
+                self._end(lap, do)
 
-    def _end(self, lap: StageLap, end: int, do: Do) -> None:
+    def _end(self, lap: StageLap, do: Do) -> None:
         """Learn from a lap, unless it was broken off, and let what was found act."""
-        table = np.concatenate(self._rows)
-        first = int(table[0, 0])
-        *read, error, laps = table[: end + 1 - first, self._columns].T
+        table = np.concatenate([one for one in self._rows if one[-1, 0] >= lap.known])
+        first, end = int(table[0, 0]), lap.end
+        error, laps = table[: end + 1 - first, -2:].T
         begin = lap.begin - first
         if begin < 0 or np.any(laps[begin:] != lap.number):
             return
@@ -212,10 +230,15 @@ class StageLearner(BenchLearner):
         better = None if applied is None else kept.better(lap, applied, average)
         if on and better is not None and learner is not None:
             setup = self._go_back(learner, *better, average)
+        elif on and self._is_late(lap):
+            on, self._left_out = False, self._left_out + 1
         elif on and lap.known >= first and end > self._since:
-            known = lap.known - first
-            columns = dict(zip(_NEEDED, (one[known:] for one in read), strict=True))
-            setup = self._learn(learners, lap, columns, begin - known)
+            rows = table[lap.known - first : end + 1 - first, 1:]
+            if self._rig.settings.several:
+                before = self._lifted[:, 0] < lap.known
+                rows = np.concatenate([self._lifted[before, 1:], rows])
+            columns = dict(zip(self._needed, rows.T, strict=False))
+            setup = self._learn(learners, lap, columns, len(rows) - lap.ticks)
         learner = learners.get(lap.method)
 
         def act() -> None:
@@ -230,6 +253,11 @@ class StageLearner(BenchLearner):
             self._say(new, learner)
 
         do(act)
+
+    def _is_late(self, lap: StageLap) -> bool:
+        """Whether a lap after it has ended meanwhile: looking at one takes longer than a lap."""
+        now = self._bench.tick
+        return any(one.number > lap.number and one.end <= now for one in tuple(self._bench.laps))
 
     def _go_back(self, learner: Learner, best: Numbers, least: float, average: float) -> StageSetup:
         """End learning, and return what the method was corrected by when its laps left least."""
@@ -250,11 +278,11 @@ class StageLearner(BenchLearner):
         """Take a lap in that begins with a row; return what is to be put in force, if anything changes."""
         method = lap.method
         if method not in self._laws:
-            self._laws[method] = MotionLaw(self._rig, self._magnet, method)
+            self._laws[method] = law_of(self._rig, self._magnet, method)
         learner = learners.setdefault(method, Learner(self._laws[method], FORGET_S))
         before = dict(learner.applied)
         try:
-            learner.learn(learner.law.motion(read, begin))
+            learner.learn(self._laws[method].motion(read, begin))
             learner.step(lap.motion.duration)
             return None if learner.applied == before else learner.stage()
         except (InputError, np.linalg.LinAlgError) as error:

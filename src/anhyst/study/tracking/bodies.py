@@ -66,11 +66,12 @@ class AxesMotion(Motion):
 
     def in_newtons(self, wrench: FloatArray, late: float = 0.0) -> FloatArray:
         """Return a wrench a tick through the filter, moments by the radius of gyration, in a row."""
-        passed = [self.filtered(one, late) for one in (wrench / self._radii).T]
+        passed = [self.filtered(one, late) for one in (wrench / self.radii).T]
         return np.column_stack(passed).ravel()
 
     @cached_property
-    def _radii(self) -> FloatArray:
+    def radii(self) -> FloatArray:
+        """By which moments count, m; 1 along a coordinate."""
         body = self.rig.settings.body
         radii = [math.sqrt(one / body.mass_kg) for one in body.inertia_kg_m2 or [1.0] * 3]
         return np.array([1.0, 1.0, 1.0, *radii])[axes_of(self.rig.settings)]
@@ -115,7 +116,7 @@ class AxesMotion(Motion):
     def noise(self) -> float:
         """Standard deviation of the force from the noise of the heads, N."""
         file = self.rig.settings
-        of_heads = mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self._radii[:, None]
+        of_heads = mass_matrix(file) @ np.linalg.pinv(head_rows(file)) / self.radii[:, None]
         each = float(np.linalg.norm(of_heads)) / math.sqrt(self.rows)
         return each * file.position_sensor.noise_m * self.passed
 
@@ -192,8 +193,8 @@ class AxesLaw(MotionLaw):
                 current = scale * motion.read[column("command", "A", number)]
                 later = np.interp(motion.ticks + motion.late, motion.ticks, gap)
                 force, late = self.compensator(width).fresh().follow(current, later), motion.late
-            wrench = np.outer(force, pull_rows(self.rig.settings)[number - 1])
-            self._kept[key] = motion.in_newtons(wrench, late)
+            row = pull_rows(self.rig.settings)[number - 1] / motion.radii
+            self._kept[key] = np.outer(motion.filtered(force, late), row).ravel()
         return self._kept[key]
 
 

@@ -57,7 +57,7 @@ HEAD = """\
 # control.calibration. Values are parts, or carry their unit; the scale of force is the mass."""
 
 
-def _needed(rig: StageRig) -> list[str]:
+def needed(rig: StageRig) -> list[str]:
     """Return the columns without which nothing is learnt."""
     file = rig.settings
     if file.kind is FileKind.BEARING:
@@ -84,7 +84,7 @@ def _read(rig: StageRig, path: PathLike) -> dict[str, FloatArray]:
     """Read the columns that are needed of a file, SI."""
     table = read_columns(path)
     columns = {}
-    for name in (*_needed(rig), *_beside(rig)):
+    for name in (*needed(rig), *_beside(rig)):
         wanted = parse_header(name).quantity
         assert wanted is not None
         values = table.get(wanted.name)
@@ -109,14 +109,14 @@ def _motion(law: MotionLaw, recording: Recording | PathLike) -> Motion:
         where, columns = "recording", recording.columns
     else:
         where, columns = str(recording), _read(rig, recording)
-    for name in _needed(rig):
+    for name in needed(rig):
         if name not in columns:
             raise InputError(
                 f"{where}: has no column {name}; record it, as anhyst simulate does",
                 code="column-missing",
                 key=name,
             )
-    for name in (*_needed(rig), *_beside(rig)):
+    for name in (*needed(rig), *_beside(rig)):
         if not (np.abs(columns.get(name, 0.0)) < NUMBER).all():
             raise InputError(
                 f"{where}: {name} holds what is no number; leave out what comes before it",

@@ -1,0 +1,99 @@
+// Wrench, errors, gaps and pulls of a body of several coordinates, as numbers and bars.
+
+import { make } from "./dom.js";
+import { columnOf } from "./signals.js";
+import { fine, shown } from "./units.js";
+
+const EVERY_MS = 100; // from one reading to the next
+const WINDOW_S = 1; // of which the largest is told
+const MANY = 1e4; // beyond so many of a fine unit the usual one is better read
+
+// What a signal of a magnet is called: of the first one without a number.
+export const numbered = (name, n) => (n ? `${name}_${n + 1}` : name);
+
+export class Figures {
+  #due = 0;
+
+  constructor(bench, store) {
+    this.bench = bench;
+    this.store = store;
+    const { free, magnets, force, stops } = bench.body;
+    this.axes = free.map((axis) => [axis, ["demand", "wrench", "error"].map((name) => this.#cell(`${name}_${axis}`))]);
+    this.magnets = magnets.map((one, n) => [
+      one.name,
+      [
+        this.#cell(numbered("gap", n), (value) => (2 * (value - one.gap)) / (stops[1] - stops[0])),
+        this.#cell(numbered("pull", n), (value) => value / force),
+        this.#cell(numbered("current", n), () => NaN),
+      ],
+    ]);
+    this.place = make(
+      "div",
+      { className: "scroll" },
+      table("axes", ["", "asked, now", "given, now", `error, largest of ${WINDOW_S} s`], this.axes),
+      table("magnets", ["", "gap, from stop to stop", "pull", "current"], this.magnets),
+    );
+  }
+
+  // A number and its bar; `part` is what the bar shows of it, else that of the largest of its unit.
+  #cell(name, part = null) {
+    const column = columnOf(this.bench, name);
+    const { unit, head } = this.bench.signals[column];
+    const text = make("span");
+    const bar = make("i");
+    const element = make("td", {}, text, make("span", { className: "gauge" }, bar));
+    element.dataset.signal = name;
+    return { column, unit, head, part, text, bar, element, of: name.startsWith("error") ? fine(unit) : shown(unit) };
+  }
+
+  draw() {
+    const { store, bench } = this;
+    if (performance.now() < this.#due) return;
+    this.#due = performance.now() + EVERY_MS;
+    const first = store.find(store.newest - WINDOW_S * bench.rate);
+    const largest = {};
+    for (const cell of this.axes.flatMap(([, cells]) => cells)) {
+      cell.peak = store.largest(cell.column, first);
+      const kind = `${cell.unit} ${cell.of.name}`;
+      largest[kind] = Math.max(largest[kind] ?? 0, cell.peak);
+    }
+    for (const cell of [...this.axes, ...this.magnets].flatMap(([, cells]) => cells)) {
+      const now = store.value(cell.column, store.count - 1);
+      const part = cell.part ? cell.part(now) : now / largest[`${cell.unit} ${cell.of.name}`];
+      const told = cell.head.startsWith("error") ? cell.peak : now;
+      const { name, factor } = Math.abs(told * cell.of.factor) < MANY ? cell.of : shown(cell.unit);
+      cell.text.textContent = `${digits(told * factor)} ${name}`;
+      cell.bar.style.transform = `scaleX(${Math.max(-1, Math.min(1, part || 0))})`;
+    }
+  }
+
+  // Every tick of the last second.
+  table() {
+    const { store, bench } = this;
+    const first = store.find(store.newest - WINDOW_S * bench.rate);
+    const rows = Array.from({ length: store.count - first }, (_, n) => first + n);
+    const cells = [...this.axes, ...this.magnets].flatMap(([, each]) => each);
+    const of = ({ head, column }) => [head, rows.map((row) => store.value(column, row))];
+    return { t_s: rows.map((row) => store.tick(row) / bench.rate), ...Object.fromEntries(cells.map(of)) };
+  }
+
+  words() {
+    const row = ([name, cells]) => [[name], ...cells.map(({ text }) => [text.textContent])];
+    return [[["asked, given, largest error of a second; gap, pull, current"]], ...[...this.axes, ...this.magnets].map(row)];
+  }
+}
+
+function table(id, heads, rows) {
+  const head = heads.map((text) => make("th", { textContent: text, scope: "col" }));
+  const body = rows.map(([name, cells]) =>
+    make("tr", {}, make("th", { textContent: name, scope: "row" }), ...cells.map(({ element }) => element)),
+  );
+  return make("table", { id, className: "gauges" }, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...body));
+}
+
+// Four figures; what rounds to zero has no sign.
+function digits(value) {
+  const whole = Math.max(1, Math.ceil(Math.log10(Math.abs(value) + 1e-9)));
+  const places = Math.max(0, Math.min(3, 4 - whole));
+  return Number(value.toFixed(places)).toFixed(places);
+}
