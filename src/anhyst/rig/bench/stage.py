@@ -513,12 +513,13 @@ class AxesBench(StageBench):
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         rig, file, n = self.rig, self.rig.settings, forward.size
-        along, reference = scan_direction(file), place[:n] + self._offset
+        along = scan_direction(file)
+        reference = np.outer(place[:n] + self._offset, along)
         frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
         table = self._loop.run(
-            np.outer(reference, along).ravel(),
+            reference.ravel(),
             np.zeros(n),
-            np.zeros(n * along.size),
+            np.zeros(reference.size),
             (fed + self._carried).ravel(),
             np.zeros(n, dtype=np.uint32),
             frame.ravel(),
