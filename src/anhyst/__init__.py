@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
     from anhyst.reports.measuring import excite_rig as excite
+    from anhyst.reports.measuring import excite_to_calibrate
     from anhyst.reports.model.page import write_report as report
     from anhyst.reports.simulate import simulate_rig as simulate
     from anhyst.study.bearing.benefit import Benefit
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
     from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
+    from anhyst.study.tracking.excitation import CalibratingMove
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.tuning import tune
@@ -73,6 +75,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Benefit",
     "BoardComparison",
+    "CalibratingMove",
     "Calibration",
     "Compiled",
     "CompiledPlay",
@@ -105,6 +108,7 @@ __all__ = [
     "diff",
     "example_files",
     "excite",
+    "excite_to_calibrate",
     "export",
     "fleet",
     "force_control",
@@ -128,6 +132,7 @@ __all__ = [
 _PLACES = {
     "Benefit": "study.bearing.benefit",
     "BoardComparison": "study.bearing.on_board",
+    "CalibratingMove": "study.tracking.excitation",
     "Calibration": "study.tracking.calibrate",
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
@@ -159,6 +164,7 @@ _PLACES = {
     "diff": "model.diff",
     "example_files": "draft.examples",
     "excite": "reports.measuring:excite_rig",
+    "excite_to_calibrate": "reports.measuring",
     "export": "exchange.verb",
     "fleet": "study.fleet.fleet:judge_fleet",
     "force_control": "study.force.force_control",

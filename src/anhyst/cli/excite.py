@@ -13,14 +13,18 @@ from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst import Excitation
+    from collections.abc import Sequence
+
+    from anhyst import CalibratingMove, Excitation
 
 
 def excite(
     rig: Annotated[
         Path,
         typer.Argument(
-            metavar="RIG", help="Rig file, of a bearing or of force control.", callback=of_its_kind
+            metavar="RIG",
+            help="Rig file, of a bearing or of force control; with --calibrate of a stage.",
+            callback=of_its_kind,
         ),
     ],
     out: Annotated[
@@ -29,8 +33,17 @@ def excite(
             "--out", "-o", metavar="FILE", help="CSV to write; its sidecar is the .toml beside it."
         ),
     ],
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Instead, let a stage fly the shortest move that shows what its magnets are off "
+            "by; FILE is the recording that anhyst calibrate takes.",
+        ),
+    ] = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw drive and loops (png, svg or pdf).")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw drive and loops, or the move (png, svg or pdf)."),
     ] = None,
     folder: Annotated[
         Path | None,
@@ -61,7 +74,22 @@ def excite(
     armature is held: its controller drives the current, and is stopped again.
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
+
+    Example: anhyst excite --calibrate examples/stage/rig.toml --out run.csv
     """
+    if calibrate:
+        if folder or xcp or port:
+            raise anhyst.InputError(
+                "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out",
+                code="option-not-for-this",
+                key="--calibrate",
+            )
+        move = anhyst.excite_to_calibrate(rig, out, plot=plot)
+        if as_json:
+            print_json(move.as_dict())
+        else:
+            _show_move(move, out, plot)
+        return
     with progress_bar("measuring") as progress:
         found = anhyst.excite(
             rig, out, plot=plot, folder=folder, xcp=xcp, port=port, progress=progress
@@ -94,3 +122,40 @@ def _show(found: Excitation, out: Path, plot: Path | None) -> None:
         *(f"note: {note}" for note in found.notes),
         *(f"written: {place}" for place in written),
     )
+
+
+def _show_move(found: CalibratingMove, out: Path, plot: Path | None) -> None:
+    figures = found.as_dict()
+    work = figures["work"]
+    heads = ["left of what is stated", "after this move", "after its own set-point"]
+    drawn = table(f"{len(figures['legs'])} legs, {figures['duration_s']:.2f} s", heads)
+    for kind in dict.fromkeys(one.kind for one in found.numbers):
+        ones = [one for one in found.numbers if one.kind == kind]
+        drawn.add_row(
+            kind if len(ones) == 1 else f"{kind}, of {len(ones)}",
+            _span([one.left for one in ones]),
+            _span([one.left_by_work for one in ones]),
+        )
+    drawn.add_row("duration, s", f"{figures['duration_s']:.2f}", f"{work['duration_s']:.2f}")
+    drawn.add_row("condition number", f"{figures['condition']:.2g}", f"{work['condition']:.2g}")
+    hidden, missed = figures["hidden"], figures["hidden_by_work"]
+    show(
+        drawn,
+        *(
+            f"{leg['axis']}: {', '.join(f'{one:.3g}' for one in leg['m_per_s2'])} m/s2 at "
+            f"{leg['m_per_s']:.3g} m/s, {leg['duration_s']:.3f} s"
+            for leg in figures["legs"]
+        ),
+        f"largest current commanded: {figures['largest_A']:.2f} A",
+        *([f"stays hidden whatever is moved: {', '.join(hidden)}"] if hidden else []),
+        f"its own set-point does not show {', '.join(missed)}"
+        if missed
+        else "its own set-point shows all of this too: calibrate on that, or on this one",
+        *(f"written: {place}" for place in (out, plot) if place is not None),
+    )
+
+
+def _span(values: Sequence[float]) -> str:
+    """Return from where to where values go."""
+    ends = dict.fromkeys(f"{one:.2f}" for one in (min(values), max(values)))
+    return " to ".join(ends)

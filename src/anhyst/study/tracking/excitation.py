@@ -1,24 +1,25 @@
 """The shortest move that shows what the magnets of a stage are off by, and how much it shows.
 
 A law that is slightly wrong is learnt right where the body worked. So a leg goes to and fro with
-the accelerations of the rig file's own set-point, rest to rest, at several speeds, along every
-coordinate in which the long stroke goes along; of the others it goes there and back within the
-stops. What a leg shows, the estimator itself says of its flight of the stage as it should be.
+the accelerations of the rig file's own set-point, slower and without a cruise, from rest to rest,
+along a coordinate in which the long stroke goes along. What it shows, the estimator itself says of
+its flight of the stage as it should be.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from anhyst.data.writing import check_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
-from anhyst.rig.calibration import ParameterName
-from anhyst.rig.recording import CURRENTS, Recording, of_magnets
+from anhyst.rig.calibration import CENTRE, ParameterName
+from anhyst.rig.calibration import kind_of as kind_of_number
+from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage.file import (
     StageRig,
     mass_matrix,
@@ -33,11 +34,11 @@ from anhyst.rig.stage.loop import (
     StageSetup,
     identify_stage,
     make_stage,
-    stop_of,
     track,
     track_axes,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, motion_of, strayed
+from anhyst.rig.tables import Axis
 from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.motion import refuse_uncalibratable
@@ -55,25 +56,28 @@ REST_S = 0.01
 """At rest before the first leg and after each."""
 SHARES = np.arange(1.0, 0.0, -0.05)
 """Of the accelerations of the set-point: the largest is taken that the magnets can make."""
-SPARE, INSIDE = 0.95, 0.7
-"""Of the largest force of a magnet, and of the way to a stop: what a leg may ask for."""
-GAIN = 0.3
+SPARE = 0.95
+"""Of the largest force of a magnet: what a leg may ask for."""
+GAIN = 0.2
 """A leg is flown that takes so much a second of the priors, on average of all numbers."""
 
 
 @dataclass(frozen=True)
 class Leg:
-    """To and fro along one coordinate, at rest before and after."""
+    """To and fro along one coordinate and the same turned round, from rest to rest."""
 
-    axis: str
+    axis: Axis
     motion: SetPoint
-    # of its metres, < 0 the other way: of a tilt one over the radius of gyration
-    scale: float = 1.0
 
     @property
     def lasts(self) -> float:
         """Until the next one begins, s."""
-        return self.motion.duration + REST_S
+        return 2.0 * self.motion.duration + REST_S
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Return place, acceleration, jerk and snap at some times."""
+        there, back = (self.motion.at(one) for one in (time, time - self.motion.duration))
+        return np.array(there) - np.array(back)
 
 
 @dataclass(frozen=True)
@@ -95,10 +99,10 @@ class Move:
 
     def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return place, acceleration, jerk, snap at some times; several coordinates in columns."""
-        free, begin = list[str](self.rig.settings.body.free), REST_S
+        free, begin = self.rig.settings.body.free, REST_S
         sums = np.zeros((4, time.size, len(free)))
         for leg in self.legs:
-            sums[..., free.index(leg.axis)] += leg.scale * np.array(leg.motion.at(time - begin))
+            sums[..., free.index(leg.axis)] += leg.at(time - begin)
             begin += leg.lasts
         several = self.rig.settings.several
         place, acceleration, jerk, snap = sums if several else sums[..., 0]
@@ -118,12 +122,6 @@ class Move:
         wrench = self.at(time[:-1] + ahead)[1] @ mass_matrix(file).T - weight(file)
         return track_axes(setup, seed, place, frame, wrench)
 
-    def then(self, leg: Leg) -> Move:
-        """Return the same with one leg more, the other way than the last along that coordinate."""
-        before = [one.scale for one in self.legs if one.axis == leg.axis]
-        turned = replace(leg, scale=-before[-1]) if before else leg
-        return replace(self, legs=(*self.legs, turned))
-
 
 def _carried(rig: StageRig) -> FloatArray:
     """Return 1 for each coordinate in which the long stroke goes along: x, y, and the set-point's."""
@@ -132,10 +130,7 @@ def _carried(rig: StageRig) -> FloatArray:
 
 
 def legs_of(rig: StageRig) -> list[Leg]:
-    """Return the legs that a move may be made of, within what the rig file says.
-
-    Snap and jerk are at most those of its set-point, and so are speed and way.
-    """
+    """Return the legs that a move may be made of: within the set-point's snap, jerk, speed and way."""
     file, found = rig.settings, list[Leg]()
     scan, masses = file.scan, mass_matrix(file)
     hardest, phases = max(scan.train_m_per_s2), (scan.jerk_phase_s, scan.snap_phase_s)
@@ -145,27 +140,15 @@ def legs_of(rig: StageRig) -> list[Leg]:
         both = [layout.share((way * wrench - weight(file)).tolist())[0] for way in (1.0, -1.0)]
         return bool(np.abs(both).max() <= SPARE * file.tracking.force_max_N)
 
-    for place, axis in enumerate(file.body.free):
-        # angles and moments count by the radius of gyration
-        radius = math.sqrt(masses[place, place] / file.body.mass_kg)
-        able = (one for one in SHARES.tolist() if makes(one * hardest / radius * masses[place]))
+    for place in np.flatnonzero(_carried(rig)).tolist():
+        able = (one for one in SHARES.tolist() if makes(one * hardest * masses[place]))
         share = next(able, 0.0)
-        if _carried(rig)[place] and share:
-            turns = [share * one for one in scan.train_m_per_s2]
-            turns += turns[: len(turns) % 2]
-            least, most = share * hardest * phases[0], share * scan.speed_m_per_s
-            for speed in sorted({least, math.sqrt(least * most), most}):
-                motion = SetPoint(tuple(turns), speed, 0.0, *phases, rests=True)
-                found.append(Leg(axis, motion, 1.0 / radius))
-        elif share:
-            there = SetPoint((hardest,) * 3, hardest * phases[0], 0.0, *phases, rests=True)
-            far = float(there.at(np.linspace(0.0, there.duration, 200))[0].max())
-            # the way goes with the square of the acceleration where phases keep the snap
-            share = min(share, math.sqrt(INSIDE * stop_of(file, axis) * radius / far))
-            jerk, snap = (math.sqrt(share) * one for one in phases)
-            peak = share * hardest
-            there = SetPoint((peak,) * 3, peak * jerk, 0.0, jerk, snap, rests=True)
-            found.append(Leg(axis, there, 1.0 / radius))
+        turns = [share * one for one in scan.train_m_per_s2]
+        turns += turns[: len(turns) % 2]
+        least, most = share * hardest * phases[0], share * scan.speed_m_per_s
+        for speed in sorted({least, math.sqrt(least * most), most}) if share else ():
+            motion = SetPoint(tuple(turns), speed, 0.0, *phases, rests=True)
+            found.append(Leg(file.body.free[place], motion))
     return found
 
 
@@ -177,6 +160,11 @@ class Shown:
     prior: float
     left: float  # after the move; 1 where nothing is learnt of it
     left_by_work: float  # after the training set-point
+
+    @property
+    def kind(self) -> str:
+        """What it is, whichever magnet or axis it is of."""
+        return "centre" if self.name in CENTRE else kind_of_number(self.name)
 
 
 @dataclass(frozen=True, repr=False)
@@ -217,13 +205,6 @@ class CalibratingMove(Result):
         shown = [one for one in self.numbers if one.left <= self.seen]
         return [one.name for one in shown if one.left_by_work > self.seen]
 
-    @property
-    def largest(self) -> tuple[float, float]:
-        """Largest current that is commanded, A, and force that is asked for along a coordinate, N."""
-        count = len(self.move.rig.settings.placed)
-        flowed = [self.run[name] for name in of_magnets(CURRENTS[:1], 1, count)]
-        return float(np.max(flowed)), float(np.abs(self.run["demand_N"]).max())
-
     def facts(self) -> dict[str, str]:
         """Return duration and condition of move and work, and what each does not show."""
         work = f"{self.work_s:.2f} s, condition {self.condition_of_work:.2g}"
@@ -241,14 +222,19 @@ class CalibratingMove(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as what is printed as JSON."""
-        current, force = self.largest
+        count = range(1, len(self.move.rig.settings.placed) + 1)
+        flowed = [self.run[column("command", "A", number)] for number in count]
         return {
             "duration_s": self.move.duration,
             "condition": self.condition,
-            "largest_A": current,
-            "largest_demand_N": force,
+            "largest_A": float(np.max(flowed)),
             "legs": [
-                {"axis": leg.axis, "m_per_s2": leg.motion.peaks, "m_per_s": leg.motion.speed}
+                {
+                    "axis": leg.axis,
+                    "m_per_s2": leg.motion.peaks,
+                    "m_per_s": leg.motion.speed,
+                    "duration_s": 2.0 * leg.motion.duration,
+                }
                 for leg in self.move.legs
             ],
             "work": {"duration_s": self.work_s, "condition": self.condition_of_work},
@@ -262,12 +248,11 @@ class CalibratingMove(Result):
         rig = self.move.rig
         time = instants(rig, len(self.run))
         moved = self.move.at(time)[1].reshape(time.size, -1)
-        scales = {leg.axis: abs(leg.scale) for leg in self.move.legs}
-        for place, axis in enumerate(rig.settings.body.free):
-            if axis in scales:
-                ax.plot(time, moved[:, place] / scales[axis], lw=0.9, label=axis)
+        for axis in dict.fromkeys(leg.axis for leg in self.move.legs):
+            place = rig.settings.body.free.index(axis)
+            ax.plot(time, moved[:, place], lw=0.9, label=axis)
         ax.set_xlabel("time [s]")
-        ax.set_ylabel("acceleration [m/s²], of a tilt at the radius of gyration")
+        ax.set_ylabel("acceleration [m/s²]")
 
 
 def design(learner: Learner, setup: StageSetup) -> Move:
@@ -295,10 +280,7 @@ def design(learner: Learner, setup: StageSetup) -> Move:
         rest = [one for place, one in enumerate(chosen) if place not in places[:1]]
         if left(rest) - left(chosen) < GAIN * leg.lasts:
             chosen = rest
-    move = Move(rig, ())
-    for leg, _ in chosen:
-        move = move.then(leg)
-    return move
+    return Move(rig, tuple(leg for leg, _ in chosen))
 
 
 def find_move(rig: StageRig, magnet: IdentifiedMagnet | None = None) -> CalibratingMove:
