@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from anhyst.model.predict_file import RunSummary, invert, predict
     from anhyst.model.prediction import Prediction
     from anhyst.reports.measuring import excite_rig as excite
-    from anhyst.reports.measuring import excite_to_calibrate
     from anhyst.reports.model.page import write_report as report
     from anhyst.reports.simulate import simulate_rig as simulate
     from anhyst.study.bearing.benefit import Benefit
@@ -63,7 +62,7 @@ if TYPE_CHECKING:
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
     from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
-    from anhyst.study.tracking.excitation import CalibratingMove
+    from anhyst.study.tracking.excitation import CalibratingMove, excite_to_calibrate
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.tuning import tune
@@ -164,7 +163,7 @@ _PLACES = {
     "diff": "model.diff",
     "example_files": "draft.examples",
     "excite": "reports.measuring:excite_rig",
-    "excite_to_calibrate": "reports.measuring",
+    "excite_to_calibrate": "study.tracking.excitation",
     "export": "exchange.verb",
     "fleet": "study.fleet.fleet:judge_fleet",
     "force_control": "study.force.force_control",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,8 +14,6 @@ from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from anhyst import CalibratingMove, Excitation
 
 
@@ -125,37 +124,25 @@ def _show(found: Excitation, out: Path, plot: Path | None) -> None:
 
 
 def _show_move(found: CalibratingMove, out: Path, plot: Path | None) -> None:
-    figures = found.as_dict()
-    work = figures["work"]
-    heads = ["left of what is stated", "after this move", "after its own set-point"]
-    drawn = table(f"{len(figures['legs'])} legs, {figures['duration_s']:.2f} s", heads)
-    for kind in dict.fromkeys(one.kind for one in found.numbers):
-        ones = [one for one in found.numbers if one.kind == kind]
-        drawn.add_row(
-            kind if len(ones) == 1 else f"{kind}, of {len(ones)}",
-            _span([one.left for one in ones]),
-            _span([one.left_by_work for one in ones]),
-        )
-    drawn.add_row("duration, s", f"{figures['duration_s']:.2f}", f"{work['duration_s']:.2f}")
-    drawn.add_row("condition number", f"{figures['condition']:.2g}", f"{work['condition']:.2g}")
-    hidden, missed = figures["hidden"], figures["hidden_by_work"]
+    move, work = found.move, found.work
+    kinds: dict[str, list[str]] = {}
+    for name in move.left:
+        kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
+    heads = ["left of what is stated", "after the move", "after its own set-point"]
+    drawn = table(f"{move.duration_s:.2f} s", heads)
+    for kind, names in kinds.items():
+        lefts = [[f"{one.left[name]:.2f}" for name in names] for one in (move, work)]
+        drawn.add_row(kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in lefts))
+    drawn.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, work)))
+    drawn.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, work)))
+    missed = ", ".join(name for name in work.hidden if name not in move.hidden)
     show(
         drawn,
         *(
-            f"{leg['axis']}: {', '.join(f'{one:.3g}' for one in leg['m_per_s2'])} m/s2 at "
-            f"{leg['m_per_s']:.3g} m/s, {leg['duration_s']:.3f} s"
-            for leg in figures["legs"]
+            f"{axis}: {', '.join(f'{one:.3g}' for one in leg.peaks)} m/s2 at {leg.speed:.3g} m/s"
+            for axis, leg in found.legs.items()
         ),
-        f"largest current commanded: {figures['largest_A']:.2f} A",
-        *([f"stays hidden whatever is moved: {', '.join(hidden)}"] if hidden else []),
-        f"its own set-point does not show {', '.join(missed)}"
-        if missed
-        else "its own set-point shows all of this too: calibrate on that, or on this one",
+        f"hidden whatever is moved: {', '.join(move.hidden) or 'nothing'}",
+        f"its own set-point hides {missed}" if missed else "its own set-point shows as much",
         *(f"written: {place}" for place in (out, plot) if place is not None),
     )
-
-
-def _span(values: Sequence[float]) -> str:
-    """Return from where to where values go."""
-    ends = dict.fromkeys(f"{one:.2f}" for one in (min(values), max(values)))
-    return " to ".join(ends)

@@ -8,7 +8,6 @@ import numpy as np
 
 from anhyst.study.bench import address_of, through
 from anhyst.study.excite.excite import Excitation, excite, measure
-from anhyst.study.tracking.excitation import CalibratingMove, excite_stage
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.picture import check_picture, write_figure
@@ -100,42 +99,3 @@ def excite_rig(
     if plot is not None:
         write_figure(figure_excitation(excitation), plot)
     return excitation
-
-
-def excite_to_calibrate(
-    rig: PathLike, out: PathLike, *, plot: PathLike | None = None
-) -> CalibratingMove:
-    """Fly the shortest move that shows what the magnets of a stage are off by, and record it.
-
-    Parameters
-    ----------
-    rig : path-like
-        Rig file of a stage.
-    out : path-like
-        Recording to write, which ``anhyst calibrate`` takes.
-    plot : path-like, optional
-        Picture of the move to write, ``.png``, ``.svg`` or ``.pdf``.
-
-    Returns
-    -------
-    CalibratingMove
-        The move, what is left of every number after it and after the rig file's own set-point,
-        and what stays hidden.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read or written, is not of a stage, or states nothing to learn.
-    NegativeResult
-        The loop was lost.
-    """
-    from matplotlib.figure import Figure
-
-    if plot is not None:
-        check_picture(plot)
-    found = excite_stage(rig, out)
-    if plot is not None:
-        figure = Figure(figsize=(8.0, 3.6), layout="constrained")
-        found.plot(figure.subplots())
-        write_figure(figure, plot)
-    return found

@@ -64,7 +64,7 @@ from anhyst.rig.stage.file import (
     without,
     wrench_layout,
 )
-from anhyst.rig.stage.setpoint import Trajectory, instants, stray, ticks_of
+from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import q31
@@ -150,7 +150,7 @@ def pid(rig: StageRig) -> dict[str, float]:
     }
 
 
-def feed(setup: StageSetup, motion: Trajectory, gains: Feedforward) -> FloatArray:
+def feed(setup: StageSetup, motion: SetPoint, gains: Feedforward) -> FloatArray:
     """Return the force fed forward at every tick, N, so much earlier as the loop is late."""
     rig, timing = setup.rig, setup.rig.settings.timing
     ahead = (timing.delay_ticks + 0.5) * rig.dt
@@ -162,7 +162,7 @@ def feed(setup: StageSetup, motion: Trajectory, gains: Feedforward) -> FloatArra
 
 def track(
     setup: StageSetup,
-    motion: Trajectory,
+    motion: SetPoint,
     gains: Feedforward,
     seed: int = 0,
     learnt: FloatArray | None = None,

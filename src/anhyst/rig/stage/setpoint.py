@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -16,21 +15,6 @@ from anhyst.support.arrays import FloatArray
 STRAY_LATE = 5e-3
 """How late a long stroke follows the acceleration, s."""
 _STRAY_HZ = 3.0  # of what it does by itself
-
-
-class Trajectory(Protocol):
-    """A motion that begins at rest, as a body is led along it."""
-
-    @property
-    def peaks(self) -> tuple[float, ...]:
-        """Largest acceleration of each turnaround, m/s2."""
-
-    @property
-    def duration(self) -> float:
-        """Until its end, s."""
-
-    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return position, acceleration, jerk and snap at some times, m, m/s2, m/s3, m/s4."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +146,7 @@ def braking(speed: float, acceleration: float, motion: SetPoint, dt: float, ahea
     return Course(at(time)[3], at(time[:-1])[0], np.column_stack(at(time[:-1] + ahead)))
 
 
-def stray(rig: StageRig, motion: Trajectory, time: FloatArray) -> FloatArray:
+def stray(rig: StageRig, motion: SetPoint, time: FloatArray) -> FloatArray:
     """Return how far the long stroke is off along a motion, m."""
     return strayed(rig, motion.at(time - STRAY_LATE)[1] / max(motion.peaks), time)
 
@@ -181,6 +165,6 @@ def instants(rig: StageRig, count: int) -> FloatArray:
     return np.asarray(rig.dt * np.arange(count), dtype=np.float64)
 
 
-def ticks_of(rig: StageRig, motion: Trajectory) -> int:
+def ticks_of(rig: StageRig, motion: SetPoint) -> int:
     """Return how many ticks a motion takes."""
     return round(motion.duration / rig.dt)

@@ -139,9 +139,10 @@ class Learner:
         spread = np.linalg.solve(root.T, (fresh[:, :-1] * held).T)
         return self._trust * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
-    def told(self, motion: Motion) -> FloatArray:
-        """Return rows of what a motion says of the numbers around the estimate; none of rest."""
-        if not motion.compared.size:
+    def told(self, run: Recording) -> FloatArray:
+        """Return rows of what a run says of the numbers around the estimate; none of a lost one."""
+        motion = self.law.motion(run.columns)
+        if run.loss is not None or not motion.compared.size:
             return self._rows[:0]
         rows = self._rows_of(motion, self.values, exact=False)
         return np.asarray(np.linalg.qr(rows, mode="r"))
