@@ -142,7 +142,7 @@ def _show_move(found: CalibratingMove, out: Path, plot: Path | None) -> None:
             f"{axis}: {', '.join(f'{one:.3g}' for one in leg.peaks)} m/s2 at {leg.speed:.3g} m/s"
             for axis, leg in found.legs.items()
         ),
-        f"hidden whatever is moved: {', '.join(move.hidden) or 'nothing'}",
+        f"stays hidden: {', '.join(move.hidden) or 'nothing'}",
         f"its own set-point hides {missed}" if missed else "its own set-point shows as much",
         *(f"written: {place}" for place in (out, plot) if place is not None),
     )
