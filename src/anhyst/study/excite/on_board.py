@@ -63,47 +63,37 @@ class DrivenBoard(Protocol):
     @property
     def rate(self) -> float:
         """Ticks a second."""
-        ...  # pragma: no cover
 
     @property
     def aim(self) -> Aim:
         """What is demanded."""
-        ...  # pragma: no cover
 
     @property
     def signals(self) -> tuple[Signal, ...]:
         """Columns of what is measured, after the number of the tick."""
-        ...  # pragma: no cover
 
     @property
     def every(self) -> int:
         """Ticks from one row to the next."""
-        ...  # pragma: no cover
 
     @property
     def lost(self) -> str:
         """Why the controller is looked for; empty while it answers."""
-        ...  # pragma: no cover
 
     def advance(self, ticks: int) -> FloatArray:
         """Wait until some ticks have passed, and return all rows that came."""
-        ...  # pragma: no cover
 
     def command(self, command: Command) -> None:
         """Give a command."""
-        ...  # pragma: no cover
 
     def demand(self, value: float) -> None:
         """Demand a force, N."""
-        ...  # pragma: no cover
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the settings, with the values in force."""
-        ...  # pragma: no cover
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings."""
-        ...  # pragma: no cover
 
 
 def measure_on_board(
