@@ -65,7 +65,6 @@ GAINS = ("acceleration", "jerk", "snap")
 """Of :class:`anhyst.rig.stage.loop.Feedforward`."""
 LAPS = 100
 """Of which it is known how they were followed."""
-
 _READ = {
     "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
     "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
@@ -75,7 +74,6 @@ _READ = {
     **currents_of(1, POSITION_MAGNETS),
 }
 """Columns of a simulated loop, and what they are called here."""
-
 _OF_BENCH = (
     Signal("reference", "m", "position wanted: the set-point and the target beside it"),
     Signal("position", "m", "true position in space"),

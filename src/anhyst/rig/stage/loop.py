@@ -71,7 +71,6 @@ from anhyst.support.fixed_point import q31
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
-
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
 

@@ -38,22 +38,16 @@ from anhyst.support.units import QUANTITIES
 
 _DWELL_S = 0.02
 """At each turning point, s: the amplifier follows in the first half, the second is one sample."""
-
 _CHUNK_S = 0.01
 """Between two looks at what is read, s."""
-
 _PATIENCE_S = 30.0
 """Until a controller is in another state, s; a current is taken away along its ramp."""
-
 _BEGIN_S = 2.0
 """Until a run that was begun is seen; somebody may have stopped it already, s."""
-
 _NEAR = 0.01
 """Of the largest gap: so far from a gap of the rig file may the armature be held."""
-
 _SAME = 1e-7
 """Of the full demand: nearer two demands are one."""
-
 _NEEDED = ("force", "current", "demand", "gap", "state", "fault")
 
 

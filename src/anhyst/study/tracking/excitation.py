@@ -85,7 +85,7 @@ def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
     """Let a stage follow legs from rest, the iron demagnetised, the mass alone fed forward."""
     rig, file = setup.rig, setup.rig.settings
     if not file.several:
-        return track(setup, legs["x"], Feedforward(), seed)
+        return track(setup, next(iter(legs.values())), Feedforward(), seed)
     begin = START_S  # the weight is taken up before
     n = round((begin + sum(leg.duration for leg in legs.values())) / rig.dt)
     time, ahead = instants(rig, n + 1), (file.timing.delay_ticks + 0.5) * rig.dt
@@ -108,15 +108,13 @@ def design(learner: Learner, setup: StageSetup) -> Legs:
     for axis, motions in legs_of(setup.rig).items():
         rows = [learner.told(fly(setup, {axis: leg})) for leg in motions]
         told.append([None, *((axis, *one) for one in zip(motions, rows, strict=True))])
-    best = (0, 0.0, dict[str, SetPoint]())
-    for some in product(*told):
-        legs = [one for one in some if one]
+
+    def order(legs: Sequence[tuple[str, SetPoint, FloatArray]]) -> tuple[int, float]:
         left = np.array([*learner.left(*(rows for _, _, rows in legs)).values()])
-        shown = int((left <= learner.law.seen).sum())
-        lasts = sum(leg.duration for _, leg, _ in legs)
-        if (-shown, lasts) < (-best[0], best[1]):
-            best = shown, lasts, {axis: leg for axis, leg, _ in legs}
-    return best[2]
+        return -int((left <= learner.law.seen).sum()), sum(leg.duration for _, leg, _ in legs)
+
+    best = min(([one for one in some if one] for some in product(*told)), key=order)
+    return {axis: leg for axis, leg, _ in best}
 
 
 @dataclass(frozen=True)
@@ -150,13 +148,8 @@ class CalibratingMove:
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as what is printed as JSON."""
-        currents = [one for name, one in self.run.columns.items() if name.startswith("command")]
-        return {
-            "current_max_A": float(np.max(currents)),
-            "legs": {axis: asdict(leg) for axis, leg in self.legs.items()},
-            "move": asdict(self.move),
-            "work": asdict(self.work),
-        }
+        legs = {axis: asdict(leg) for axis, leg in self.legs.items()}
+        return {"legs": legs, "move": asdict(self.move), "work": asdict(self.work)}
 
     def figure(self) -> Figure:
         """Draw the acceleration of every coordinate, one after another."""
@@ -180,12 +173,10 @@ def find_move(rig: StageRig, magnet: IdentifiedMagnet | None = None) -> Calibrat
     setup, learner = make_stage(rig, known, OWN), Learner(law_of(rig, known, OWN))
     refuse_unstable(setup)
     legs = design(learner, setup)
-    if not legs:
-        raise NegativeResult(
-            f"{rig.path}: no move shows anything: [spread] states nothing that may be off, or the "
-            "loop is lost in each",
-            code="nothing-shown",
-        )
+    run = fly(setup, legs, 1) if legs else None
+    if run is None or run.loss is not None:
+        why = "[spread] states nothing, or the loop is lost" if run is None else f"lost {run.lost}"
+        raise NegativeResult(f"{rig.path}: no move shows anything: {why}", code="nothing-shown")
 
     def told(run: Recording) -> Told:
         rows = learner.told(run)
@@ -195,7 +186,6 @@ def find_move(rig: StageRig, magnet: IdentifiedMagnet | None = None) -> Calibrat
         return Told(float(run["t_s"][-1]), learner.condition(rows), left, hidden)
 
     work = track(setup, motion_of(scan, scan.train_m_per_s2), Feedforward(), 1)
-    run = fly(setup, legs, 1)
     return CalibratingMove(legs, run, told(run), told(work))
 
 
@@ -206,23 +196,14 @@ def excite_to_calibrate(
 
     Parameters
     ----------
-    rig : path-like
-        Rig file of a stage.
-    out : path-like
-        Recording to write, which ``anhyst calibrate`` takes.
+    rig, out : path-like
+        Rig file of a stage, and recording to write, which ``anhyst calibrate`` takes.
     plot : path-like, optional
         Picture of the move to write, ``.png``, ``.svg`` or ``.pdf``.
 
     Returns
     -------
     CalibratingMove
-
-    Raises
-    ------
-    InputError
-        A file cannot be read or written, or is not of a stage.
-    NegativeResult
-        The loop is lost, or nothing may be off.
     """
     if kind_of(rig) not in (FileKind.STAGE, FileKind.UNKNOWN):
         raise InputError(
