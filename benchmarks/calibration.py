@@ -29,6 +29,7 @@ from anhyst.support.jobs import all_of
 from calibration_trials import (
     COMPILED,
     LEFT_ON,
+    MOVE,
     REPEATED,
     SCANS,
     WORLDS,
@@ -165,9 +166,11 @@ def trials_of_example(benches: Sequence[Bench]) -> list[Trial]:
     trials = [Trial(bench, plant) for bench in benches for plant in range(PLANTS)]
     trials += [Trial(own, plant, world=COMPILED) for plant in range(PLANTS)]
     trials += [Trial(own, plant, world=LEFT_ON) for plant in range(SOME)]
+    moved = bench_of((MOVE, own.rig, own.magnet, own.method))
+    trials += [Trial(moved, plant, world=MOVE) for plant in range(PLANTS)]
     few = range(FEWER)
     trials += [Trial(own, plant, last, errors) for errors in ALONE for plant in few]
-    worlds = [world for world in WORLDS if world not in ("", COMPILED)]
+    worlds = [world for world in WORLDS if world not in ("", COMPILED, MOVE)]
     return trials + [Trial(own, plant, last, world=world) for world in worlds for plant in few]
 
 
@@ -185,8 +188,8 @@ def of_example(flown: Mapping[Case, Found]) -> list[Row]:
         if world == LEFT_ON:
             what = f"{own}, {LEFT_ON}, {WORK} scans, then {REPEATED} more of the test set-point"
             lines.append(found.row(what, "10 / 20", within(average[-1], (10.0, 20.0))))
-        elif world == COMPILED:
-            lines += headline(f"{own}, {COMPILED}", AIMS.get(method), found)
+        elif world in (COMPILED, MOVE):
+            lines += headline(f"{own}, {world}", AIMS.get(method), found)
         elif world or errors != "all":
             factor = 1.5 if world else 1.3
             what = f"{own}, {world or f'{errors} alone'}, 4 scans"

@@ -29,6 +29,7 @@ from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.compiled import compiled_rig
+from anhyst.study.tracking.excitation import design
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.motion import MotionLaw
@@ -80,8 +81,10 @@ class World:
 ALLOWED = {"spread.payload_percent": 5.0, "spread.cable_N_per_m": 50.0}
 """What a rig file says where a payload and a cable are to be reckoned with."""
 COMPILED = "compiled controller"
+MOVE = "calibrated on the move of excite --calibrate"
 WORLDS = {
     "": World(),
+    MOVE: World(),
     "payload and cable allowed for": World(changes=ALLOWED),
     "payload +5 %": World(payload=0.05, changes=ALLOWED),
     "payload +5 %, not allowed for": World(payload=0.05),
@@ -104,20 +107,23 @@ class Bench:
     method: MethodName
     gains: Feedforward  # as fitted
     calibrated_gains: Feedforward  # with the calibration active, which finds little there
+    taught: SetPoint  # what it is calibrated on
 
 
 _laws: dict[tuple[str, ...], MotionLaw] = {}
 
 
 def bench_of(given: tuple[str, StageRig, IdentifiedMagnet, MethodName]) -> Bench:
-    """Find the gains, on the training set-point."""
+    """Find the gains, on the training set-point, on which it is calibrated too, or on the move."""
     iron, rig, magnet, method = given
     law = law_of(rig, magnet, method)
     own = StageSetup(rig, law.compensator(0.0))
-    gains = find_gains(own, training(rig))
-    run = track(own, training(rig), gains, 100)
+    gains, taught = find_gains(own, training(rig)), training(rig)
+    if iron == MOVE:
+        (taught,) = design(Learner(law), own).values()
+    run = track(own, taught, gains, 100)
     calibrated = find_gains(law.stage(fit(law, [law.motion(run.columns)])), training(rig))
-    return Bench(iron, rig, magnet, method, gains, calibrated)
+    return Bench(iron, rig, magnet, method, gains, calibrated, taught)
 
 
 @dataclass(frozen=True)
@@ -168,7 +174,7 @@ class Trial:
 
         figures, learner = [judged()], Learner(law)
         for scan in range(1, max(self.scans) + 1):
-            run = world.fly(setup, drift, training(rig), gains, noise + scan)
+            run = world.fly(setup, drift, bench.taught, gains, noise + scan)
             learner.learn(law.motion(run.columns))
             setup = law.stage(learner.found)
             gains = bench.calibrated_gains if learner.found.taken else bench.gains

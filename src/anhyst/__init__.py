@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
     from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
+    from anhyst.study.tracking.excitation import CalibratingMove, excite_to_calibrate
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.tuning import tune
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Benefit",
     "BoardComparison",
+    "CalibratingMove",
     "Calibration",
     "Compiled",
     "CompiledPlay",
@@ -105,6 +107,7 @@ __all__ = [
     "diff",
     "example_files",
     "excite",
+    "excite_to_calibrate",
     "export",
     "fleet",
     "force_control",
@@ -128,6 +131,7 @@ __all__ = [
 _PLACES = {
     "Benefit": "study.bearing.benefit",
     "BoardComparison": "study.bearing.on_board",
+    "CalibratingMove": "study.tracking.excitation",
     "Calibration": "study.tracking.calibrate",
     "Compiled": "compilation.output",
     "CompiledPlay": "compilation.play",
@@ -159,6 +163,7 @@ _PLACES = {
     "diff": "model.diff",
     "example_files": "draft.examples",
     "excite": "reports.measuring:excite_rig",
+    "excite_to_calibrate": "study.tracking.excitation",
     "export": "exchange.verb",
     "fleet": "study.fleet.fleet:judge_fleet",
     "force_control": "study.force.force_control",

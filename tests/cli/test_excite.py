@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from tests.cli.command import contents, quick, refused
 from tests.refusals import says
 from tests.study.measured_rigs import GAP_MAP, INNER, WIDE, measured_rig
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 GAPS = {
     "bearing": "[0.35e-3, 0.45e-3, 0.55e-3]",
     "solenoid": "[1.0e-3, 1.35e-3, 2.0e-3, 2.8e-3]",
@@ -53,12 +55,34 @@ def test_what_cannot_be_measured_or_written_is_one_line(tmp_path: Path) -> None:
     assert says(message, "writes-over-input: rig.toml")
     message = refused("excite", "rig.toml", "--out", "controller.csv", cwd=tmp_path)
     assert says(message, "not-a-sidecar: controller.toml")
+    message = refused(
+        "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--port", "COM1", cwd=tmp_path
+    )
+    assert says(message, "option-not-for-this --calibrate: virtual")
     message = refused("excite", "rig.toml", "--out", "new.txt", cwd=tmp_path)
     assert says(message, "wrong-ending")
     text = (tmp_path / "rig.toml").read_text()
     (tmp_path / "rig.toml").write_text(text + "continuous_A = 1.0\n")
     message = refused("excite", "rig.toml", "--out", "new.csv", cwd=tmp_path)
     assert says(message, "belong-together")
+
+
+@pytest.mark.slow
+def test_a_stage_is_calibrated_on_the_move_that_was_flown_for_it(tmp_path: Path) -> None:
+    for name in ("rig.toml", "loops.csv", "loops.toml"):
+        shutil.copy(EXAMPLES / "stage" / name, tmp_path)
+    rig = tmp_path / "rig.toml"
+    rig.write_text(rig.read_text().replace("[loops]", '[loops]\nlaw = "effective-field"'))
+    flown = quick(
+        "excite", "--calibrate", "rig.toml", "-o", "run.csv", "--plot", "m.png", cwd=tmp_path
+    )
+    assert flown.returncode == 0, flown
+    assert "stays hidden: gap_zero_m" in flown.stdout
+    assert "its own set-point shows as much" in flown.stdout
+    assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
+    learnt = quick("calibrate", "rig.toml", "run.csv", "-o", "c.toml", "--json", cwd=tmp_path)
+    assert learnt.returncode == 0, learnt
+    assert "frozen = false" in (tmp_path / "c.toml").read_text()
 
 
 def test_the_same_rig_gives_the_same_loops_and_json_says_how(tmp_path: Path) -> None:

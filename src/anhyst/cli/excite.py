@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,14 +14,16 @@ from anhyst.cli.options import AsJson, of_its_kind
 from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from anhyst import Excitation
+    from anhyst import CalibratingMove, Excitation
 
 
 def excite(
     rig: Annotated[
         Path,
         typer.Argument(
-            metavar="RIG", help="Rig file, of a bearing or of force control.", callback=of_its_kind
+            metavar="RIG",
+            help="Rig file, of a bearing or of force control; with --calibrate of a stage.",
+            callback=of_its_kind,
         ),
     ],
     out: Annotated[
@@ -29,8 +32,17 @@ def excite(
             "--out", "-o", metavar="FILE", help="CSV to write; its sidecar is the .toml beside it."
         ),
     ],
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Instead, let a stage fly the shortest move that shows what its magnets are off "
+            "by; FILE is the recording that anhyst calibrate takes.",
+        ),
+    ] = False,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw drive and loops (png, svg or pdf).")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw drive and loops, or the move (png, svg or pdf)."),
     ] = None,
     folder: Annotated[
         Path | None,
@@ -61,7 +73,22 @@ def excite(
     armature is held: its controller drives the current, and is stopped again.
 
     Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
+
+    Example: anhyst excite --calibrate examples/stage/rig.toml --out run.csv
     """
+    if calibrate:
+        if folder or xcp or port:
+            raise anhyst.InputError(
+                "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out",
+                code="option-not-for-this",
+                key="--calibrate",
+            )
+        move = anhyst.excite_to_calibrate(rig, out, plot=plot)
+        if as_json:
+            print_json(move.as_dict())
+        else:
+            _show_move(move, out, plot)
+        return
     with progress_bar("measuring") as progress:
         found = anhyst.excite(
             rig, out, plot=plot, folder=folder, xcp=xcp, port=port, progress=progress
@@ -93,4 +120,29 @@ def _show(found: Excitation, out: Path, plot: Path | None) -> None:
         f"{minutes:.1f} min of measuring, {figures['rate_A_per_s']:.4g} A/s{warm}",
         *(f"note: {note}" for note in found.notes),
         *(f"written: {place}" for place in written),
+    )
+
+
+def _show_move(found: CalibratingMove, out: Path, plot: Path | None) -> None:
+    move, work = found.move, found.work
+    kinds: dict[str, list[str]] = {}
+    for name in move.left:
+        kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
+    heads = ["left of what is stated", "after the move", "after its own set-point"]
+    drawn = table(f"{move.duration_s:.2f} s", heads)
+    for kind, names in kinds.items():
+        lefts = [[f"{one.left[name]:.2f}" for name in names] for one in (move, work)]
+        drawn.add_row(kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in lefts))
+    drawn.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, work)))
+    drawn.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, work)))
+    missed = ", ".join(name for name in work.hidden if name not in move.hidden)
+    show(
+        drawn,
+        *(
+            f"{axis}: {', '.join(f'{one:.3g}' for one in leg.peaks)} m/s2 at {leg.speed:.3g} m/s"
+            for axis, leg in found.legs.items()
+        ),
+        f"stays hidden: {', '.join(move.hidden) or 'nothing'}",
+        f"its own set-point hides {missed}" if missed else "its own set-point shows as much",
+        *(f"written: {place}" for place in (out, plot) if place is not None),
     )

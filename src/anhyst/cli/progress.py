@@ -12,7 +12,6 @@ from anhyst.support.progress import Progress
 
 SILENCE = 60.0
 """Seconds between two lines where there is no terminal."""
-
 _LEAST = 0.01
 """Part of the work from which on it is known how fast it goes."""
 

@@ -34,11 +34,9 @@ class BlockHolder(Protocol):
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
-        ...  # pragma: no cover
 
     def swap_block(self, words: Sequence[int]) -> int:
         """Download another parameter block and put it in force between two ticks."""
-        ...  # pragma: no cover
 
 
 STEPS = ("measure", "identify", "compile", "swap")

@@ -89,11 +89,9 @@ class Seat(DrivenBoard, Protocol):
 
     def cancel(self) -> None:
         """Let the next look at it raise, once: who measures then stops the controller."""
-        ...  # pragma: no cover
 
     def close(self) -> None:
         """Leave it."""
-        ...  # pragma: no cover
 
 
 class BoardJob:

@@ -48,7 +48,6 @@ class Plant(Protocol):
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         """Go on by one tick, to the beginning of tick number `tick`."""
-        ...  # pragma: no cover
 
 
 Exchange = Callable[[bytes], bytes]

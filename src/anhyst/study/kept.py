@@ -28,7 +28,6 @@ from anhyst.support.progress import Progress
 
 MOST = 20
 """Benches that are kept; those not opened for longest go."""
-
 _FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
 
 

@@ -105,7 +105,6 @@ _OF_PLANT = {
     **currents_of(2, POSITION_MAGNETS),
 }
 """Columns of a simulated loop, and what they are called here."""
-
 _OF_FIRMWARE = (
     Signal("expected", "N", "force that the first magnet's model expects after the tick"),
     Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
@@ -115,7 +114,6 @@ _OF_FIRMWARE = (
     Signal("flags", "", "what was in the way: Flag"),
 )
 """Signals that the controller alone knows."""
-
 BEARING_COMMANDS = (
     Command.CONDITION,
     Command.DEMAGNETISED,
@@ -127,7 +125,6 @@ BEARING_COMMANDS = (
     Command.ARM,
 )
 """Of a controller of position."""
-
 _TAKEN = [COLUMNS.index(name) for name in _OF_PLANT]
 _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}

@@ -29,14 +29,11 @@ from anhyst.support.errors import InputError
 
 _BEAT_S = 0.02
 """Between two signs of life to a controller, s; it waits for 0.1 s."""
-
 PATIENCE_S = 600.0
 """How long a controller that was lost is looked for, s."""
-
 _FAST, _SLOW, _SPARE_S = 1.01, 0.9, 1.0
 """A clock that went on has counted as many ticks as passed here, within these shares and so many
 seconds; one that began anew has not."""
-
 _ROUND = 1 << 32
 """Ticks after which a controller's count begins again."""
 
@@ -227,7 +224,6 @@ def _standing(found: Contact) -> str:
 
 _FIRST_S, _GROWTH, _LONGEST_S = 0.1, 1.5, 2.0
 """Pauses between two tries: the first, by how much each is longer, and the longest."""
-
 _GO_S = 1.0
 """How long whoever ends a search waits for a try that is under way, s."""
 

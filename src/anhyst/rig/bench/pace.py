@@ -25,16 +25,12 @@ from anhyst.support.errors import InputError
 
 SLOWEST, FASTEST = 0.01, 1.0
 """Speeds that can be asked for, in units of the clock's."""
-
 CHUNK_S = 0.01
 """Of the clock that the ticks of a chunk take."""
-
 BEHIND_S = 0.1
 """Of the clock: a bench that is later gives up the time it lost instead of running after it."""
-
 _REST = 0.05
 """Sleep after each chunk where the bench goes before all other work, of the time it took."""
-
 _WINDOW_S = 1.0
 """Over which speed and lateness are stated, s of the clock."""
 

@@ -89,81 +89,64 @@ class Bench(Protocol):
     @property
     def rate(self) -> float:
         """Ticks a second."""
-        ...  # pragma: no cover
 
     @property
     def signals(self) -> tuple[Signal, ...]:
         """Columns of what is measured, after the number of the tick."""
-        ...  # pragma: no cover
 
     @property
     def tick(self) -> int:
         """Number of the last tick."""
-        ...  # pragma: no cover
 
     @property
     def aim(self) -> Aim:
         """What is demanded."""
-        ...  # pragma: no cover
 
     @property
     def load_most(self) -> float:
         """Largest force of the load drive either way, N; 0: there is none."""
-        ...  # pragma: no cover
 
     @property
     def keeps_time(self) -> bool:
         """Whether its ticks come by themselves."""
-        ...  # pragma: no cover
 
     @property
     def every(self) -> int:
         """Ticks from one row to the next."""
-        ...  # pragma: no cover
 
     @property
     def lost(self) -> str:
         """Why the controller is looked for; empty while it answers."""
-        ...  # pragma: no cover
 
     def advance(self, ticks: int) -> FloatArray:
         """Go on by some ticks."""
-        ...  # pragma: no cover
 
     def news(self) -> Sequence[str]:
         """Return what happened to the controller since this was last asked.
 
         It was lost, or is back: what was demanded, :attr:`aim` and parameters are to be read anew.
         """
-        ...  # pragma: no cover
 
     def command(self, command: Command) -> None:
         """Give a command, which acts from the next tick on."""
-        ...  # pragma: no cover
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands that this kind of controller has, in any state."""
-        ...  # pragma: no cover
 
     def demand(self, value: float) -> None:
         """Demand a gap, m, of a bearing, or a force, N, of a magnet, from the next tick on."""
-        ...  # pragma: no cover
 
     def load(self, force: float) -> None:
         """Command a force, N, to the load drive, from the next tick on."""
-        ...  # pragma: no cover
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return all that may be changed, with the values in force."""
-        ...  # pragma: no cover
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put some parameters in force together, or none of them."""
-        ...  # pragma: no cover
 
     def close(self) -> None:
         """Let go of the rig."""
-        ...  # pragma: no cover
 
 
 class Subscription:

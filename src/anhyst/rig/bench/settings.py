@@ -26,11 +26,9 @@ class SettingsLine(Protocol):
 
     def read_setting(self, setting: Setting) -> int:
         """Ask for a setting."""
-        ...  # pragma: no cover
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on; returns what the controller has now."""
-        ...  # pragma: no cover
 
 
 class KnownSetting(NamedTuple):

@@ -66,7 +66,6 @@ GAINS = ("acceleration", "jerk", "snap")
 """Of :class:`anhyst.rig.stage.loop.Feedforward`."""
 LAPS = 100
 """Of which it is known how they were followed."""
-
 _READ = {
     "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
     "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
@@ -76,7 +75,6 @@ _READ = {
     **currents_of(1, POSITION_MAGNETS),
 }
 """Columns of a simulated loop, and what they are called here."""
-
 _OF_BENCH = (
     Signal("reference", "m", "position wanted: the set-point and the target beside it"),
     Signal("position", "m", "true position in space"),
@@ -530,13 +528,14 @@ class AxesBench(StageBench):
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
     ) -> tuple[list[FloatArray], FloatArray, Loss | None]:
         rig, file, n = self.rig, self.rig.settings, forward.size
-        along, reference = scan_direction(file), place[:n] + self._offset
+        along = scan_direction(file)
+        reference = np.outer(place[:n] + self._offset, along)
         frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
         fed += list(self._push.values())
         table = self._loop.run(
-            np.outer(reference, along).ravel(),
+            reference.ravel(),
             np.zeros(n),
-            np.zeros(n * along.size),
+            np.zeros(reference.size),
             (fed + self._carried).ravel(),
             np.zeros(n, dtype=np.uint32),
             frame.ravel(),

@@ -71,7 +71,6 @@ from anhyst.support.fixed_point import q31
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
-
 ODD = 2.0
 """By how much farther off than the end stops let it a reading is not believed."""
 
@@ -182,7 +181,10 @@ def track(
     if learnt is not None:
         forward = forward + learnt
     if settings.several:
-        return _track_axes(setup, seed, reference, stray(rig, motion, time), forward)
+        along = scan_direction(settings)
+        places, strayed = np.outer(reference, along), np.outer(stray(rig, motion, time), along)
+        wrench = fed_wrench(setup.believed, forward)
+        return track_axes(setup, seed, places, places + strayed, wrench)
     noise = np.random.default_rng([settings.seed, seed]).normal(
         0.0, settings.position_sensor.noise_m, n
     )
@@ -206,17 +208,16 @@ def track(
     return Recording(_recorded(rig, run, reference, frame, read), stage_loss(rig, run, n))
 
 
-def _track_axes(
-    setup: StageSetup, seed: int, reference: FloatArray, strayed: FloatArray, forward: FloatArray
+def track_axes(
+    setup: StageSetup, seed: int, reference: FloatArray, frame: FloatArray, wrench: FloatArray
 ) -> Recording:
-    """Follow a reference along its direction with a body of several coordinates.
+    """Follow a reference with a body of several coordinates; it has a row more than what is fed.
 
     The magnets ride on the frame, the position heads do not. What is fed forward moves the centre
     of mass, and carries the weight.
     """
-    rig, n = setup.rig, forward.size
-    frame = np.outer(reference + strayed, scan_direction(rig.settings))
-    run = fly(setup, seed, reference[:n], frame, fed_wrench(setup.believed, forward))
+    rig, n = setup.rig, len(wrench)
+    run = fly(setup, seed, reference[:n], frame, wrench)
     return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
 
 
@@ -230,17 +231,16 @@ def fly(
 ) -> Recording:
     """Return the loop's own record of a body of several coordinates that follows a reference.
 
-    The frame has a row more than the reference, which goes along the direction of the set-point.
+    All have a row a tick and a column a coordinate, the frame a row more.
     A command a tick says what fails, as in plant/include/anhyst_plant/loop.h.
     """
-    rig, n = setup.rig, reference.size
-    along = scan_direction(rig.settings)
+    rig, n = setup.rig, len(reference)
     bearing = drifted_stage(rig.bearing, setup.drift, seed)
     loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
     rows = loop.run(
-        np.outer(reference, along).ravel(),
+        reference.ravel(),
         np.zeros(n),
-        np.zeros(n * along.size),
+        np.zeros(reference.size),
         wrench.ravel(),
         np.zeros(n, dtype=np.uint32) if command is None else command,
         frame.ravel(),
@@ -262,11 +262,11 @@ def axes_recorded(
     file, n = rig.settings, len(run)
     along, free = scan_direction(file), file.body.free
     poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + frame[:n]
-    errors = np.outer(reference[:n], along) - poses
+    errors = reference[:n] - poses
     demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
     return {
         "t_s": run["t_s"],
-        "reference_m": reference[:n],
+        "reference_m": reference[:n] @ along,
         "position_m": poses @ along,
         "error_m": errors @ along,
         "demand_N": demand,

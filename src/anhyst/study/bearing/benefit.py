@@ -32,10 +32,8 @@ from anhyst.support.version import running_version
 
 WIDTHS = (0.5, 1.0, 2.0)
 """Factors on the pinning of the rig's iron."""
-
 FRACTIONS = (0.05, 0.15, 0.3, 0.5)
 """Reversible fractions of irons of cells; another family has none, and keeps its own shape."""
-
 BASELINES = tuple(name for name in methods.BASELINES if name not in ("secant", "play"))
 """Ways from force to current that know no hysteresis and measure nothing; ``linearised`` is the
 better one of the two straight lines."""
@@ -43,7 +41,6 @@ better one of the two straight lines."""
 Measure = Literal["overshoot_percent", "settling_in_noise_s"]
 MEASURES: tuple[Measure, ...] = ("overshoot_percent", "settling_in_noise_s")
 """Figures of a step that are compared; the smaller the better."""
-
 STANDSTILLS = 3.0
 """Overshoots of no more than so many times the rms of a standstill are none: nothing to gain."""
 

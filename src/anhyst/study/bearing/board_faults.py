@@ -17,23 +17,17 @@ from anhyst.support.errors import NegativeResult
 
 Act = Callable[[LevitatingFirmware, int], bool]
 """Called before every tick, counted from the beginning of a fault; whether the link stays alive."""
-
 _NO_SAMPLE = 1
 _AMPLIFIER, _EMERGENCY_STOP, _OVER_CURRENT, _SUPPLY, _TOO_WARM = 2, 4, 8, 16, 32
 """Bits of ``PORT_...`` in ``firmware/port/port.h``."""
-
 _SAG = 0.2
 """What a sagging supply is left with."""
-
 _LONGEST_S = 1.0
 """Until an armature lies."""
-
 _ON_S = 0.25
 """After so long it is seen to levitate on."""
-
 _STILL_S = 0.02
 """Without current on its rest, so long, it lies."""
-
 _OVERLOAD_S = 0.1
 _STEP_M = 10e-6
 

@@ -34,7 +34,6 @@ from anhyst.support.progress import Progress, in_parts
 QEMU = "qemu-mps2"
 _AIR_M = 5e-6
 """From its rest: an armature that is further away has been lifted."""
-
 _WORK = (2.0, 3.0, 7.0)
 """Model and code, the run, the faults: parts of the whole."""
 

@@ -170,7 +170,6 @@ def sweep_frequencies(rig: BearingRig) -> FloatArray:
 
 PATHOLOGICAL = 0.25
 """Share of the static gain below which an iron is called pathological just after a reversal."""
-
 _CYCLES = 3  # until a loop has settled
 _SAMPLES = 400  # a branch
 _AROUND = 0.05  # of the range, to either side: where the static slopes are taken

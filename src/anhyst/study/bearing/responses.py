@@ -38,7 +38,6 @@ FIGURES = (
     "heat_W",
 )
 """Of one step, by name; docs/simulate.md says what each is."""
-
 _LARGEST = ("overshoot_percent", "noise_percent")
 """Of a step up and one down, the larger one counts; of all other figures the mean."""
 

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
 COMPARED = (*BASELINES, "flux", *(name for name in MODELS if name not in ("at-rest", "fused")))
 """What stands beside the variant of the controller file; ``flux`` only with a Hall probe."""
-
 FIGURES = "figures.json"
 """What is written beside the recording."""
 _WORK_OF_PARTS = (5.0, 4.0)

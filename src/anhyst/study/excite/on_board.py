@@ -38,22 +38,16 @@ from anhyst.support.units import QUANTITIES
 
 _DWELL_S = 0.02
 """At each turning point, s: the amplifier follows in the first half, the second is one sample."""
-
 _CHUNK_S = 0.01
 """Between two looks at what is read, s."""
-
 _PATIENCE_S = 30.0
 """Until a controller is in another state, s; a current is taken away along its ramp."""
-
 _BEGIN_S = 2.0
 """Until a run that was begun is seen; somebody may have stopped it already, s."""
-
 _NEAR = 0.01
 """Of the largest gap: so far from a gap of the rig file may the armature be held."""
-
 _SAME = 1e-7
 """Of the full demand: nearer two demands are one."""
-
 _NEEDED = ("force", "current", "demand", "gap", "state", "fault")
 
 
@@ -63,47 +57,37 @@ class DrivenBoard(Protocol):
     @property
     def rate(self) -> float:
         """Ticks a second."""
-        ...  # pragma: no cover
 
     @property
     def aim(self) -> Aim:
         """What is demanded."""
-        ...  # pragma: no cover
 
     @property
     def signals(self) -> tuple[Signal, ...]:
         """Columns of what is measured, after the number of the tick."""
-        ...  # pragma: no cover
 
     @property
     def every(self) -> int:
         """Ticks from one row to the next."""
-        ...  # pragma: no cover
 
     @property
     def lost(self) -> str:
         """Why the controller is looked for; empty while it answers."""
-        ...  # pragma: no cover
 
     def advance(self, ticks: int) -> FloatArray:
         """Wait until some ticks have passed, and return all rows that came."""
-        ...  # pragma: no cover
 
     def command(self, command: Command) -> None:
         """Give a command."""
-        ...  # pragma: no cover
 
     def demand(self, value: float) -> None:
         """Demand a force, N."""
-        ...  # pragma: no cover
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Return the settings, with the values in force."""
-        ...  # pragma: no cover
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Write settings."""
-        ...  # pragma: no cover
 
 
 def measure_on_board(

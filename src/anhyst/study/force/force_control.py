@@ -47,10 +47,8 @@ if TYPE_CHECKING:
 
 SCOPES: Mapping[Stage, str] = {"end": "end", "positions": "stroke", "moving": "stroke"}
 """Which models belong to which stage, as their folders are called."""
-
 _PREPARED = 4.0
 """Work of the models, and of the programs, in trials."""
-
 LONGEST_DEMAND = 120.0
 """Seconds of a demand from a file at most."""
 

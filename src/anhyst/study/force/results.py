@@ -26,7 +26,6 @@ TITLES: Mapping[str, str] = {
     "ratio_over_gap": "ratio for each gap",
 }
 """Controllers, the best first, and what tables call them."""
-
 STAGES: Mapping[str, str] = {
     "end": "stroke's end, after the start-up sequence",
     "end_demagnetised": "stroke's end, from demagnetised",

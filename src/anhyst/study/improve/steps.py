@@ -101,7 +101,6 @@ def _drawn(loop: Loop, old: FloatArray, new: FloatArray) -> dict[str, Any]:
 
 LOOPS, MODEL = "loops.csv", "model.toml"
 """Files that the steps leave in their folder; the sidecar of the loops lies beside them."""
-
 _DRAWN = 1500
 """Points of a drive that is drawn."""
 

@@ -44,7 +44,6 @@ from anhyst.support.arrays import FloatArray
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}
 """By which a number of the body is moved for its derivative."""
-
 START_S = 0.01
 """From when on anything is compared: the weight is taken up in one step, from which no supply lets
 the currents follow their commands."""

@@ -311,11 +311,12 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     reference, along = motion.at(time)[0], scan_direction(file)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
     frame = np.outer(reference + stray(rig, motion, time), along)
-    run = fly(setup, 0, reference[:rows], frame, wrench)
+    target = np.outer(reference[:rows], along)
+    run = fly(setup, 0, target, frame, wrench)
     _refuse_lost(rig, axes_loss(rig, run, rows))
     magnets, heads = len(file.placed), len(file.position_sensors)
     read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
-    target, off = np.outer(reference[:rows], along), np.array(read[magnets:])
+    off = np.array(read[magnets:])
     for head, row in enumerate(axes_rows(setup)["at"].tolist()):
         for axis, part in enumerate(row):
             off[head] -= part * target[:, axis]

@@ -140,6 +140,28 @@ class Learner:
         spread = np.linalg.solve(root.T, (fresh[:, :-1] * held).T)
         return self._trust * math.sqrt(float((spread**2).sum(axis=0).mean()))
 
+    def told(self, run: Recording) -> FloatArray:
+        """Return rows of what a run says of the numbers around the estimate; none of a lost one."""
+        motion = self.law.motion(run.columns)
+        if run.loss is not None or not motion.compared.size:
+            return self._rows[:0]
+        rows = self._rows_of(motion, self.values, exact=False)
+        return np.asarray(np.linalg.qr(rows, mode="r"))
+
+    def left(self, *rows: FloatArray) -> dict[ParameterName, float]:
+        """Return what is left of each number in parts of its prior, once such rows are taken in."""
+        left = self._left(np.vstack([self._rows, *rows]), self._names, 0.0)
+        return {name: one / self.priors[name] for name, one in left.items()}
+
+    def condition(self, *rows: FloatArray) -> float:
+        """Return the condition number of the information of what they show, scaled by the priors."""
+        names = [name for name, one in self.left(*rows).items() if one <= self.law.seen]
+        held = np.array([self.priors[name] for name in names])
+        # of the prior the sum of all scales alone, which no motion tells from a payload
+        sums = self._prior(names)[len(names) :]
+        seen = held * np.vstack([self._rows, *rows])[:, self._columns(names)]
+        return float(np.linalg.cond(np.vstack([seen, sums]))) ** 2 if names else math.inf
+
     def step(self, seconds: float) -> None:
         """Let what is applied follow the estimate for some time; it stays where that does not fit."""
         if not self._fits:

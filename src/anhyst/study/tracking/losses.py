@@ -293,16 +293,17 @@ class Losses:
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
         stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
-        frame = np.outer(plan.place + stray, scan_direction(rig.settings))
+        along = scan_direction(rig.settings)
+        places, frame = np.outer(plan.place, along), np.outer(plan.place + stray, along)
         command = np.zeros(n, dtype=np.uint32)
         for at, which in fails.items():
             command[at:] = which
         for at, which in (commands or {}).items():
             command[at] |= which
         wrench = fed_wrench(self.setup.believed, plan.forward)
-        run = fly(self.setup, self.seed, plan.place[:n], frame, wrench, command)
+        run = fly(self.setup, self.seed, places[:n], frame, wrench, command)
         own = {name: run[name] for name in run.columns}
-        return Recording(own | axes_recorded(rig, run, plan.place, frame))
+        return Recording(own | axes_recorded(rig, run, places, frame))
 
     def _touches(self, run: Recording) -> tuple[float, float]:
         """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""

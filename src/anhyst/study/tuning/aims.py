@@ -19,10 +19,8 @@ from anhyst.support.errors import InputError
 
 MISSED = 1e3
 """Cost of gains that miss an aim, in SI units; what they miss is added."""
-
 _MOST = 100.0
 """By which an aim is missed at most: what is infinite must have a cost too."""
-
 LOST = 1e6
 """Cost of gains that do not hold the body."""
 

@@ -82,7 +82,6 @@ def _interval(one: Tuned) -> Interval:
 
 RESULTS = ("tuning.json", "tuning.md", "pareto.png")
 """Files beside the tuned controllers."""
-
 _NOTES = 3
 """Things that limit, of each kind, which a note or a line names; all stand in ``tuning.json``."""
 

@@ -47,7 +47,6 @@ _BAND = 0.02
 
 SPREAD = 1024
 """Places that are spread over the box at first; a power of two."""
-
 REFINED = (24, 32)
 """Generations, and places in each, in which the best of them is improved."""
 

@@ -20,10 +20,8 @@ from anhyst.support.progress import Progress
 
 BUDGET = 240
 """Sets of gains tried in the nonlinear loop."""
-
 CHILDREN = 10
 """Of a generation of the search; even, so that two cores are busy."""
-
 _SIGMA = 0.1  # of the box: first step of the search
 _STARTS = 2  # of which the search goes on with the better one after a third of the budget each
 _CLOSE = 0.15  # of the box: starts are farther apart than that
