@@ -106,6 +106,17 @@ def test_what_no_motion_showed_stays_and_is_said() -> None:
     assert found["scale_1"].sigma < 0.7 * found["scale_1"].prior
 
 
+def test_magnets_that_hardly_pull_learn_nothing_from_the_sum_of_all_scales() -> None:
+    """It is held, since a payload tells the same: y1 and y2 pull 5 N along x, the others up to 120."""
+    learner = taught("full", recorded())
+    for _ in range(6):
+        assert learner.learn(learner.law.motion(recorded().columns))
+    hidden = {"scale_5", "scale_6"}
+    assert not hidden & {*learner.seen}
+    assert all(learner.values[name] == 0.0 for name in hidden)
+    assert {f"scale_{number}" for number in range(1, 11)} - hidden <= {*learner.seen}
+
+
 def test_a_body_that_is_as_the_file_says_is_left_alone_whatever_the_dead_time() -> None:
     rig = changed(short(), {"timing.delay_ticks": 2.0})
     setup, scan = make_stage(rig, bearings.knowledge(), "full"), rig.settings.scan

@@ -92,9 +92,10 @@ class Learner:
         for turn in range(PASSES):
             fresh = self._rows_of(motion, values, exact=turn == PASSES - 1)
             rows = np.asarray(np.linalg.qr(np.vstack([before, fresh]), mode="r"))
-            values = self._solved(rows, self._names)
-        left = self._left(rows, self._names, 0.0)
-        seen = [name for name in self._names if left[name] <= self.law.seen * self.priors[name]]
+            shown = self._shown(rows)
+            values = self._solved(rows, shown)
+        left = self._left(rows, shown, 0.0)
+        seen = [name for name in shown if left[name] <= self.law.seen * self.priors[name]]
         values = self._solved(rows, seen)
         missed = self._missed(motion, values)
         sums = compared.size * np.array([1.0, force**2, missed**2])
@@ -150,8 +151,9 @@ class Learner:
 
     def left(self, *rows: FloatArray) -> dict[ParameterName, float]:
         """Return what is left of each number in parts of its prior, once such rows are taken in."""
-        left = self._left(np.vstack([self._rows, *rows]), self._names, 0.0)
-        return {name: one / self.priors[name] for name, one in left.items()}
+        whole = np.vstack([self._rows, *rows])
+        left = self._left(whole, self._shown(whole), 0.0)
+        return {name: left.get(name, self.priors[name]) / self.priors[name] for name in self._names}
 
     def condition(self, *rows: FloatArray) -> float:
         """Return the condition number of the information of what they show, scaled by the priors."""
@@ -245,6 +247,10 @@ class Learner:
             scales = [FIRM * (kind_of(name) == "scale") for name in names]
             rows = np.vstack([rows, scales])
         return rows
+
+    def _shown(self, rows: FloatArray) -> list[ParameterName]:
+        """Return what moves anything: of others the sum of all scales would tell something."""
+        return [name for name, moves in zip(self._names, rows.any(axis=0), strict=False) if moves]
 
     def _columns(self, names: Sequence[ParameterName]) -> list[int]:
         return [self._names.index(name) for name in names]
