@@ -277,7 +277,7 @@ def _largest_word(model: Model, limits: DemandLimits) -> float:
         return largest
     offsets = np.atleast_1d(model.parameters["out_0"])
     return max(
-        largest, *(abs(float(one) - end) for one in offsets for end in (0.0, *limits.demand))
+        largest, *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand))
     )
 
 

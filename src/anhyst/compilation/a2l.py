@@ -130,7 +130,7 @@ def a2l(manifest: Mapping[str, Any]) -> str:
             "measurements": measurements,
             "characteristics": operation + words,
             "operation": [one["name"] for one in operation],
-            "parameters": [one["name"] for one in words],
+            "parameters": [word["name"] for word in words],
         },
     )
 

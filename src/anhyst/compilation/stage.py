@@ -90,9 +90,9 @@ class StageController:
     def distinct(self) -> list[ForceController]:
         """Those of the magnets that differ."""
         found: list[ForceController] = []
-        for one in self.magnets:
-            if not any(one.parameters is other.parameters for other in found):
-                found.append(one)
+        for magnet in self.magnets:
+            if not any(magnet.parameters is other.parameters for other in found):
+                found.append(magnet)
         return found
 
     def called(self, magnet: ForceController) -> str:
@@ -131,7 +131,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
     name = stage.name
     values = _values(stage, version) | {"rows": rows}
     blocks = [one.parameters for one in stage.distinct]
-    layers = [memories(one.block) for one in blocks if isinstance(one, HysteresisInverse)]
+    layers = [memories(block.block) for block in blocks if isinstance(block, HysteresisInverse)]
     files = single_precision(core_files(stage.core, max([1, *layers])))
     for one in stage.distinct:
         called = stage.called(one)
@@ -205,7 +205,7 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     if table is not None and stage.fixed:
         low, high = map(str, table.codes())
     parts = [(stage.called(one), _words(one)) for one in stage.distinct]
-    own = [(stage.called(one), _words(one)) for one in stage.magnets]
+    own = [(stage.called(magnet), _words(magnet)) for magnet in stage.magnets]
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
     return {
         "type": _type(parameters, law),

@@ -56,7 +56,7 @@ def convert_measurement(
     else:
         parts = sections(file)
     parts, left = _without_complex(parts)
-    lengths = [len(one.values) for part in parts for one in part.series]
+    lengths = [len(signal.values) for part in parts for signal in part.series]
     if not lengths:
         raise InputError(
             f"{source}: holds nothing that can be written; {'; '.join(left)}",
@@ -87,7 +87,7 @@ def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
 def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
     """Bring all channels onto one clock, each under a name of its own."""
     file, shift = table.file, len(table.clocks[:1])
-    lengths = {one.length for one in file.channels}
+    lengths = {channel.length for channel in file.channels}
     if len(table.clocks) < 2 and len(lengths) == 1:
         read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
@@ -113,9 +113,13 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
 
 def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Leave out what no format of measurements holds."""
-    left = [one.name for part in parts for one in part.series if one.values.dtype.kind == "c"]
+    left = [
+        signal.name for part in parts for signal in part.series if signal.values.dtype.kind == "c"
+    ]
     kept = [
-        replace(part, series=tuple(one for one in part.series if one.values.dtype.kind != "c"))
+        replace(
+            part, series=tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
+        )
         for part in parts
     ]
     return kept, [f"complex channels left out: {', '.join(left)}"] if left else []

@@ -59,7 +59,7 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
     verdicts = [_is_inside(loop, one) for index, loop in enumerate(loops)
                 for one in before.get(index, ())
                 if one.schedule_value == loop.schedule_value]  # fmt: skip
-    seen = [one for one in verdicts if one is not None]
+    seen = [verdict for verdict in verdicts if verdict is not None]
     if not seen or not all(seen):
         return list(loops)
     return [

@@ -64,7 +64,7 @@ class Draft:
         """Return what was guessed: key with its table, and from what."""
         named = [
             ("", self.entries),
-            *((f"{one.one_of or one.name}.", one.entries) for one in self.sections),
+            *((f"{section.one_of or section.name}.", section.entries) for section in self.sections),
         ]
         return {
             f"{table}{entry.key} = {written(entry.value)}": entry.guess

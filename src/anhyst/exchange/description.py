@@ -62,7 +62,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         files = Xml.SubElement(simulation, "SourceFiles")
         for name in sources:
             Xml.SubElement(files, "File", {"name": name})
-    _units(root, [one.unit for one in part.variables if one.unit is not None])
+    _units(root, [variable.unit for variable in part.variables if variable.unit is not None])
     experiment = {"startTime": "0.0"}
     if part.rate > 0.0:  # a step of the length of a tick is what the controller does
         experiment["stepSize"] = repr(1.0 / part.rate)

@@ -39,7 +39,7 @@ class Part:
 
     def named(self, causality: Causality) -> list[Variable]:
         """Return the variables of one kind."""
-        return [one for one in self.variables if one.causality == causality]
+        return [variable for variable in self.variables if variable.causality == causality]
 
     def complete(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
         """Return the token that tells this component from any other, and everything to compile."""

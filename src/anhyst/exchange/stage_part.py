@@ -123,7 +123,7 @@ def _in_double(setup: StageSetup) -> tuple[int, dict[str, object], dict[str, byt
 def _words(setup: StageSetup) -> dict[str, object]:
     """Return the words of compensators in fixed point, those of like magnets once."""
     blocks, numbers = blocks_of(setup), controller_settings(setup)
-    each = [tuple(one.words.tolist()) for one in blocks]
+    each = [tuple(block.words.tolist()) for block in blocks]
     words: list[int] = []
     first: dict[tuple[int, ...], int] = {}
     for one in dict.fromkeys(each):

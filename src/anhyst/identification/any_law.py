@@ -156,7 +156,9 @@ class _Problem:
 
     @cached_property
     def weights(self) -> FloatArray:
-        return np.concatenate([np.full(one.output.size, one.weight) for one in self.records.loops])
+        return np.concatenate(
+            [np.full(loop.output.size, loop.weight) for loop in self.records.loops]
+        )
 
     def residuals(self, entries: tuple[_Entry, ...], theta: FloatArray) -> FloatArray:
         """Weighted deviations."""
@@ -176,13 +178,13 @@ class _Problem:
 
     def begins(self, seed: int) -> list[tuple[float, tuple[_Entry, ...], FloatArray]]:
         """Return the best sets of a spread: cost, and where a descent begins."""
-        free = [one for one in self.entries if not one.node]  # all nodes alike
+        free = [entry for entry in self.entries if not entry.node]  # all nodes alike
         spread = evenly(len(free), SCREENED, seed).T
         column_of = {one.name: column for column, one in enumerate(free)}
         starts = []
         for draw in spread:
-            theta = np.array([draw[column_of[one.name]] if one.name in column_of else 0.5
-                              for one in self.entries])  # fmt: skip
+            theta = np.array([draw[column_of[entry.name]] if entry.name in column_of else 0.5
+                              for entry in self.entries])  # fmt: skip
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
@@ -221,7 +223,7 @@ def fit_any(
         maps = ("none",)
     ends = [_descend(_Problem(LAWS[law], one, loopset, records, offsets), seed) for one in maps]
     best = min(ends, key=lambda one: one.cost)
-    return replace(best, evaluations=sum(one.evaluations for one in ends))
+    return replace(best, evaluations=sum(end.evaluations for end in ends))
 
 
 def _descend(problem: _Problem, seed: int) -> Fitted:
@@ -275,7 +277,9 @@ def _assess(
     covariance = variance * memory(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
     spread = np.sqrt(np.diag(covariance))
     keys: Mapping[str, tuple[str, str]] = problem.model(entries, theta).keys
-    names = [keys[one.name][1] + ("" if one.node is None else f"[{one.node}]") for one in entries]
+    names = [
+        keys[entry.name][1] + ("" if entry.node is None else f"[{entry.node}]") for entry in entries
+    ]
     values = [one.value(part) for one, part in zip(entries, theta.tolist(), strict=True)]
     stds = [
         float(std * one.slope(part))

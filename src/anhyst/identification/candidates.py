@@ -90,7 +90,7 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
     candidates = [ModelCandidate("scaling", held)]
     if loopset.schedule is None or loopset.schedule.name != "gap":
         others = map_candidates(run, loopset, "free") if gaps >= 3 else []
-        return candidates + [replace(one, rank=one.rank + 1) for one in others]
+        return candidates + [replace(other, rank=other.rank + 1) for other in others]
     if not run.form.kernel.coupled:
         candidates.append(ModelCandidate("reluctance", held))
         candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []

@@ -169,7 +169,7 @@ def _compared_maps(
             run.total -= 1
             if one is tried[-1] and not fits:
                 raise
-    usable = [one for one in fits if _is_usable(fits[one].found, loopset)]
+    usable = [fit for fit in fits if _is_usable(fits[fit].found, loopset)]
     contest = Contest(usable or list(fits), fits, {}, inner(run.searched.gaps))
     if contest.places:
         run.step("left out", partial(_leave_out, contest, loopset, contest.entrants))
@@ -315,7 +315,9 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
 
 def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
     name = best.title(run.form.law)
-    errors = {one: contest.finite_error(one) for one in contest.entrants if one != best}
+    errors = {
+        entrant: contest.finite_error(entrant) for entrant in contest.entrants if entrant != best
+    }
     own = contest.finite_error(best)
     if own is None:
         return f"law {name}: none has an answer to all that was left out, so the simplest"

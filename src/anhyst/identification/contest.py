@@ -66,13 +66,17 @@ class Contest:
 
     def near(self) -> list[ModelCandidate]:
         """Give those that would perhaps be chosen if one of the places had not been seen."""
-        squares = {one: mean_square_of(self.misses(one)) for one in self.entrants}
+        squares = {entrant: mean_square_of(self.misses(entrant)) for entrant in self.entrants}
         most = _NEAR * min(squares.values())
-        return [one for one in self.entrants if squares[one] <= most or one == self.winner()]
+        return [
+            entrant
+            for entrant in self.entrants
+            if squares[entrant] <= most or entrant == self.winner()
+        ]
 
     def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
         """Choose from all places, or from all but some."""
-        tried = [one for one in self.entrants if self.is_tried(one, besides)]
+        tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
         missed = {one: self.misses(one, besides) for one in tried}
         if not any(missed.values()):
             return min(self._simplest(), key=lambda one: self._cost(one, besides))
@@ -101,8 +105,8 @@ class Contest:
         return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
 
     def _simplest(self) -> list[ModelCandidate]:
-        least = min(one.rank for one in self.entrants)
-        return [one for one in self.entrants if one.rank == least]
+        least = min(entrant.rank for entrant in self.entrants)
+        return [entrant for entrant in self.entrants if entrant.rank == least]
 
     def _cost(self, one: ModelCandidate, besides: Fold) -> float:
         return self.refits[besides][one].cost if besides else self.fits[one].found.cost
@@ -139,6 +143,6 @@ class Contest:
 
 def _compared(misses: Sequence[Miss], candidates: Sequence[ModelCandidate]) -> list[Miss]:
     """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
-    if any(one.cells for one in candidates):
+    if any(candidate.cells for candidate in candidates):
         return list(misses)
     return [replace(miss, outer=()) for miss in misses]

@@ -227,7 +227,9 @@ class _Problem:
 
     def leave_out_strays(self) -> None:
         """Leave out few samples that deviate from the best fit without a lag as no loop does."""
-        best = min((self.solve(_Try(0.0, one)) for one in self.middles), key=lambda one: one.rms)
+        best = min(
+            (self.solve(_Try(0.0, middle)) for middle in self.middles), key=lambda one: one.rms
+        )
         assert best.weights is not None
         off = []
         for loop, (places, _) in zip(

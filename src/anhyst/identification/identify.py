@@ -440,5 +440,5 @@ def _name(loops: Loops) -> str:
 
 def _history(loops: Loops) -> History:
     """Name what most loops had before them; what a settled one goes on from is its own."""
-    seen = (SETTLED if one.history.kind == "settled" else one.history for one in loops.loops)
+    seen = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
     return Counter(seen).most_common(1)[0][0]

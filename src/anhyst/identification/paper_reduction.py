@@ -116,8 +116,8 @@ def _kept(bench: SearchBench, tried: Stand) -> Stand:
         )
         for gap, one in enumerate(tried.sets)
     ]
-    spent = sum(one[1] for one in candidates)
-    return bench.stand([one[0] for one in candidates], tried.varying, spent)
+    spent = sum(candidate[1] for candidate in candidates)
+    return bench.stand([candidate[0] for candidate in candidates], tried.varying, spent)
 
 
 def _stage(varying: Sequence[str], what: str) -> str:

@@ -306,7 +306,7 @@ def _in_series(model: Model) -> Model:
     kept = max(0.0, 1.0 - float(held.min()))
     by = (1.0 - alpha) / (1.0 - kept)
     parts = (*law.with_role("saturation"), *law.with_role("reversible"))
-    scaled = (*(one.name for one in parts), "c_H")
+    scaled = (*(part.name for part in parts), "c_H")
     parameters = {name: _as_written(by * np.array(model.parameters[name])) for name in scaled}
     rho = np.maximum(held / (1.0 - kept) - 1.0, 0.0)
     around = {"alpha": kept, "rho": _as_written(rho)}

@@ -141,8 +141,8 @@ class Responder:
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
         """Yield gap and output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         laws = _operators(form, sets)
-        for one in records:
-            yield one.gap, *self.with_derivatives(form, sets, laws[one.gap], one)
+        for record in records:
+            yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
 
     def output(
         self,

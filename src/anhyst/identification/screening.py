@@ -207,7 +207,7 @@ def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]
 
 def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:
     """Whether a bias would show: an output that is even in the flux, driven to both sides."""
-    ends = [(float(one.input.min()), float(one.input.max())) for one in records.loops]
+    ends = [(float(loop.input.min()), float(loop.input.max())) for loop in records.loops]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     return form.power == 2 and low < -_BOTH_SIDES * high and high > -_BOTH_SIDES * low
 

@@ -171,8 +171,10 @@ class CoordinateSpace:
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the coordinates."""
         numbers = [self.numbers[name] for name, _ in self.entries]
-        low = [self.inward(one.name, one.low * self.unit(one.name)) for one in numbers]
-        high = [self.inward(one.name, one.high * self.unit(one.name)) for one in numbers]
+        low = [self.inward(number.name, number.low * self.unit(number.name)) for number in numbers]
+        high = [
+            self.inward(number.name, number.high * self.unit(number.name)) for number in numbers
+        ]
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[Local]) -> FloatArray:

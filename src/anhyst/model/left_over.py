@@ -89,8 +89,8 @@ def _step(values: FloatArray) -> float:
 def _is_white(parts: Sequence[FloatArray]) -> bool:
     """Whether no sample goes with those before it, by signs and by products."""
     signs = [np.sign(part[part != 0.0]) for part in parts]
-    pairs = sum(max(one.size - 1, 0) for one in signs)
-    kept = sum(int(np.sum(one[1:] == one[:-1])) for one in signs)
+    pairs = sum(max(sign.size - 1, 0) for sign in signs)
+    kept = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
     if pairs and kept - 0.5 * pairs > _WHITE * 0.5 * math.sqrt(pairs):
         return False
     power = sum(float(part @ part) for part in parts)
@@ -126,7 +126,7 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
     bases = [(name, basis(way)) for name, each in shapes_of(records).items() for way in each]
     whole = basis(np.hstack([way for _, way in bases]))
     sizes = [record.off.size for record in records]
-    noisy = float(np.mean([min(noise(one.measured), noise(one.off)) for one in records]))
+    noisy = float(np.mean([min(noise(record.measured), noise(record.off)) for record in records]))
     around = coloured(off, whole, sizes)
     if rms * span > max(_FINE * noisy, EXACT * span):  # no filtered noise: curves, however fine
         white = max(noisy, EXACT * span) ** 2

@@ -42,7 +42,7 @@ def compile_and_link(
     identity = _identity(compiler[0])
     if identity is None:
         return [run([*compiler, *options, *search, *map(str, sources), *ending])]
-    own = [*compiler, *(one for one in options if not one.startswith("-Wl,"))]
+    own = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*own, *search], "\0".join([identity, *own])
     with (
         tempfile.TemporaryDirectory(prefix="anhyst-") as place,

@@ -133,7 +133,7 @@ def _or_dash(number: int | None) -> str:
 
 def _estimates(estimates: Sequence[Estimate]) -> Rows:
     parts = tuple(dict.fromkeys(estimate.part for estimate in estimates))
-    by_place = {(each.part, each.prices): each for each in estimates}
+    by_place = {(estimate.part, estimate.prices): estimate for estimate in estimates}
     cells = tuple(
         (
             part,

@@ -60,7 +60,7 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
 
 def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
     """Find functions whose address stands in a constant, by its place there, or between functions."""
-    objects = (one for one in image.symbols if one.kind == "STT_OBJECT")
+    objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
     places = {one.address + at: at for one in objects for at in range(0, one.size, WORD)}
     found: defaultdict[int, set[int]] = defaultdict(set)
     for address, content in image.segments:

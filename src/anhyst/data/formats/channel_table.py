@@ -152,7 +152,7 @@ class ChannelTable:
     def _times(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
         """Values of the time column, in its own unit."""
         if clock.times is None:
-            names = ", ".join(one.full_name for one in channels)
+            names = ", ".join(channel.full_name for channel in channels)
             raise InputError(
                 f"{self.place}: the time '{self.header[0]}' is not said to be that of {names}; "
                 f'leave it out: --columns "{self.header[0]}="',

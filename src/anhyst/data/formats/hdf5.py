@@ -197,7 +197,8 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:
         texts = [
-            one.decode("utf-8", "replace") if isinstance(one, bytes) else one for one in values
+            value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+            for value in values
         ]
         return np.array(texts, dtype=str)
     return np.asarray(values)
@@ -221,8 +222,8 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             if section.clock is not None:
                 scale = _put(group, section.clock)
                 scale.make_scale(section.clock.name)
-            for one in section.series:
-                dataset = _put(group, one)
+            for signal in section.series:
+                dataset = _put(group, signal)
                 if scale is not None:
                     dataset.dims[0].attach_scale(scale)
     return tuple(notes)

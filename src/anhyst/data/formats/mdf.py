@@ -106,8 +106,10 @@ def _values(signal: Any, channel: Channel) -> Values:
     if channel.is_text:
         encoding = signal.encoding or "utf-8"
         texts = [
-            one.decode(encoding, "replace").rstrip("\0") if isinstance(one, bytes) else str(one)
-            for one in values.tolist()
+            value.decode(encoding, "replace").rstrip("\0")
+            if isinstance(value, bytes)
+            else str(value)
+            for value in values.tolist()
         ]
         return np.array(texts, dtype=str)
     return values
@@ -150,6 +152,6 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
 def _parts(section: ChannelGroup) -> list[list[Any]]:
     """Series that may stand in one group: as many samples each."""
     parts: dict[int, list[Any]] = {}
-    for one in section.series:
-        parts.setdefault(len(one.values), []).append(one)
+    for signal in section.series:
+        parts.setdefault(len(signal.values), []).append(signal)
     return list(parts.values())

@@ -49,10 +49,10 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
         size = path.stat().st_size
         clocks: dict[tuple[Any, ...], Channel] = {}
         channels = [
-            _channel(path, size, one, clocks)
+            _channel(path, size, channel, clocks)
             for group in file.groups()
-            for one in group.channels()
-            if len(one) and one.dtype.kind in "biufcMO"
+            for channel in group.channels()
+            if len(channel) and channel.dtype.kind in "biufcMO"
         ]
     return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
 
@@ -125,9 +125,11 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 used.add(name)
             series = [*([section.clock] if section.clock else []), *section.series]
             objects = [RootObject(), GroupObject(name)]
-            for one in series:
-                unit = {"unit_string": one.unit} if one.unit else {}
-                values = one.values.tolist() if one.values.dtype.kind == "U" else one.values
-                objects.append(ChannelObject(name, one.name, values, unit))
+            for signal in series:
+                unit = {"unit_string": signal.unit} if signal.unit else {}
+                values = (
+                    signal.values.tolist() if signal.values.dtype.kind == "U" else signal.values
+                )
+                objects.append(ChannelObject(name, signal.name, values, unit))
             writer.write_segment(objects)
     return tuple(notes)

@@ -99,7 +99,7 @@ def _less_curve(loops: Sequence[LoopCurve]) -> list[LoopCurve]:
     curve = smooth_curve(
         *(np.concatenate(row) for row in zip(*((o.current, o.force) for o in loops), strict=True))
     )
-    return [replace(one, force=one.force - np.interp(one.current, *curve)) for one in loops]
+    return [replace(loop, force=loop.force - np.interp(loop.current, *curve)) for loop in loops]
 
 
 def _loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:

@@ -156,7 +156,7 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
     """Draw what was made small against peak sensitivity: candidates, fronts, what was chosen."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
-    settled = [one for one in tuning.candidates if math.isfinite(one.reached)]
+    settled = [candidate for candidate in tuning.candidates if math.isfinite(candidate.reached)]
     for name in ordered(one.variant for one in settled):
         mine = [one for one in settled if one.variant == name]
         for kept, alpha in ((False, 0.25), (True, 0.8)):
@@ -192,9 +192,9 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
     """Return those that no other one beats in both settling and peak, the fastest first."""
     front: list[GainsPoint] = []
-    for one in sorted(candidates, key=lambda each: (each.reached, each.peak)):
-        if not front or one.peak < front[-1].peak:
-            front.append(one)
+    for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
+        if not front or candidate.peak < front[-1].peak:
+            front.append(candidate)
     return front
 
 

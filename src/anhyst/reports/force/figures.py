@@ -131,7 +131,7 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
 
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the worst errors of the fastest demand while the armature is held."""
-    demands = {one.trial.demand.name: one.trial.demand for one in result.outcomes}
+    demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
     worst: dict[str, float] = {}
     for trial in result.figures["trials"]:

@@ -375,7 +375,7 @@ def _recorded(subject: ModelSubject, inspection: Inspection) -> PageTable:
         (across.head(subject.drive), lambda one: _span(across, *_inputs(one))),
         (up.head(subject.answer), lambda one: _span(up, *_outputs(one))),
     ]
-    if any(one.step is not None for one in inspection.loops):
+    if any(loop.step is not None for loop in inspection.loops):
         columns.append(("step [ms]", lambda one: number(1e3 * (one.step or 0.0), short=True)))
     columns.append(("history", lambda one: str(one.history)))
     return _figures_table(subject, inspection, columns, "What was recorded")
@@ -383,8 +383,8 @@ def _recorded(subject: ModelSubject, inspection: Inspection) -> PageTable:
 
 def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    across = scale_for(inspection.input, [one.width for one in loops])
-    up = scale_for(inspection.output, [one.height for one in loops])
+    across = scale_for(inspection.input, [loop.width for loop in loops])
+    up = scale_for(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
         (across.head("width"), lambda one: across.number(one.width)),
         (up.head("height"), lambda one: up.number(one.height)),
@@ -399,7 +399,7 @@ def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
         ("saturation", lambda one: Scale(1.0, "").number(one.saturation, 2)),
     ]
     nothing = number(float("nan"))
-    columns += [c for c in optional if any(c[1](one) != nothing for one in loops)]
+    columns += [c for c in optional if any(c[1](loop) != nothing for loop in loops)]
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "

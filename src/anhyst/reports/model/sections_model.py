@@ -247,19 +247,19 @@ def section_laws(subject: ModelSubject) -> Section | None:
     if fit is None or not fit.candidates:
         return None
     reason = str(subject.model.provenance.settings.get("law_reason", ""))
-    errors = [one.left_out for one in fit.candidates if one.left_out is not None]
+    errors = [candidate.left_out for candidate in fit.candidates if candidate.left_out is not None]
     most = max(errors, default=0.0)
     rows = [
         [
-            Cell(one.law, strong=one.note == "chosen"),
-            Cell(one.gap_map),
-            Cell(one.note),
-            Cell(str(one.numbers)),
-            Cell(percent(one.rms)),
-            Cell("" if one.left_out is None else percent(one.left_out),
-                 bar=one.left_out / most if one.left_out is not None and most else None),
+            Cell(candidate.law, strong=candidate.note == "chosen"),
+            Cell(candidate.gap_map),
+            Cell(candidate.note),
+            Cell(str(candidate.numbers)),
+            Cell(percent(candidate.rms)),
+            Cell("" if candidate.left_out is None else percent(candidate.left_out),
+                 bar=candidate.left_out / most if candidate.left_out is not None and most else None),
         ]
-        for one in fit.candidates
+        for candidate in fit.candidates
     ]  # fmt: skip
     caption = (
         "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "

@@ -135,7 +135,7 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
     if study.rig.settings.several:
         sections.insert(1, _cross_talk(study))
     if study.losses:
-        rows = [one.cells() for one in study.losses]
+        rows = [loss.cells() for loss in study.losses]
         losses = table(LOSS_TITLE, [*LOSS_HEAD], rows, " ".join(LOSS_NOTES), texts=2)
         sections.append(Section("losses", "What is lost, and lift-off", (losses,)))
     text = render_page(
