@@ -85,7 +85,9 @@ def build_real(
     offset = None
     if kind in FULL:
         numbers, arms, tables = FULL[kind](model, limits, at, sizes)
-        numbers["flux_limit"] = _largest_flux(model, limits, at)
+        circuit = model.circuit(at, np.zeros(at.size))
+        needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
+        numbers["flux_limit"] = max(1.0, float(np.abs(needed).max()) / flux_unit(model))
     else:
         law = law or fit_closed_form(model, limits, at, sizes)
         numbers, arms, tables = _simplified(law, at, sizes)
@@ -121,13 +123,6 @@ def _common(
         "condition_cycles": conditioning.cycles,
         "condition_ticks": conditioning.ramp_ticks,
     }
-
-
-def _largest_flux(model: Model, limits: DemandLimits, at: FloatArray) -> float:
-    """Return the flux that the demands need at most, or that of saturated iron."""
-    circuit = model.circuit(at, np.zeros(at.size))
-    needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
-    return max(1.0, float(np.abs(needed).max()) / flux_unit(model))
 
 
 Arms = tuple[FloatArray, FloatArray, FloatArray]

@@ -180,7 +180,9 @@ class BlockSearch:
 
     def run(self) -> FoundBlock:
         """Search."""
-        axes = self._axes()
+        axes = {"gap_segments": self._over_gap()}
+        for name, values in TABLES[self.builder.block_kind].items():
+            axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
         enough = SPARE * self.wanted
         best: tuple[float, TableSizes] | None = None
         for sizes in self._candidates(axes):
@@ -229,13 +231,6 @@ class BlockSearch:
         if self.builder.kind == "full":
             return [0.0] * (len(self.paths) + 1)
         return worst_of(self._finest)
-
-    def _axes(self) -> dict[str, list[tuple[int, float]]]:
-        """Measure each axis alone, everything else fine."""
-        axes = {"gap_segments": self._over_gap()}
-        for name, values in TABLES[self.builder.block_kind].items():
-            axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
-        return axes
 
     def _over_gap(self) -> list[tuple[int, float]]:
         b = self.builder

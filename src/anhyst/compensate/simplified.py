@@ -105,12 +105,6 @@ class _Task:
     last: slice
 
 
-def _demand(low: float, high: float) -> FloatArray:
-    """Return triangles between two levels, after a rise from zero."""
-    wave = 1.0 - np.abs(np.arange(SAMPLES) / (SAMPLES / 2) - 1.0)
-    return np.tile(low + (high - low) * wave, CYCLES)
-
-
 def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
     """Return what the full model does at one gap, one task a demand."""
     circuit = model.circuit(np.array([at]), np.zeros(1))
@@ -120,7 +114,8 @@ def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
     top = min(top, limits.demand[1])
     tasks = []
     for low, high in LOOPS:
-        demand = _demand(low * top, high * top)
+        wave = 1.0 - np.abs(np.arange(SAMPLES) / (SAMPLES / 2) - 1.0)
+        demand = np.tile(low * top + (high * top - low * top) * wave, CYCLES)
         answer = model.invert(demand, np.full(demand.size, at), history="demagnetised")
         flux = (answer.flux_density / unit).astype(np.float64)
         last = slice(flux.size - SAMPLES, None)

@@ -24,9 +24,13 @@ POINTS = 1200
 
 def budget_page(plan: Plan, budget: Budget, version: str) -> str:
     """Return the page of a budget."""
+    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
+    text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
+    if budget.wanted is not None:
+        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
     head = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        what=_verdict(budget),
+        what=f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s.",
         basis="",
         notes=(),
         tiles=(),
@@ -43,14 +47,6 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
         Section("signals", "Signals", (_signals(plan),)),
     )
     return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
-
-
-def _verdict(budget: Budget) -> str:
-    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
-    text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
-    if budget.wanted is not None:
-        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
-    return f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s."
 
 
 def _parts(budget: Budget) -> PageTable:

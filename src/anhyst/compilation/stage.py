@@ -181,7 +181,7 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "dead": DEAD_ROWS,
         "at": f"{{{', '.join(_row(row, repr) for row in stage.rows['at'].tolist())}}}",
         "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
-        "pid": [_biquad(row) for row in stage.rows["pid"].tolist()],
+        "pid": [f"{{{_row(row[:3])}, {_row(row[3:])}}}" for row in stage.rows["pid"].tolist()],
         "against": list(stage.against),
         "idle": literal(settings["idle"]),
         "allocation": f"{int(settings['allocation'])}U",
@@ -207,6 +207,10 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     parts = [(stage.called(one), _words(one)) for one in stage.distinct]
     own = [(stage.called(magnet), _words(magnet)) for magnet in stage.magnets]
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
+    play = isinstance(stage.magnets[0].parameters, PlayMap)
+    headers = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
+    headers += ["force_coded_real.h"] * stage.fixed
+    headers += ["force_corrected_real.h"] * (stage.correction is not None)
     return {
         "type": _type(parameters, law),
         "play": isinstance(parameters, PlayMap),
@@ -219,18 +223,11 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "kernel": "" if block is None else f"anhyst_kernel_{block.kind}",
         "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
         "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
-        "headers": _headers(stage),
+        "headers": headers,
         "parts": parts,
         "own": [f"{'' if words else '&'}{part}_parameters" for part, words in own],
         "sources": [f"{part}_parameters.c" for part, _ in parts] + [f"{stage.name}_controller.c"],
     }
-
-
-def _headers(stage: StageController) -> list[str]:
-    play = isinstance(stage.magnets[0].parameters, PlayMap)
-    found = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
-    found += ["force_coded_real.h"] * stage.fixed
-    return found + ["force_corrected_real.h"] * (stage.correction is not None)
 
 
 def _words(magnet: ForceController) -> int:
@@ -254,10 +251,6 @@ def _map_of(parameters: object) -> CurrentMap | None:
 def _row(values: Sequence[float], text: object = literal) -> str:
     assert callable(text)
     return f"{{{', '.join(text(value) for value in values)}}}"
-
-
-def _biquad(row: Sequence[float]) -> str:
-    return f"{{{_row(row[:3])}, {_row(row[3:])}}}"
 
 
 def _table(name: str, values: FloatArray) -> dict[str, object]:

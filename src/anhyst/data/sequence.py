@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.data.branches import Branch, branches
+from anhyst.data.branches import branches
 from anhyst.data.history import SETTLED, History
 from anhyst.data.loops import Loop
 from anhyst.data.noise import noise
@@ -124,11 +124,7 @@ def _curve(loop: Loop, rising: bool) -> _Curve | None:
     parts = [part for part in branches(loop.input) if part.rising == rising]
     if not parts:
         return None
-    longest = max(parts, key=lambda part: _reach(loop, part))
+    longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
     size, answer = loop.input[longest.rows], loop.output[longest.rows]
     order = np.argsort(size, kind="stable")
     return size[order], answer[order]
-
-
-def _reach(loop: Loop, part: Branch) -> float:
-    return float(np.ptp(loop.input[part.rows]))

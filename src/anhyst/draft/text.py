@@ -24,9 +24,9 @@ class Entry:
     def lines(self) -> Iterator[str]:
         """Yield the lines of it."""
         note = self.says + (f"; guess: {self.guess}" if self.guess else "")
-        if _is_rows(self.value):
+        if isinstance(self.value, list) and self.value and isinstance(self.value[0], Mapping):
             yield with_comment(f"{self.key} = [", note)
-            for row in self.value:  # type: ignore[attr-defined]
+            for row in self.value:
                 yield f"  {written(row)},"
             yield "]"
         else:
@@ -82,7 +82,9 @@ def written(value: object) -> str:
     """
     match value:
         case float() if 0.0 < abs(value) < SMALL:
-            return _engineering(value)
+            exponent = next((one for one in (-3, -6, -9) if abs(value) >= 10.0 ** (one - 1)), -12)
+            text = f"{value * 10.0**-exponent:.12g}e{exponent}"
+            return text if float(text) == value else toml_value(value)
         case list():
             return f"[{', '.join(map(written, value))}]"
         case Mapping():
@@ -91,19 +93,8 @@ def written(value: object) -> str:
     return toml_value(value)
 
 
-def _engineering(value: float) -> str:
-    exponent = next((one for one in (-3, -6, -9) if abs(value) >= 10.0 ** (one - 1)), -12)
-    text = f"{value * 10.0**-exponent:.12g}e{exponent}"
-    return text if float(text) == value else toml_value(value)
-
-
 def _lines(entries: Iterable[Entry]) -> list[str]:
     return [line for entry in entries for line in entry.lines()]
-
-
-def _is_rows(value: object) -> bool:
-    """Whether a value is a list of tables, which stand one a line."""
-    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
 
 
 ONE_TWO_FIVE = (1.0, 2.0, 5.0, 10.0)

@@ -35,7 +35,9 @@ def actuator_part(model: Model) -> Part:
             "map scaling or reluctance",
             code="iron-varies",
         )
-    middle = _middle(model)
+    ends = model.valid.schedule if model.valid else None
+    places = ends or model.nodes or (0.0,)
+    middle = 0.5 * (float(places[0]) + float(places[-1]))
     if not isinstance(model.iron_at(middle), AnyIron):
         raise InputError(
             f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
@@ -51,13 +53,6 @@ def actuator_part(model: Model) -> Part:
         f"included: {model.operator_law.title}"
     )
     return Part(model.name or "actuator", text, 0.0, _variables(model, middle), files)
-
-
-def _middle(model: Model) -> float:
-    """Return the scheduling variable in the middle of where the model holds."""
-    ends = model.valid.schedule if model.valid else None
-    places = ends or model.nodes or (0.0,)
-    return 0.5 * (float(places[0]) + float(places[-1]))
 
 
 def _law(model: Model) -> dict[str, object]:

@@ -149,7 +149,12 @@ def export_fmu(
         files["sources/buildDescription.xml"] = build_description(c_files)
     files |= {f"sources/{name}": text for name, text in sources.items()}
     files |= _binaries(sources, fmi, platforms, progress)
-    _write(path, files)
+    with tempfile.TemporaryFile() as whole:
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in files.items():
+                archive.writestr(zipfile.ZipInfo(name, _BEGIN_OF_TIME), content)
+        whole.seek(0)
+        write_bytes(path, whole.read())
     return path
 
 
@@ -203,12 +208,3 @@ def _binaries(
         folder = one.second if fmi == "2.0" else third
         found[f"binaries/{folder}/{MODEL}{one.ending}"] = content
     return found
-
-
-def _write(path: Path, files: Mapping[str, bytes]) -> None:
-    with tempfile.TemporaryFile() as whole:
-        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in files.items():
-                archive.writestr(zipfile.ZipInfo(name, _BEGIN_OF_TIME), content)
-        whole.seek(0)
-        write_bytes(path, whole.read())

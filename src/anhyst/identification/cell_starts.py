@@ -75,7 +75,9 @@ def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list
 def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
     """Return the sets at each gap that pass through the largest output there."""
     form = space.form
-    field, curve = _ascending(space, start)
+    field = np.linspace(0.0, 3.0 * start.reach, _CURVE)
+    assert space.form.cells is not None
+    field, curve = space.form.cells.paths(start.law).follow(np.zeros(field.size), field)
     drives, outputs = _largest(space)
     home = reference_gap(space.records)
     top = float(np.interp(start.reach, field, curve))
@@ -103,13 +105,6 @@ def possible(sets: Sequence[Local]) -> bool:
         local.scale > 0.0 and local.gain > 0.0 and local.h * local.omega < FLATTEST
         for local in sets
     )
-
-
-def _ascending(space: CoordinateSpace, start: CellStart) -> tuple[FloatArray, FloatArray]:
-    """Effective field and magnetisation on the first rise, to three times the reach."""
-    field = np.linspace(0.0, 3.0 * start.reach, _CURVE)
-    assert space.form.cells is not None
-    return space.form.cells.paths(start.law).follow(np.zeros(field.size), field)
 
 
 def _largest(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:

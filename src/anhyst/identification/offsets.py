@@ -50,7 +50,11 @@ def only_demanded(
     if not free:
         return found
     here = Evaluation(Objective(found.space, found.tie)).at(found.theta)
-    independent = _independent(found.space, here.deviation)
+    drives = len(found.space.records.loops)
+    ends = np.cumsum([record.input.size for record in found.space.records.loops])
+    shares = [_lasting(one) for one in np.split(here.deviation, ends)[:-1]]
+    alike = 1.0 + (drives - 1) * float(np.mean(shares))
+    independent = max(2.0, float(ends[-1]) / mean_memory(found.space, here.deviation) / alike)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
@@ -79,19 +83,6 @@ def _responds(found: FoundModel) -> bool:
     except NoResponseError:
         return False
     return True
-
-
-def _independent(space: CoordinateSpace, deviation: FloatArray) -> float:
-    """Count the samples that say something of their own.
-
-    A law misses the same iron in the same way in every loop: of the part of the deviations that
-    runs on from sample to sample, one loop counts; noise counts everywhere.
-    """
-    drives = len(space.records.loops)
-    ends = np.cumsum([record.input.size for record in space.records.loops])
-    shares = [_lasting(one) for one in np.split(deviation, ends)[:-1]]
-    alike = 1.0 + (drives - 1) * float(np.mean(shares))
-    return max(2.0, float(ends[-1]) / mean_memory(space, deviation) / alike)
 
 
 def _lasting(deviation: FloatArray) -> float:

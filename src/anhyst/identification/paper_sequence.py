@@ -100,7 +100,10 @@ def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[Model, FoundM
         outputs = Objective(found.space).outputs(found.sets)
         if mean_deviation(bench.run.records, outputs) <= _ALIKE * stand.cost:
             return model_of(found, bench.loopset), found
-    return model, _gauge_free(bench, stand, model.gap_map)
+    sets = [local_of(one, bench.run.form.power) for one in stand.sets]
+    form = replace(bench.run.form, h=float(np.mean([local.h for local in sets])))
+    space = CoordinateSpace(model.gap_map, bench.run.records, form, bench.run.held)
+    return model, FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
 def _may_be_reluctance(bench: SearchBench, wanted: str) -> bool:
@@ -109,14 +112,6 @@ def _may_be_reluctance(bench: SearchBench, wanted: str) -> bool:
     of_a_gap = wanted == "reluctance" or (schedule is not None and schedule.name == "gap")
     circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled
     return of_a_gap and circuit and bench.gaps > 1
-
-
-def _gauge_free(bench: SearchBench, stand: Stand, gap_map: str) -> FoundModel:
-    """Put the sets into gauge-free coordinates; slopes of the air core that differ become one."""
-    sets = [local_of(one, bench.run.form.power) for one in stand.sets]
-    form = replace(bench.run.form, h=float(np.mean([local.h for local in sets])))
-    space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.held)
-    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
 def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:

@@ -225,7 +225,11 @@ class CoordinateSpace:
             if self.gap_map == "leakage":
                 self._leak(at_gap, jacobian, values, slopes)
             if self.gap_map in IN_SERIES:
-                self._widen(at_gap, jacobian)
+                omega_row, row, _ = self._rows
+                ratio = 1.0 / (1.0 - min(self.form.h * at_gap[omega_row], 0.99))
+                at_gap[row] *= ratio
+                jacobian[row] *= ratio
+                jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]
             unpacked.append((self.form.local(at_gap), jacobian))
         return unpacked
 
@@ -251,11 +255,3 @@ class CoordinateSpace:
             jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
             jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
             jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
-
-    def _widen(self, at_gap: list[float], jacobian: FloatArray) -> None:
-        """Take the scale to that behind a reluctance."""
-        omega_row, row, _ = self._rows
-        ratio = 1.0 / (1.0 - min(self.form.h * at_gap[omega_row], 0.99))
-        at_gap[row] *= ratio
-        jacobian[row] *= ratio
-        jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]

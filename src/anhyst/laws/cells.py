@@ -58,12 +58,9 @@ class CellWeights:
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64).copy()
             values.flags.writeable = False
             object.__setattr__(self, name, values)
-        problem = self._problem()
+        problem = self._misshapen() or self._out_of_range()
         if problem:
             raise ValueError(problem)
-
-    def _problem(self) -> str | None:
-        return self._misshapen() or self._out_of_range()
 
     def _misshapen(self) -> str | None:
         r, a = self.thresholds, self.widths

@@ -274,6 +274,8 @@ class _Reader:
         late = self._dynamics(table)
         layers = self._layers(table)
         self._stop_if_wrong()
+        origin = table.provenance
+        sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
         model = kind(
             name=table.name,
             input=given,
@@ -291,7 +293,7 @@ class _Reader:
             fit=_fit(table.fit) if table.fit else None,
             uncertainty=_uncertainty(table.uncertainty) if table.uncertainty else None,
             reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
-            provenance=_provenance(table),
+            provenance=Provenance(origin.version, origin.seed, sources, origin.settings),
             cells=cells,
             dynamics=late,
             layers=layers,
@@ -374,9 +376,3 @@ def _uncertainty(table: UncertaintyTable) -> Uncertainty:
         correlation=tuple(tuple(row) for row in table.correlation),
         statements=tuple(table.statements),
     )
-
-
-def _provenance(table: ModelTable) -> Provenance:
-    origin = table.provenance
-    sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
-    return Provenance(origin.version, origin.seed, sources, origin.settings)

@@ -102,10 +102,12 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     width = rising[:, None] * np.hstack([legvander(x, _WIDTH), legvander(along, 3)])
     fading = ahead[:, None] ** np.array(_DECAYS)
     common = np.hstack([curve, width])
+    within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
+    whole = np.linspace(-1.0, 1.0, sum(sizes))
     shapes: dict[Shape, list[FloatArray]] = {
         "input": [np.asarray(scale * curve) for scale in scales],
         "direction": [np.asarray(scale * width) for scale in scales],
-        "drift": _drift(sizes),
+        "drift": [np.asarray(way[:, None]) for way in (within, whole)[: len(sizes)]],
     }
     if np.any(ahead):
         shapes["start"] = [scale * fading for scale in scales]
@@ -114,13 +116,6 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     if np.ptp(reach) > 0.1 * float(reach.max()):
         shapes["amplitude"] = [without(_by_reach(reach, along, rising), common)]
     return shapes
-
-
-def _drift(sizes: Sequence[int]) -> list[FloatArray]:
-    """Straight within each record, or from the first sample of all to the last."""
-    within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
-    whole = np.linspace(-1.0, 1.0, sum(sizes))
-    return [np.asarray(way[:, None]) for way in (within, whole)[: len(sizes)]]
 
 
 def _by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray) -> FloatArray:

@@ -77,7 +77,11 @@ class Workshop:
             folder_of = place / FREE_OF_LIBRARIES if source.name == "math.h" else place
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
-        _add_control(place)
+        for name, text in core_files(PIDD2).items():
+            path = place / name
+            if not path.exists():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8", newline="\n")
         return cls(bundle, folder, subject)
 
     def build(self, port: str, *flags: str) -> Build:
@@ -124,12 +128,3 @@ class Workshop:
 
 
 CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
-
-
-def _add_control(place: Path) -> None:
-    """Put the core's PIDD2, in fixed point, beside a bundle without one: a whole tick is measured."""
-    for name, text in core_files(PIDD2).items():
-        path = place / name
-        if not path.exists():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8", newline="\n")

@@ -123,7 +123,10 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     with MDF(version="4.10") as file:
         for section in sections:
             times = section.clock
-            for part in _parts(section):
+            parts: dict[int, list[Any]] = {}
+            for signal in section.series:
+                parts.setdefault(len(signal.values), []).append(signal)
+            for part in parts.values():
                 count = len(part[0].values)
                 if times is None:
                     notes.append(
@@ -147,11 +150,3 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
         with binary_writer(path) as stream:
             file.save(stream)  # type: ignore[arg-type]
     return tuple(notes)
-
-
-def _parts(section: ChannelGroup) -> list[list[Any]]:
-    """Series that may stand in one group: as many samples each."""
-    parts: dict[int, list[Any]] = {}
-    for signal in section.series:
-        parts.setdefault(len(signal.values), []).append(signal)
-    return list(parts.values())

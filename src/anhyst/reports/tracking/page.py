@@ -138,9 +138,14 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
         rows = [loss.cells() for loss in study.losses]
         losses = table(LOSS_TITLE, [*LOSS_HEAD], rows, " ".join(LOSS_NOTES), texts=2)
         sections.append(Section("losses", "What is lost, and lift-off", (losses,)))
+    files = [
+        (path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16])
+        for path in (study.rig.path, *study.rig.measured.files)
+    ]
+    blocks = (table("Files", ["file", "sha-256, first digits"], files), Text(f"Made by: {command}"))
     text = render_page(
         _headline(study),
-        [*sections, _origin(study, command)],
+        [*sections, Section("origin", "Origin", blocks)],
         running_version(),
         kind="Short-stroke stage",
         source="a simulation",
@@ -305,12 +310,3 @@ def _learning(study: TrackingStudy) -> Section:
         Items("Peak of the first and of the last trial", tuple(lines)),
     )
     return Section("learning", "Learning control", blocks)
-
-
-def _origin(study: TrackingStudy, command: str) -> Section:
-    files = [
-        (path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16])
-        for path in (study.rig.path, *study.rig.measured.files)
-    ]
-    blocks = (table("Files", ["file", "sha-256, first digits"], files), Text(f"Made by: {command}"))
-    return Section("origin", "Origin", blocks)
