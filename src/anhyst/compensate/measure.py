@@ -141,10 +141,7 @@ def against_demand(
 
 
 def between(
-    model: Model,
-    one: tuple[AnyBlock, Io],
-    other: tuple[AnyBlock, Io],
-    paths: Sequence[Path],
+    model: Model, one: tuple[AnyBlock, Io], other: tuple[AnyBlock, Io], paths: Sequence[Path]
 ) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
     first, second = (outputs(model, *each, paths) for each in (one, other))
@@ -179,11 +176,7 @@ def snapped(paths: Sequence[Path], model: Model, scales: Scales, sizes: TableSiz
 
 
 def interpolation(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes,
-    paths: Sequence[Path],
+    model: Model, scales: Scales, limits: DemandLimits, sizes: TableSizes, paths: Sequence[Path]
 ) -> OutputDeviation:
     """Return what straight lines between the entries over the gap cost, everything else exact."""
     if not model.needs_schedule:

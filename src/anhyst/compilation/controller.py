@@ -77,9 +77,7 @@ class Controller:
         assert isinstance(plan.block, Block)
         with error_at_key(self.file):
             control = table.position_control(
-                plan.block.scales,
-                table.converter_of_currents(),
-                table.pair,
+                plan.block.scales, table.converter_of_currents(), table.pair
             )
             control.gains("fixed")
             settings = control.settings("fixed")

@@ -100,11 +100,7 @@ def double(value: float) -> str:
 
 
 def c_parameters(
-    name: str,
-    block: RealBlock,
-    names: Names,
-    schedule: Quantity | None,
-    write: Literal = literal,
+    name: str, block: RealBlock, names: Names, schedule: Quantity | None, write: Literal = literal
 ) -> str:
     """Return the definitions of a compensator's parameters, single or double as it is written."""
     parts = [_table(block, table, write) for table in block.tables]

@@ -98,12 +98,7 @@ def _along(budget: Budget) -> tuple[Picture, PageTable]:
 
 def _held(budget: Budget) -> PageTable:
     rows = [
-        [
-            one.title,
-            f"{one.demand:.3g}",
-            f"{one.seconds:g}",
-            f"{percent(budget, one.drift):.2g}",
-        ]
+        [one.title, f"{one.demand:.3g}", f"{one.seconds:g}", f"{percent(budget, one.drift):.2g}"]
         for one in budget.held
     ]
     return table(

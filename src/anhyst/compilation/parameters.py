@@ -112,10 +112,9 @@ def _axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             f"a row for each number of them: {2 * narrow} steps of field from -{zone:g} to "
             f"{zone:g}, {narrow - round(narrow * zone)} on each side from there to 1"
         )
-    return {
-        "play": "one a play",
-        "field, both signs": f"{count} steps of field from -1 to 1",
-    }.get(word.axis, f"{count} steps of {word.axis} from 0 to 1")
+    return {"play": "one a play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(
+        word.axis, f"{count} steps of {word.axis} from 0 to 1"
+    )
 
 
 def _over_gap(count: int, block: Block, schedule: Quantity | None) -> str:

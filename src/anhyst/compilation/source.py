@@ -116,10 +116,7 @@ def _parameters(plan: Plan) -> dict[str, object]:
     """Return what the files of the parameters show beside what all files do."""
     model, block = plan.model, plan.block
     names = Names(model.output.unit, model.input.unit)
-    values: dict[str, object] = {
-        "signals": signal_lines(plan),
-        "rate": f"{plan.request.rate:.10g}",
-    }
+    values: dict[str, object] = {"signals": signal_lines(plan), "rate": f"{plan.request.rate:.10g}"}
     if isinstance(block, RealBlock):
         return values | {"structures": c_parameters(plan.name, block, names, model.schedule)}
     return values | {

@@ -49,12 +49,7 @@ def missing_modules(
 
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
-FREESTANDING = (
-    "-ffreestanding",
-    "-nostdlib",
-    "-fno-sanitize=undefined",
-    "-fomit-frame-pointer",
-)
+FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined", "-fomit-frame-pointer")
 TIME_LIMIT = 300.0
 
 

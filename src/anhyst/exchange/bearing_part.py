@@ -12,15 +12,7 @@ from anhyst.compilation.core import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
-from anhyst.exchange.part import (
-    WRAPPER,
-    Part,
-    Variable,
-    array,
-    header,
-    kernel_of,
-    row,
-)
+from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
 from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers

@@ -152,10 +152,7 @@ def _left_open(contest: Contest, best: ModelCandidate, loopset: Loops) -> float:
 
 
 def _compared_maps(
-    run: SearchRun,
-    loopset: Loops,
-    tried: list[ModelCandidate],
-    known: list[Local],
+    run: SearchRun, loopset: Loops, tried: list[ModelCandidate], known: list[Local]
 ) -> Contest:
     """Fit every gap map, to all gaps and without some."""
     fits: dict[ModelCandidate, Fits] = {}

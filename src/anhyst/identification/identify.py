@@ -180,12 +180,7 @@ def identify(
         for loop in loops.loops
     )
     figures = fit_figures(
-        loops,
-        fitted,
-        outcome.left_out,
-        acceptance.passed,
-        outcome.promised,
-        outcome.candidates,
+        loops, fitted, outcome.left_out, acceptance.passed, outcome.promised, outcome.candidates
     )
     left = left_of(loops, fitted)
     line = left_over_text(left, loops, model)
@@ -339,12 +334,7 @@ def _any_law(
     require_gaps(records, gap_map)
     end = fit_any(loops, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
     return _Outcome(
-        end.model,
-        end.uncertainty,
-        len(end.uncertainty.names),
-        end.evaluations,
-        end.why,
-        False,
+        end.model, end.uncertainty, len(end.uncertainty.names), end.evaluations, end.why, False
     )
 
 

@@ -77,11 +77,7 @@ def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
 
 
 def sample_sets(
-    records: FitRecords,
-    count: int,
-    seed: int,
-    interacting: bool = True,
-    biased: bool = False,
+    records: FitRecords, count: int, seed: int, interacting: bool = True, biased: bool = False
 ) -> FloatArray:
     """Draw kappa, c, omega, scale and in_0 by an additive sequence of low discrepancy (:func:`evenly`).
 

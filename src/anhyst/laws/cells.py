@@ -147,9 +147,7 @@ def _cut(pinned: tuple[Population, ...]) -> _Cut:
 
 
 def populations(
-    reversible: tuple[float, float],
-    pinned: Sequence[Population],
-    shape: Shape = "tanh",
+    reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
 ) -> CellWeights:
     """Cut populations into cells."""
     counting = [one for one in pinned if one.magnetisation != 0.0]

@@ -102,7 +102,7 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
 }
 """Keys without a use where there is one coordinate."""
 _SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m"),
+    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m")
 }
 
 
@@ -135,11 +135,7 @@ RULES: Mapping[FileKind, KindRule] = {
             "noise_seeds": False,
         },
         needed=_BODY_NEEDS,
-        unused={
-            **_BODY_UNUSED,
-            BodyTable: ("free",),
-            SpreadTable: _no_spread(FileKind.BEARING),
-        },
+        unused={**_BODY_UNUSED, BodyTable: ("free",), SpreadTable: _no_spread(FileKind.BEARING)},
     ),
     FileKind.STAGE: KindRule(
         tables={
