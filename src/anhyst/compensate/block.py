@@ -210,8 +210,7 @@ class Packer:
             )
         self._head[PLACES["LENGTH"]] = end
         self._head[PLACES["GENERATION"]] = generation
-        words = np.concatenate(parts)
-        unsigned = (words & 0xFFFF).astype("<u2")
+        unsigned = (np.concatenate(parts) & 0xFFFF).astype("<u2")
         at = PLACES["CRC"]
         kept = np.concatenate([unsigned[:at], unsigned[at + 2 :]])
         crc = zlib.crc32(kept.tobytes())

@@ -99,8 +99,7 @@ def curves(weights: CellWeights, plays: FloatArray) -> FloatArray:
 
 def risen(weights: CellWeights, field: float) -> float:
     """Return the magnetisation at the largest field there ever was, A/m: no history matters there."""
-    plays = np.maximum(field - weights.thresholds, 0.0)
-    return float(curves(weights, plays[:, None]).sum())
+    return float(curves(weights, np.maximum(field - weights.thresholds, 0.0)[:, None]).sum())
 
 
 def largest_field(weights: CellWeights, arms: Arms, current: tuple[float, float]) -> float:
@@ -210,8 +209,7 @@ def build_cells(
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     arms = arms_of(model, at)
-    solid = model.layers is not None
-    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=solid)
+    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
     reach = found.reach
     pack = Packer("cells", model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)

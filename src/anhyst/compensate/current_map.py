@@ -66,8 +66,7 @@ def table_words(values: FloatArray, one: float, name: str) -> NDArray[np.int16]:
 
 def single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Take the best current without memory as it is."""
-    surface = sources.surface()
-    return current_map(surface.current, sources.operating, {})
+    return current_map(sources.surface().current, sources.operating, {})
 
 
 def current_map(

@@ -148,8 +148,7 @@ def _full(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes)
 
 def _cells(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     arms = arms_of(model, at)
-    solid = model.layers is not None
-    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=solid)
+    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
     numbers = {
         "air": arms.air,
         "reach": found.reach,

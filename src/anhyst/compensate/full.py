@@ -93,8 +93,7 @@ def _rising_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArr
 
     def missing(x: float) -> float:
         pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
-        free = float(langevin(np.array([x]))[0][0])
-        m = (1.0 - law.c) * pinned + law.c * free
+        m = (1.0 - law.c) * pinned + law.c * float(langevin(np.array([x]))[0][0])
         return float(np.min(arm * (m + law.air * x) + own * x - drive))
 
     return float(brentq(missing, -1.0 - law.kappa, float(np.max(drive / own)) + law.kappa + 1.0))

@@ -65,8 +65,7 @@ def left_after(model: Model, scales: Scales, limits: DemandLimits, cycles: int) 
     """Return how far outputs of different starts are apart after so many cycles, at any gap."""
     low, high = limits.current
     corners = [low, high] * cycles + [low]
-    probe = [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]
-    corners += [low + part * (high - low) for part in probe]
+    corners += [low + part * (high - low) for part in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
     drive = np.concatenate([[low], *(_ramp(*ends) for ends in pairwise(corners))])
     after = 1 + 2 * RAMP * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)

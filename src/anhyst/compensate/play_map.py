@@ -96,8 +96,7 @@ def one_play(sources: Sources, _: NumberFormat) -> PlayMap:
     assert loops is not None  # the surface is made of them
     gaps = list(loops.by_schedule())
     forces = float(surface.force[0]), float(surface.force[-1])
-    whole = fit_surface(loops, forces, (min(gaps), max(gaps)))
-    radius = best_radius(whole, loops, operating)
+    radius = best_radius(fit_surface(loops, forces, (min(gaps), max(gaps))), loops, operating)
     return _play(surface, half_widths(surface, loops), operating, radius)
 
 

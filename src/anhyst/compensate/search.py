@@ -246,11 +246,9 @@ class BlockSearch:
         def cost(sizes: TableSizes) -> float:
             runs = against_demand(b.model, b.exact(sizes), "f64", self.paths)[1]
             here, finest = ([run.output for run, _ in each[:-1]] for each in (runs, self._finest))
-            moved = apart(self.paths, here, finest).worst
-            return max(self._excess(runs), moved - free, 0.0)
+            return max(self._excess(runs), apart(self.paths, here, finest).worst - free, 0.0)
 
-        values = range(LAW_SEGMENTS + 1)
-        return [(n, cost(replace(FINE, gap_segments=n))) for n in values]
+        return [(n, cost(replace(FINE, gap_segments=n))) for n in range(LAW_SEGMENTS + 1)]
 
     def _alone(self, sizes: TableSizes) -> float:
         """Return what the tables of the law cost, at gaps that stand in the tables over it."""

@@ -129,8 +129,7 @@ def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
 
 def _with_offset(model: Model, at: float, tasks: list[_Task], offset: float) -> list[_Task]:
     """Return the same demands with the flux that another offset makes of them."""
-    unit = flux_unit(model)
-    scale = float(model.over_schedule("c_out", np.array([at]))[0]) * unit**2
+    scale = float(model.over_schedule("c_out", np.array([at]))[0]) * flux_unit(model) ** 2
     changed = []
     for task in tasks:
         flux = np.sqrt(np.maximum(task.demand - offset, 0.0) / scale)
@@ -278,8 +277,7 @@ def _straighten(
 
     def cost(lower: float) -> float:
         tried = _with_offset(model, at, tasks, own - lower)
-        lags = _lags(*law, [task.flux for task in tried], sizes)
-        error = _arms([tried], lags)[1]
+        error = _arms([tried], _lags(*law, [task.flux for task in tried], sizes))[1]
         return float(np.mean(error**4) ** 0.25 * (1.0 + THRIFT * lower / room))
 
     found = minimize_scalar(

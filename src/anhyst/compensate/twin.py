@@ -75,8 +75,7 @@ class FixedTwin(Twin):
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
         part = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
-        codes = np.clip(np.rint(part * self.one), -self.one, self.one - 1.0)
-        return codes.astype(np.int32)
+        return np.clip(np.rint(part * self.one), -self.one, self.one - 1.0).astype(np.int32)
 
     def demand_codes(self, demand: ArrayLike) -> CodeArray:
         """Demand in units of the output -> what the controller is given."""

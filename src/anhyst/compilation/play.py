@@ -122,8 +122,7 @@ def compile_play(
     except InputError as error:
         raise error.at(model_path) from error
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
-    called = name or c_name(model.name)
-    head = _Head(called, model, sha256, running_version(), operating)
+    head = _Head(name or c_name(model.name), model, sha256, running_version(), operating)
     described = _manifest(head, play, errors)
     files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(_vectors(play))}
     write_folder(out, files, described)

@@ -65,8 +65,7 @@ def bearing_part(rig_path: PathLike) -> Part:
             io="q31",
             controller=controller.path,
         )
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        name = manifest["name"]
+        name = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["name"]
         own = [path for place in ("include", "src") for path in (folder / place).rglob("*.[ch]")]
         own += [
             folder / f"{name}_{of}.{end}" for of in ("parameters", "controller") for end in "ch"

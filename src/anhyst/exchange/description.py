@@ -141,8 +141,7 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
         for place in outputs:
-            attributes = {"valueReference": str(place), "dependencies": ""}
-            Xml.SubElement(structure, tag, attributes)
+            Xml.SubElement(structure, tag, {"valueReference": str(place), "dependencies": ""})
 
 
 def _text(root: Xml.Element) -> bytes:

@@ -106,8 +106,7 @@ def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandi
 
 def under(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
     """Name play cells under the gap map of another candidate."""
-    rank = cells.rank - cells.rank % _STEP + other.rank
-    return replace(other, cells=cells.cells, rank=rank)
+    return replace(other, cells=cells.cells, rank=cells.rank - cells.rank % _STEP + other.rank)
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:

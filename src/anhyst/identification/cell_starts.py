@@ -94,8 +94,7 @@ def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
             own = (max((drive / scale - x) / m, 0.0), scale)
         elif len(drives) > 1:
             own = (omega, drive / (x + omega * m))
-        local = form.with_h(Local(start.law, *own, gain, 0.0, 0.0, 0.0))
-        sets.append(local)
+        sets.append(form.with_h(Local(start.law, *own, gain, 0.0, 0.0, 0.0)))
     return sets
 
 

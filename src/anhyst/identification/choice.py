@@ -281,8 +281,7 @@ def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
         record.weight**2 * record.input.size * noise(loop.output) ** 2
         for record, loop in zip(found.space.records.loops, ordered, strict=True)
     ]
-    left = float(deviation @ deviation)
-    return left > max(_NOTHING_MORE**2 * sum(noises), EXACT**2)
+    return float(deviation @ deviation) > max(_NOTHING_MORE**2 * sum(noises), EXACT**2)
 
 
 def _is_usable(found: FoundModel, loopset: Loops) -> bool:

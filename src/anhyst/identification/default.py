@@ -98,8 +98,7 @@ def search_one_gap(
 def _best_end(space: CoordinateSpace, begins: list[FloatArray]) -> FoundModel:
     """Descend a little from each begin, and to the end from the best of them."""
     tried = [follow(space, theta, 1e-4, _SHORT + space.records.gaps) for theta in begins]
-    best = min(tried, key=lambda one: one.cost)
-    final = follow(space, best.theta)
+    final = follow(space, min(tried, key=lambda one: one.cost).theta)
     return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
 
 

@@ -101,8 +101,7 @@ def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
             bench.refine(gap, one | {name: mean}, rest, bench.effort.trial)
             for gap, one in enumerate(stand.sets)
         ]
-        spent = sum(one[1] for one in found)
-        return bench.stand([one[0] for one in found], rest, spent).plain
+        return bench.stand([one[0] for one in found], rest, sum(one[1] for one in found)).plain
 
     return Stand.from_plain(bench.run.stage(_stage(stand.varying, f"without {name}"), work))
 

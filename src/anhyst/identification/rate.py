@@ -133,15 +133,13 @@ class _Path:
         self.largest = largest
         self.iron = iron
         start = None if loop.schedule is None else float(loop.schedule[0])
-        past = as_history(loop.history, model)
-        self.state = initial_state(model, iron, past, start)
+        self.state = initial_state(model, iron, as_history(loop.history, model), start)
 
     def missed(self, rate: _Rate) -> FloatArray:
         """Return what is missed of the output, in parts of the largest."""
         self.iron.make_solid(rate.count, *rate.shares)
         eddy = rate.gamma * self.rate
-        memories = rate.count + 1 if rate.count > 1 else 1
-        state = np.tile(self.state, memories)
+        state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
         around = self.drive, self.circuit.rho, eddy
         if self.settled:
             state = self.iron.settle(*around, state, False, MOST_CYCLES, SETTLED)[0]
@@ -308,8 +306,7 @@ def _in_series(model: Model) -> Model:
     parts = (*law.with_role("saturation"), *law.with_role("reversible"))
     scaled = (*(part.name for part in parts), "c_H")
     parameters = {name: _as_written(by * np.array(model.parameters[name])) for name in scaled}
-    rho = np.maximum(held / (1.0 - kept) - 1.0, 0.0)
-    around = {"alpha": kept, "rho": _as_written(rho)}
+    around = {"alpha": kept, "rho": _as_written(np.maximum(held / (1.0 - kept) - 1.0, 0.0))}
     return replace(model, parameters={**model.parameters, **parameters, **around})
 
 

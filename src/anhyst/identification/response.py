@@ -311,8 +311,7 @@ def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -
     kappa, c = local.law
     pull, slope = _langevin(x)
     way = 1.0 + local.omega * c * slope
-    m = (1.0 - c) * y + c * pull
-    x_t = terms.r_t[-1] - terms.omega_t[-1] * m
+    x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * pull)
     x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
     x_t[_SEED] = -local.omega * (1.0 - c)
     seeds = np.zeros((_DIRECTIONS + 1, 3))

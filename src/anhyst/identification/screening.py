@@ -108,8 +108,7 @@ def screen(
     spread = ones * second - first**2
     gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
     out_0 = (mean - gain * first) / ones
-    cost = _cost(moments, total, gain, out_0)
-    return np.where(gain > 0.0, cost, np.inf), gain, out_0
+    return np.where(gain > 0.0, _cost(moments, total, gain, out_0), np.inf), gain, out_0
 
 
 def follow_sets(
@@ -139,8 +138,7 @@ def _moments(
 
     With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
     """
-    count = sets.shape[1]
-    moments = np.zeros((5, count))
+    moments = np.zeros((5, sets.shape[1]))
     total = 0.0
     for record in records.loops:
         kept = thinned(record.input, _THIN)

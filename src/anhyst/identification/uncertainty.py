@@ -49,8 +49,7 @@ def mean_memory(space: CoordinateSpace, deviation: FloatArray) -> float:
 
 
 def _covariance(found: FoundModel) -> FloatArray:
-    objective = Objective(found.space)
-    evaluation = Evaluation(objective)
+    evaluation = Evaluation(Objective(found.space))
     here = evaluation.at(found.theta)
     deviation, normal = here.deviation, here.normal
     freedom = max(1, deviation.size - found.theta.size)

@@ -220,7 +220,6 @@ def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope of the magnetisation over the effective field, of any path."""
     end = cells.thresholds[-1] + 3.0 * cells.widths.max()
-    field = np.linspace(-3.0 * cells.widths.max(), end, PLACES)
-    plays = field - cells.thresholds[:, None]
+    plays = np.linspace(-3.0 * cells.widths.max(), end, PLACES) - cells.thresholds[:, None]
     slope = curve_slope(cells.shape, plays[:, None, :] / cells.widths[:, None])
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

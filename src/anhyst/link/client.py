@@ -176,11 +176,9 @@ class ControllerLink:
             )
         generation = row[GENERATION_AT] & 0xFFFF
         with self._lock:
-            begin = BlockBeginRequest(len(row), generation, checksum(row))
-            self.request(begin, AckAnswer)
+            self.request(BlockBeginRequest(len(row), generation, checksum(row)), AckAnswer)
             for at in range(0, len(row), _WORDS_MOST):
-                data = BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
-                self.request(data, AckAnswer)
+                self.request(BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST])), AckAnswer)
             try:
                 return self.request(BlockSwapRequest(generation), AckAnswer).detail
             except Refused as refused:
@@ -198,8 +196,7 @@ class ControllerLink:
         with self._lock:
             length = self._block_words(0, LENGTH_AT + 1)[LENGTH_AT]
             while len(words) < length:
-                most = min(length - len(words), _WORDS_MOST)
-                words += self._block_words(len(words), most)
+                words += self._block_words(len(words), min(length - len(words), _WORDS_MOST))
         return words
 
     def _block_in_force(self) -> list[int]:

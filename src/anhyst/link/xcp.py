@@ -147,8 +147,7 @@ class XcpMaster:
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on."""
-        request = SettingWriteRequest(setting, value)
-        self._write(AREAS["setting"] + 4 * setting, value, request)
+        self._write(AREAS["setting"] + 4 * setting, value, SettingWriteRequest(setting, value))
         return value
 
     def command(self, command: Command) -> State:
@@ -189,8 +188,7 @@ class XcpMaster:
         samples = np.frombuffer(packets, dtype=form)
         stamps = samples["tick"].astype(np.int64)
         before = self._last if self._last >= 0 else int(stamps[0]) - 1
-        steps = np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF
-        ticks = before + np.cumsum(steps)
+        ticks = before + np.cumsum(np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF)
         self._last = int(ticks[-1])
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 

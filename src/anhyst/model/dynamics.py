@@ -69,8 +69,7 @@ class Dynamics:
 
     def follow(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
         """Return the slow parts after a flux density has held for a time, s."""
-        kept = np.exp(-step / np.array(self.times))
-        return np.asarray(flux + kept * (slow - flux))
+        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow - flux))
 
     def added(self, flux: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
         """Add creep to a flux density."""

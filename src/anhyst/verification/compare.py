@@ -80,8 +80,7 @@ def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) 
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
-    empty = np.zeros((0, words), dtype=np.uint32)
-    played = np.concatenate([empty, *answers])
+    played = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
     return Answers(replies[0], replies[-4], replies[-2], played, replies[-1].stack_bytes)
 
 

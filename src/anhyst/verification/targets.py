@@ -259,8 +259,7 @@ def _avr(workshop: Workshop, compiler: str, host_compiler: list[str]) -> Variant
         WINDOW_OFFSET,
         BOX_BYTES,
     )
-    command = (str(runner), str(path), AVR_CPU, *map(str, numbers))
-    program = ProcessProgram("avr", command)
+    program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 

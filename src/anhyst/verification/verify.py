@@ -105,8 +105,7 @@ def verify(
             raise InputError(f"no target can run; missing is {_listed(missing)}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
-            controller_folder = Path(scratch) / "controller"
-            around = Workshop.set_up(bundle, controller_folder, "controller")
+            around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(

@@ -123,8 +123,7 @@ class Workshop:
                 "HARNESS_RECORD_WORDS": str(self.form.words),
             }
         play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
-        io = FORMATS[self.bundle.io]
-        return {"HARNESS_IO": io, **play, **actuator_defines(name)}
+        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **actuator_defines(name)}
 
 
 CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)

@@ -352,8 +352,7 @@ def _header_from_comment(
     comments = [text for text, _ in lines[:first] if text.strip().startswith("#")]
     if comments:
         text = comments[-1].strip().lstrip("# ")
-        delimiter = _delimiter(text)
-        fields = _fields(text, delimiter)
+        fields = _fields(text, _delimiter(text))
         if len(fields) == len(row) and not any(is_number(field) for field in fields):
             return fields, _delimiter(lines[first][0])
     raise InputError(f"{path}: line {first + 1}: numbers where the header should be; "

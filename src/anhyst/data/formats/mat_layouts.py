@@ -191,8 +191,7 @@ def _columns(
     if count == 0 or len(shape) > 3:
         return []
     if len(shape) <= 1:
-        key = _Column(array, 0, 0)
-        return [Channel(name, count, key, unit, group, clock, array.is_text)]
+        return [Channel(name, count, _Column(array, 0, 0), unit, group, clock, array.is_text)]
     axis = int(np.argmax(shape))
     if clock is not None and clock.length in shape:
         axis = (

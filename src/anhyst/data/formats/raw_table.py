@@ -138,8 +138,7 @@ class _Reader:
             index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
             for index in self.texts
         }
-        notes = (*self.layout.notes, *self.notes)
-        return RawColumns(sha256, self.store, texts, notes)
+        return RawColumns(sha256, self.store, texts, (*self.layout.notes, *self.notes))
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]

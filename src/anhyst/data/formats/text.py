@@ -123,8 +123,7 @@ def _texts_of(column: Column, start: int, stop: int) -> list[str]:
 
 
 def _number(value: float) -> str:
-    text = repr(value)
-    return text.removesuffix(".0")
+    return repr(value).removesuffix(".0")
 
 
 def _quote(text: str) -> str:

@@ -117,8 +117,7 @@ def _linear(
     simulation: Simulation,
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
     """Return linearised loop gain and sensitivity: own variant, as if of static slopes; the paper's."""
-    rate = simulation.rig.settings.timing.rate_Hz
-    frequency = np.geomspace(5.0, 0.4 * rate, _FREQUENCIES)
+    frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCIES)
     gains: dict[MethodName, Response] = {}
     sensitivities: dict[MethodName, Response] = {}
     for name in ("ratio", simulation.own):

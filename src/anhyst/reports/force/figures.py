@@ -226,8 +226,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
         _forces(above, rig, outcome)
         _deviations(middle, rig, outcome, _COMPARED)
-        recording = outcome.recordings["full"]
-        time, gap = _curve(rig, outcome, 1e3 * recording["gap_m"])
+        time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
         below.plot(time, gap, color=MEASURED, lw=1.0)
         above.set_title(f"{outcome.trial.demand.name}, armature moving")
         below.set_xlabel("time (s)")

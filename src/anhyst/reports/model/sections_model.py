@@ -121,8 +121,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     if not steps:
         return None
     first, last = steps[0].cost_before, steps[-1].cost_after
-    model = subject.model
-    names = {name: GREEK.get(bare, bare) for name, (bare, _) in model.keys.items()}
+    names = {name: GREEK.get(bare, bare) for name, (bare, _) in subject.model.keys.items()}
     text = (
         f"After the best sets for each {subject.over or 'node'} were found, one parameter after "
         "the other was replaced by its mean and the rest searched again. In each round every "
@@ -200,8 +199,7 @@ def section_between(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = [Picture(svg_text(figure, subject.next_prefix()), alt, caption)]
     if subject.check is not None:
         blocks.insert(0, acceptance(subject))
-    title = f"Loops at and between the {_nodes(subject)}"
-    return Section("between", title, tuple(blocks))
+    return Section("between", f"Loops at and between the {_nodes(subject)}", tuple(blocks))
 
 
 def _nodes(subject: ModelSubject) -> str:

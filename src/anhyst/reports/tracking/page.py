@@ -71,8 +71,7 @@ def figure_scan(tried: Mapping[MethodName, TriedVariant], motion: SetPoint, slit
 
 def _average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
     """Return the moving mean in the middle of its window, ms and nm."""
-    ticks = round(slit / run.dt)
-    mean, _ = moving(run["error_m"], ticks)
+    mean, _ = moving(run["error_m"], round(slit / run.dt))
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
     shown = time >= -1e3 * _BEFORE_S
     return time[shown], 1e9 * mean[shown]

@@ -42,8 +42,7 @@ class IdentifiedMagnet:
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
     """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
-    model = identify_loops(loops, options or IdentifyTable(), "circuit")
-    return IdentifiedMagnet(loops, model)
+    return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
 def make_setup(

@@ -145,8 +145,7 @@ class Solenoid:
 
     def _gap(self, gap: float) -> _Gap:
         shape = self.geometry
-        side = math.sqrt(shape.face_area)
-        width = side + 2.0 * shape.fringe * gap
+        width = math.sqrt(shape.face_area) + 2.0 * shape.fringe * gap
         face = MU_0 * width * width / gap
         d_face = MU_0 * (4.0 * shape.fringe * width / gap - width * width / (gap * gap))
         dip = shape.cone_depth - gap

@@ -123,8 +123,7 @@ def with_deviation(value: float, deviation: float) -> str:
         return f"{number(value)} ± {number(deviation, 2)}"
     decimals = max(0, 1 - power)
     rounded = round(value, decimals) + 0.0  # a negative zero becomes a plain one
-    text = f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}"
-    return text.replace("-", MINUS)
+    return f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", MINUS)
 
 
 def label(quantity: Quantity, scale: Scale) -> str:
