@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block, Scales
-from anhyst.compensate.current_map import CurrentMap
-from anhyst.compensate.plain_map import plain_map
+from anhyst.compensate.current_map import CurrentMap, plain_map
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.control.controller_file import (
     ControllerFile,

@@ -39,8 +39,7 @@ from anhyst.link.frames import (
     SettingWriteRequest,
     StatusAnswer,
 )
-from anhyst.link.status import Status
-from anhyst.link.streaming import demand_request, stream
+from anhyst.link.streaming import Status, demand_request, stream
 from anhyst.link.transport import BAUD, LinkPort, Port
 from anhyst.link.wire import Frame, Receiver, encode
 from anhyst.support.errors import InputError
