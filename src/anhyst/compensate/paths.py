@@ -157,8 +157,7 @@ def _nested() -> FloatArray:
     """Triangles inside each other, from zero to the largest and around three middles; 0..1."""
     corners = [0.0]
     for middle in (0.5, 0.2, 0.8):
-        widest = min(middle, 1.0 - middle)
-        for half in widest * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
+        for half in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
             corners += [middle + half, middle - half]
     corners.append(0.0)
     at = np.linspace(0.0, len(corners) - 1.0, 1500)

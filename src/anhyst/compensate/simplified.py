@@ -143,8 +143,7 @@ def curve(nu: float, z: FloatArray) -> FloatArray:
     """Return ``p = 1 - v`` for ``z = -ln v + nu*v - nu``, the closed form of eq. 14."""
     if nu < 1e-9:
         return -np.expm1(-z)
-    v = -lambertw(-nu * np.exp(-nu - z)).real / nu
-    return np.asarray(1.0 - np.minimum(v, 1.0))
+    return np.asarray(1.0 - np.minimum(-lambertw(-nu * np.exp(-nu - z)).real / nu, 1.0))
 
 
 def distances(sizes: TableSizes) -> FloatArray:
@@ -199,8 +198,7 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
     rest = law.memory
     whole = np.rint(np.concatenate(fluxes) * 2.0**31)
     codes = np.clip(whole, -(2**31), 2**31 - 1).astype(np.int32)
-    ends = np.cumsum([flux.size for flux in fluxes])
-    for row in np.split(codes, ends[:-1]):
+    for row in np.split(codes, np.cumsum([flux.size for flux in fluxes])[:-1]):
         law.set_memory(rest)
         lags.append(law.run(row, np.zeros_like(row), False) / 2.0**31)
     return lags

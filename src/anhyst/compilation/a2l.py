@@ -220,10 +220,9 @@ def _words(manifest: Mapping[str, Any], methods: _Methods) -> Iterator[dict[str,
         }
         if word["format"] == "single":
             method = methods.of(word["unit"], 1.0)
-            limits = {"low": -_SINGLE_MOST, "high": _SINGLE_MOST}
             yield (
                 row
-                | limits
+                | {"low": -_SINGLE_MOST, "high": _SINGLE_MOST}
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,

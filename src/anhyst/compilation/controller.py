@@ -82,8 +82,7 @@ class Controller:
             settings = control.settings("fixed")
         block = plan.block.scales
         scales = Scales(block.demand, settings["current_full"], block.gap_low, block.gap_high)
-        plain = plain_map(plan.model, scales)
-        return ControllerPlan(self, control, plan.block, settings, plain)
+        return ControllerPlan(self, control, plan.block, settings, plain_map(plan.model, scales))
 
 
 @dataclass(frozen=True)

@@ -286,7 +286,6 @@ def _planned(
         budget = measure_budget(plan)
         if progress is not None:
             progress(2 * place + 2, whole)
-        at_its_end = plan.found.reached > share * plan.allowance
-        if at_its_end or keeps_allowance(plan, budget):
+        if plan.found.reached > share * plan.allowance or keeps_allowance(plan, budget):
             break
     return plan, budget

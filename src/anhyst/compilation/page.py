@@ -59,12 +59,11 @@ def _parts(budget: Budget) -> PageTable:
             return NOT_KNOWN if value is None else f"{percent(budget, value):#.2g}"
 
         worst = NOT_KNOWN if part.worst is None else f"{part.worst:.3g}"
-        bar = (part.worst or 0.0) / largest if largest else 0.0
         return [
             Cell(part.title, strong=part in sums),
             Cell(part.note),
             Cell(worst),
-            Cell(share(part.worst), bar=bar),
+            Cell(share(part.worst), bar=(part.worst or 0.0) / largest if largest else 0.0),
             Cell(share(part.rms)),
         ]
 

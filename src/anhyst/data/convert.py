@@ -87,8 +87,7 @@ def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
 def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
     """Bring all channels onto one clock, each under a name of its own."""
     file, shift = table.file, len(table.clocks[:1])
-    lengths = {channel.length for channel in file.channels}
-    if len(table.clocks) < 2 and len(lengths) == 1:
+    if len(table.clocks) < 2 and len({channel.length for channel in file.channels}) == 1:
         read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
     else:

@@ -270,7 +270,6 @@ def _cut(
         stated: History | None = given.histories.get(loop.label, given.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [index] if stated is None else []
-    texts = tuple(f"{columns.place}: {text}" for text in found)
     return LoopPart(
         columns.place,
         tuple(loops),
@@ -278,7 +277,7 @@ def _cut(
         answer,
         quantity,
         source,
-        texts,
+        tuple(f"{columns.place}: {text}" for text in found),
         frozenset(unstated),
         labelled=roles.label is not None or roles.fixed_label is not None,
     )

@@ -149,6 +149,5 @@ def join_circuit(
     """Fit all gaps together with one iron, and a circuit around it that takes more than a gap."""
     old = plain.space
     space = CoordinateSpace(gap_map, old.records, old.form, old.held, common)
-    tie = TIE * plain.cost if gap_map in TIED else 0.0
-    end = follow(space, space.pack(plain.sets), tie=tie)
+    end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost if gap_map in TIED else 0.0)
     return replace(end, evaluations=end.evaluations + plain.evaluations)

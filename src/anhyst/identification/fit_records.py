@@ -134,13 +134,12 @@ class FitRecords:
         loops = []
         for record in self.loops:
             kept = thinned(record.input, most)
-            weight = record.weight * float(np.sqrt(record.input.size / kept.size))
             loops.append(
                 replace(
                     record,
                     input=record.input[kept],
                     output=record.output[kept],
-                    weight=weight,
+                    weight=record.weight * float(np.sqrt(record.input.size / kept.size)),
                     clock=record.clock[kept],
                 )
             )
@@ -159,8 +158,7 @@ def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
         order = sorted(times, key=lambda time: float(time[0]))
-        apart = all(one[-1] <= two[0] for one, two in pairwise(order))
-        if len(times) < len(group) or not apart:
+        if len(times) < len(group) or not all(one[-1] <= two[0] for one, two in pairwise(order)):
             return [[np.zeros(loop.n) for loop in group] for group in groups]
         clocks.append([time - order[0][0] for time in times])
     longest = max(float(clock[-1]) for group in clocks for clock in group)

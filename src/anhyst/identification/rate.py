@@ -179,10 +179,9 @@ class _Problem:
         if len(self.groups) > 1:
             parts = [[group] for group in self.groups]
         else:
-            places = sorted({gap for gap in self.gaps[0] if gap is not None})
             parts = [
                 [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == index]]
-                for index in places
+                for index in sorted({gap for gap in self.gaps[0] if gap is not None})
             ]
         if len(parts) < 2:
             return [(self.groups, self.groups)]
@@ -268,12 +267,11 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
             static, f"fast loops gain nothing from layers: the static model misses {of_static}"
         )
     rate, std = chosen
-    late = replace(model.dynamics or Dynamics(), fastest=speeds.fastest)
     made = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
         layers=rate.layers(),
-        dynamics=late,
+        dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest),
     )
     what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
     why = (

@@ -142,8 +142,7 @@ def diff(first: Model, second: Model) -> ModelDiff:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
     loops = tuple(_compare(first, second, drive, gap) for gap in gaps)
     mean = float(np.mean([loop.mean for loop in loops]))
-    worst = max(loop.worst for loop in loops)
-    return ModelDiff(settings, parameters, drive, loops, mean, worst)
+    return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
 def _settings(

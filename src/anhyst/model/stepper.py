@@ -172,9 +172,8 @@ class Stepper:
         for end in (at.min(), at.max()):
             self._at(float(end))
         circuit = self.model.circuit(at, np.zeros(given.size))
-        core = circuit.magnetomotive(given)
         flux, _, state, status, index = self._iron.forward(
-            core, circuit.rho, circuit.eddy, self._state
+            circuit.magnetomotive(given), circuit.rho, circuit.eddy, self._state
         )
         check(status, "applied drive", index, given)
         output = circuit.output(flux)

@@ -88,7 +88,6 @@ def _keep(kept: Path, content: bytes, messages: str) -> None:
             Path(draft, place.name).replace(place)
     # Looking through all of them takes longer than most compilations.
     if kept.name.startswith("00"):
-        known = sorted(kept.parent.glob("*.o"), key=lambda one: one.stat().st_mtime)
-        for old in known[:-MOST]:
+        for old in sorted(kept.parent.glob("*.o"), key=lambda one: one.stat().st_mtime)[:-MOST]:
             old.unlink(missing_ok=True)
             old.with_suffix(".txt").unlink(missing_ok=True)

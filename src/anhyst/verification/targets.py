@@ -291,11 +291,10 @@ def _msp430(workshop: Workshop, simulator: str) -> Variant:
     build = workshop.build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
-    program = Msp430Program("msp430", simulator, path, image)
     return Variant(
         "msp430",
         "portable",
-        program,
+        Msp430Program("msp430", simulator, path, image),
         "cycles",
         "MSP430, 16x16 multiplier",
         f"zig cc {level}",

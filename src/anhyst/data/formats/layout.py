@@ -301,8 +301,7 @@ def _lines(head: bytes, eol: bytes, encoding: str, *, complete: bool) -> list[tu
     """Lines of the head with their byte offsets, without a last line that may be cut."""
     lines: list[tuple[str, int]] = []
     offset = 0
-    pieces = head.split(eol)
-    for piece in pieces:
+    for piece in head.split(eol):
         lines.append((piece.decode(encoding, "replace").rstrip("\r"), offset))
         offset += len(piece) + len(eol)
     return lines if complete or len(lines) == 1 else lines[:-1]

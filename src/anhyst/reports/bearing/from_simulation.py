@@ -222,11 +222,10 @@ def _intervals(found: Mapping[MethodName, Any], name: str) -> Intervals:
 
 def _cycles(found: Mapping[MethodName, Any]) -> PageTable:
     """Report under which variants the armature never came to rest, and in how many runs."""
-    rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
     return table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
-        rows,
+        [[name, *_cycle_row(found[name])] for name in ordered(found)],
         "Amplitude and period: medians of the runs that have a cycle.",
     )
 

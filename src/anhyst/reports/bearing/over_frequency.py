@@ -79,10 +79,9 @@ def _zones(ax: Axes, top: float) -> None:
     names = [*(boundary.zone for boundary in BOUNDARIES), "D"]
     for name, fill, low, high in zip(names, _ZONES, edges[:-1], edges[1:], strict=True):
         ax.axhspan(low, high, color=fill, lw=0, zorder=0)
-        middle = 0.5 * (max(low, 0.0) + high)
         ax.text(
             0.93 if name == "B" else 0.995,
-            middle,
+            0.5 * (max(low, 0.0) + high),
             f"zone {name}",
             transform=ax.get_yaxis_transform(),
             ha="right",

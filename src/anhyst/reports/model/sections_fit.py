@@ -179,8 +179,7 @@ def rate_corner(model: Model) -> float | None:
 
 
 def _panels(subject: ModelSubject, evidence: Evidence) -> str:
-    groups = len(groups_of(evidence.loops))
-    if evidence.loops.schedule is None or groups == 1:
+    if evidence.loops.schedule is None or len(groups_of(evidence.loops)) == 1:
         return "all loops in one panel"
     return f"one panel for each {subject.over}"
 
@@ -300,12 +299,11 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         row = [Cell(loop.label)]
         if model.schedule is not None:
             row.append(Cell(subject.schedule_scale.number(loop.schedule, 4, short=True)))
-        own = loop.mean_abs / loop.largest_output if loop.largest_output else None
         row += [
             Cell(size.number(loop.largest_output)),
             Cell(scale.number(loop.mean_abs), bar=loop.mean_abs / most if most else None),
             Cell(percent(share(subject, loop.mean_abs))),
-            Cell(percent(own)),
+            Cell(percent(loop.mean_abs / loop.largest_output if loop.largest_output else None)),
             Cell(scale.number(loop.rms)),
             Cell(scale.number(loop.worst), strong=loop.worst == worst),
         ]

@@ -85,8 +85,7 @@ def figure_settling(tried: Mapping[MethodName, TriedVariant], cruise: float) -> 
     edges = 1e3 * np.linspace(0.0, cruise, 51)
     for row, (name, one) in zip(axes, tried.items(), strict=True):
         for ax, settled in zip(row, one.settled, strict=True):
-            look = line_of(name)
-            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=look["color"])
+            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_of(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
     for ax, band in zip(axes[0], BANDS_M, strict=True):
         ax.set_title(f"into {1e9 * band:g} nm")
