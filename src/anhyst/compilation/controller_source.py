@@ -23,16 +23,6 @@ Rows = Iterator[tuple[str, str]]
 """Lines of C, each with a comment or nothing."""
 
 
-def limits_rows(plan: ControllerPlan) -> list[str]:
-    """Return the members of ``NAME_controller_limits``, lines of C."""
-    return _lined_up(_limits(plan))
-
-
-def settings_rows(plan: ControllerPlan, name: str) -> list[str]:
-    """Return the members of ``NAME_controller_settings``, lines of C."""
-    return _lined_up(_settings(plan, name))
-
-
 def _limits(plan: ControllerPlan) -> Rows:
     limits, tick = plan.control.limits, plan.control.pidd2.tick
     yield ".levitation = {", ""
@@ -143,8 +133,8 @@ def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
         "first_word": round((first - converter.low) / converter.step),
         "converter_bits": converter.bits,
         "measured": control.measured,
-        "limits_rows": limits_rows(plan),
-        "settings_rows": settings_rows(plan, name),
+        "limits_rows": _lined_up(_limits(plan)),
+        "settings_rows": _lined_up(_settings(plan, name)),
         "plain_rows": table_source(plan.plain.words()),
         "plain_ratio": f"{plan.plain.numbers['k_i_N_per_A']:.6g}",
         "plain_entries": plan.plain.entries.size,

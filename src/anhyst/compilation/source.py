@@ -211,9 +211,7 @@ def _real_signals(plan: Plan) -> list[str]:
 
 
 def _value(value: float, quantity: Quantity) -> str:
-    if quantity.unit == "m":
-        return f"{1e3 * value:.6g} mm"
-    return f"{value:.6g} {quantity.unit}"
+    return f"{1e3 * value:.6g} mm" if quantity.unit == "m" else f"{value:.6g} {quantity.unit}"
 
 
 def _defines(plan: Plan) -> list[str]:

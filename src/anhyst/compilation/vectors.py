@@ -22,11 +22,7 @@ Step = Callable[[Any, Any], Any]
 
 
 def golden_vectors(plan: Plan, rows: int = ROWS) -> list[Row]:
-    """Run a compensator over demands of every sort.
-
-    Steps of all sizes, full-range jumps, gaps at rest and moving, codes beyond the limits, and
-    currents that the amplifier did not give.
-    """
+    """Run a compensator over jumps, moving gaps, codes beyond limits and currents not given."""
     inputs = _inputs(plan, rows)
     lost = np.random.default_rng(SEED + 1).random(rows)
     solve, commit = _steps(plan)

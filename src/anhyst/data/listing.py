@@ -22,20 +22,15 @@ _EVEN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class ChannelFigures:
-    """A channel as it stands in its file.
+    """A channel as it stands in its file."""
 
-    ``name`` is what ``--columns`` takes; ``rate`` is in samples a second, ``None`` without a clock;
-    ``low`` and ``high`` are in the file's own unit, ``None`` of texts. ``role`` is the quantity
-    that it holds, with a question mark where that is a guess; empty where there is none.
-    """
-
-    name: str
+    name: str  # as ``--columns`` takes it
     unit: str
     samples: int
-    rate: float | None
-    low: float | None
+    rate: float | None  # samples a second; None without a clock
+    low: float | None  # in the file's own unit; None of texts
     high: float | None
-    role: str
+    role: str  # the quantity that it holds, "?" behind a guess; empty where there is none
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON."""

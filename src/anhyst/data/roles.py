@@ -20,23 +20,18 @@ _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
 @dataclass(frozen=True, slots=True)
 class Roles:
-    """Indices of the columns that play a part.
-
-    The scheduling variable is a column (``schedule``) or a constant of the whole file
-    (``fixed``, in SI units); ``quantity`` says which, ``None`` if nothing is scheduled. ``chosen``
-    is true if it was asked for by name. ``idle`` are the columns without a part.
-    """
+    """Indices of the columns that play a part."""
 
     input: int
     output: int
     time: int | None
     label: int | None
     fixed_label: str | None
-    schedule: int | None
-    fixed: float | None
-    quantity: Quantity | None
-    chosen: bool
-    idle: tuple[int, ...]
+    schedule: int | None  # column of the scheduling variable
+    fixed: float | None  # or its value in the whole file, SI
+    quantity: Quantity | None  # which it is; None if nothing is scheduled
+    chosen: bool  # whether it was asked for by name
+    idle: tuple[int, ...]  # columns without a part
     label_found: bool = False
 
     def with_label(self, label: int | None) -> Roles:

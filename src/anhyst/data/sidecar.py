@@ -59,10 +59,7 @@ class FileDescription:
         (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name).
         """
         path = Path(path)
-        return cls._from_keys(path, _load(path))
-
-    @classmethod
-    def _from_keys(cls, path: Path, found: Mapping[str, Any]) -> FileDescription:
+        found = _load(path)
         kinds = {
             "columns": dict,
             "loop": str,

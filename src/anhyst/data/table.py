@@ -21,16 +21,12 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse
 
 @dataclass(frozen=True, slots=True)
 class DataTable:
-    """A table read whole: numbers in SI by quantity, and the columns as they stood.
-
-    ``headers`` and ``columns`` belong together: numbers in the file's own units as read-only
-    arrays of shape (rows,), text as `Texts`. Use `get` or `need` for SI values.
-    """
+    """A table read whole; `get` and `need` give numbers in SI by quantity."""
 
     path: str
     sha256: str
     headers: tuple[Header, ...]
-    columns: tuple[FloatArray | Texts, ...]
+    columns: tuple[FloatArray | Texts, ...]  # as they stood: own units, read-only, shape (rows,)
     notes: tuple[str, ...]
     opened: OpenTable
 

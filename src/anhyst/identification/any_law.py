@@ -83,10 +83,6 @@ class _Problem:
     offsets: bool
     evaluations: int = 0
 
-    @property
-    def known_field(self) -> bool:
-        return self.loopset.input.name == "field"
-
     @cached_property
     def entries(self) -> tuple[_Entry, ...]:
         """What the spread moves; gain and offsets join for the descent."""
@@ -98,7 +94,7 @@ class _Problem:
         }
         if self.gap_map in {"reluctance", "circuit"}:
             ranges["rho"] = (1e-3, 1e3)
-        if output_map(self.loopset.output).absolute and not self.known_field:
+        if output_map(self.loopset.output).absolute and self.loopset.input.name != "field":
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)

@@ -70,17 +70,13 @@ _LEAST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Miss:
-    """Deviations at a gap left out, in parts of the largest output.
+    """Deviations at a gap left out, in parts of the largest output; infinite without an answer."""
 
-    ``mean`` is the mean absolute one over all samples. ``squares`` are the mean squares of its loops,
-    without what a steady drift explains: to their differences the noise of the sensor, which all
-    models miss alike, adds nothing. ``outer`` are those of the outermost gaps, which nothing surrounds
-    and which are never left out, as they were fitted. Infinite where the model has no answer.
-    """
-
-    mean: float
+    mean: float  # mean absolute one over all samples
+    # mean squares of its loops, without what a steady drift explains: to their differences the
+    # noise of the sensor, which all models miss alike, adds nothing
     squares: tuple[float, ...]
-    outer: tuple[float, ...] = ()
+    outer: tuple[float, ...] = ()  # of the outermost gaps, never left out: as they were fitted
 
 
 @dataclass(frozen=True, slots=True)

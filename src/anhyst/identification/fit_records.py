@@ -72,18 +72,13 @@ class FitRecord:
 
 @dataclass(frozen=True, eq=False)
 class FitRecords:
-    """All loops of one identification, and the scales of their quantities.
-
-    ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
-    and ``output_span`` are the largest absolute input and output, SI. ``rest`` is what the sensors
-    read at rest: its offsets have been taken from every loop.
-    """
+    """All loops of one identification, and the scales of their quantities."""
 
     loops: tuple[FitRecord, ...]
-    nodes: FloatArray
-    input_span: float
-    output_span: float
-    rest: Rest = field(default_factory=Rest)
+    nodes: FloatArray  # scheduling values, ascending; empty if nothing is scheduled
+    input_span: float  # largest absolute input, SI
+    output_span: float  # largest absolute output, SI
+    rest: Rest = field(default_factory=Rest)  # readings at rest, taken from every loop
 
     @property
     def gaps(self) -> int:

@@ -53,11 +53,7 @@ class SearchEffort:
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a search stands: parameters at each gap, those that may differ, and the cost.
-
-    ``cost`` is the criterion of eq. 16 over all samples of all gaps, relative to the largest
-    output. ``evaluations`` counts the parameter sets computed on the way here.
-    """
+    """Where a search stands: parameters at each gap, those that may differ, and the cost."""
 
     sets: tuple[Values, ...]
     varying: tuple[str, ...]

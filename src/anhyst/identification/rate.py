@@ -323,6 +323,4 @@ def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
         left.append(np.mean((loop.output - still) ** 2))
         done.append(np.mean((late - still) ** 2))
         mended.append(replace(loop, output=loop.output - (late - still)))
-    if np.mean(done) <= PEELED**2 * np.mean(left):
-        return None
-    return slow.with_loops(mended)
+    return None if np.mean(done) <= PEELED**2 * np.mean(left) else slow.with_loops(mended)

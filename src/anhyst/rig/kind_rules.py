@@ -224,11 +224,6 @@ _TITLES: Mapping[type[Table], tuple[str, str]] = {
 """Key of the list that holds a table, and what messages call it."""
 
 
-def rule_faults(file: RigFile) -> list[FileFault]:
-    """Find what is missing, superfluous, or refers to nothing."""
-    return [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
-
-
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
     rule, whose = RULES[file.kind], NAMES[file.kind][0]
     counts = {**rule.tables, **(rule.several if file.several else {})}
@@ -354,7 +349,7 @@ def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[F
 def read_rig_file(path: PathLike, kinds: Collection[FileKind]) -> RigFile:
     """Read the rig file of one of some kinds; files of older formats are read with a warning."""
     file = read_toml(path, RigFile, kinds=kinds, prepare=modernise)
-    faults = rule_faults(file)
+    faults = [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

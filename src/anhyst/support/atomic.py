@@ -60,11 +60,7 @@ def write_bytes(path: PathLike, content: bytes) -> None:
 
 @contextmanager
 def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
-    """Open a binary file that appears under its name only when it is complete.
-
-    As :func:`atomic_writer`; what is written can be read again and changed, as libraries do that
-    write headers last.
-    """
+    """Open a binary file as :func:`atomic_writer`; it can be read too, to write headers last."""
     with _draft(path) as place, place.open("w+b") as stream:
         yield stream
         _to_disk(stream)

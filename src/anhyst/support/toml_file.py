@@ -80,11 +80,7 @@ class FileProblem:
 
 
 class TomlFileError(InputError):
-    """A file that does not fit its schema.
-
-    ``problems`` holds everything found wrong with it; the message names the first one in full and
-    where the others are.
-    """
+    """A file that does not fit its schema: all problems; the message names the first in full."""
 
     def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
         # Missing keys last: most are there, misspelt, and reported at their line.

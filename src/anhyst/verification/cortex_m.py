@@ -48,11 +48,6 @@ def build_counter(harness: Path, folder: Path, wanted_by: str) -> Path:
     return library
 
 
-def wide_instruction(halfword: int) -> bool:
-    """Return whether a Thumb instruction that begins so is 32 bits long."""
-    return halfword >= 0xE800
-
-
 def instruction_costs(image: Image, code: bytes) -> Prefix:
     """Count every instruction as one: the number of instructions before each half-word."""
     halfwords = np.frombuffer(code, dtype="<u2")
@@ -61,7 +56,7 @@ def instruction_costs(image: Image, code: bytes) -> Prefix:
         at, end = (begin - FLASH) // 2, (stop - FLASH) // 2
         while at < end:
             begins[at] = 1
-            at += 2 if wide_instruction(int(halfwords[at])) else 1
+            at += 2 if halfwords[at] >= 0xE800 else 1  # a Thumb instruction of 32 or 16 bits
     return np.concatenate(([np.uint32(0)], np.cumsum(begins, dtype=np.uint32)))
 
 

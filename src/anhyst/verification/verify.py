@@ -102,7 +102,8 @@ def verify(
         if FIRMWARE in names and not missing_tools():
             works.add(FIRMWARE)
         if not works:
-            raise InputError(f"no target can run; missing is {_listed(missing)}", code="no-target")
+            texts = "; ".join(lack.text() for lack in missing)
+            raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
             around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
@@ -139,10 +140,6 @@ def _offers(
     offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
     missing = [one for offer in offers.values() for one in offer.missing]
     return offers, (*missing, *(missing_tools() if FIRMWARE in names else ()))
-
-
-def _listed(missing: Sequence[Missing]) -> str:
-    return "; ".join(one.text() for one in missing)
 
 
 class _Counted:

@@ -27,18 +27,14 @@ MOST_CHANNELS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """What was recorded under one name.
-
-    ``length`` is the number of samples; ``clock`` is the channel of their times, ``None`` if the
-    file does not say. ``key`` is what the file's reader finds the samples by.
-    """
+    """What was recorded under one name."""
 
     name: str
-    length: int
-    key: Any
+    length: int  # samples
+    key: Any  # by which the file's reader finds the samples
     unit: str = ""
     group: str = ""
-    clock: Channel | None = None
+    clock: Channel | None = None  # the times of the samples; None if the file does not say
     is_text: bool = False
 
     @property

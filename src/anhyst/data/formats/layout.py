@@ -27,22 +27,18 @@ _RUN = 8
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the first lines of a text table say about the rest.
-
-    ``delimiter`` is ``None`` for blanks of any number. ``units`` is the unit row, one entry a
-    column, or ``None``. Data start at byte ``offset``, which is line ``line`` (the first is 1).
-    """
+    """What the first lines of a text table say about the rest."""
 
     path: Path
     size: int
     encoding: str
     eol: bytes
-    delimiter: str | None
+    delimiter: str | None  # None: blanks of any number
     header: tuple[str, ...]
-    units: tuple[str, ...] | None
+    units: tuple[str, ...] | None  # the unit row, one entry a column
     notes: tuple[str, ...]
-    offset: int
-    line: int
+    offset: int  # byte at which the data start
+    line: int  # line at which they start; the first is 1
 
     @property
     def width(self) -> int:
@@ -364,9 +360,7 @@ def _unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str,
     if len(fields) < len(header) or any(is_number(field) for field in fields):
         return None
     units = [field.strip("[]() ") for field in fields[: len(header)]]
-    if not any(find_unit(unit) for unit in units if unit):
-        return None
-    return tuple(units)
+    return None if not any(find_unit(unit) for unit in units if unit) else tuple(units)
 
 
 def _short(text: str) -> str:

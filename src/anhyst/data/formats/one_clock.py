@@ -17,17 +17,13 @@ _LONGEST_GAP = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """A clock and its times in s, of shape (length,); ``None`` where a file does not say them.
-
-    ``start`` is the first of the channel's samples that ``times`` holds, ``whole`` whether it holds
-    all of them.
-    """
+    """A clock and its times."""
 
     channel: Channel | None
     length: int
-    times: FloatArray | None
-    start: int = 0
-    whole: bool = True
+    times: FloatArray | None  # s, shape (length,); None where a file does not say them
+    start: int = 0  # first of the channel's samples that ``times`` holds
+    whole: bool = True  # whether it holds all of them
 
 
 def shared_clock(

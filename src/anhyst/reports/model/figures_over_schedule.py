@@ -76,15 +76,11 @@ def figure_parameters(model: Model) -> Figure | None:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Output over the scheduling variable, on a settled cycle from zero to the largest drive.
-
-    ``drive`` has the rising branch and then the falling one, shape (n,); ``output`` has shape
-    (g, n), NaN where the model cannot be computed.
-    """
+    """Output over the scheduling variable, on a settled cycle from zero to the largest drive."""
 
     at: FloatArray
-    drive: FloatArray
-    output: FloatArray
+    drive: FloatArray  # rising branch, then falling one; shape (n,)
+    output: FloatArray  # shape (g, n); NaN where the model cannot be computed
 
     @property
     def top(self) -> int:

@@ -133,10 +133,7 @@ class Solenoid:
             if abs(left) <= _TOLERANCE:
                 break
             end = field + left / length
-            if left > 0.0:
-                low, high = field, min(high, end)
-            else:
-                low, high = max(low, end), field
+            low, high = (field, min(high, end)) if left > 0.0 else (max(low, end), field)
             field += left / (length + (slide + d_outside) * area * slope)
             if not low < field < high:
                 field = 0.5 * (low + high)
