@@ -103,7 +103,7 @@ class _Problem:
             nodes = range(self.records.gaps) if self._varies(name) else (None,)
             moving += [_Entry(name, node, low, high) for node in nodes]
         gauge = _Entry("c_H", 0, 0.1, 10.0)
-        return tuple(one for one in moving if one != gauge)
+        return tuple(entry for entry in moving if entry != gauge)
 
     def _varies(self, name: str) -> bool:
         if self.records.gaps < 2:
@@ -114,7 +114,7 @@ class _Problem:
         """Return the model at a point of the cube of some entries."""
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
-        rows = {one.name: [1.0] * len(nodes) for one in entries if one.node is not None}
+        rows = {entry.name: [1.0] * len(nodes) for entry in entries if entry.node is not None}
         for entry, part in zip(entries, theta.tolist(), strict=True):
             if entry.node is None:
                 values[entry.name] = entry.value(part)
@@ -167,16 +167,16 @@ class _Problem:
         """Return gain and offset of the best straight line from a shape, and its cost."""
         columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
         weighted = columns * self.weights[:, None]
-        wanted = self.measured * self.weights
-        (gain, offset), *_ = np.linalg.lstsq(weighted, wanted, rcond=None)
-        off = weighted @ np.array([gain, offset]) - wanted
+        target = self.measured * self.weights
+        (gain, offset), *_ = np.linalg.lstsq(weighted, target, rcond=None)
+        off = weighted @ np.array([gain, offset]) - target
         return float(gain), float(offset), float(off @ off) if gain > 0.0 else np.inf
 
     def begins(self, seed: int) -> list[tuple[float, tuple[_Entry, ...], FloatArray]]:
         """Return the best sets of a spread: cost, and where a descent begins."""
         free = [entry for entry in self.entries if not entry.node]  # all nodes alike
         spread = evenly(len(free), SCREENED, seed).T
-        column_of = {one.name: column for column, one in enumerate(free)}
+        column_of = {entry.name: column for column, entry in enumerate(free)}
         starts = []
         for draw in spread:
             theta = np.array([draw[column_of[entry.name]] if entry.name in column_of else 0.5
@@ -187,7 +187,7 @@ class _Problem:
             gain, offset, cost = self.straight(shape)
             if np.isfinite(cost):
                 starts.append((cost, *self._with_ends(theta, gain, offset)))
-        return sorted(starts, key=lambda one: one[0])[:KEPT]
+        return sorted(starts, key=lambda start: start[0])[:KEPT]
 
     def _with_ends(
         self, theta: FloatArray, gain: float, offset: float
@@ -208,17 +208,19 @@ class _Problem:
 
 
 def fit_any(
-    loopset: Loops, records: FitRecords, law: str, wanted: str, seed: int, offsets: bool
+    loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Fitted:
     """Fit a law through its iron alone."""
     over_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
     maps: tuple[GapMap, ...] = ("scaling", "reluctance") if over_gap else ("scaling",)
-    if wanted != "auto":
-        maps = (wanted,)  # type: ignore[assignment]  # the caller has checked it
+    if gap_map != "auto":
+        maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     if records.gaps < 2:
         maps = ("none",)
-    ends = [_descend(_Problem(LAWS[law], one, loopset, records, offsets), seed) for one in maps]
-    best = min(ends, key=lambda one: one.cost)
+    ends = [
+        _descend(_Problem(LAWS[law], gap_map, loopset, records, offsets), seed) for gap_map in maps
+    ]
+    best = min(ends, key=lambda end: end.cost)
     return replace(best, evaluations=sum(end.evaluations for end in ends))
 
 
@@ -276,10 +278,10 @@ def _assess(
     names = [
         keys[entry.name][1] + ("" if entry.node is None else f"[{entry.node}]") for entry in entries
     ]
-    values = [one.value(part) for one, part in zip(entries, theta.tolist(), strict=True)]
+    values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
     stds = [
-        float(std * one.slope(part))
-        for one, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+        float(std * entry.slope(part))
+        for entry, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
     ]
     correlation = covariance / np.outer(spread, spread)
     return Uncertainty(

@@ -148,7 +148,9 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             every = [loop for group in groups for loop in group]
             return Refit(followed.cost, _missed_blocks(model, span, every, fold, blocks))
         seen = fold | {0, len(groups) - 1} if by == "gap" else fold
-        off = {index: [one / span for one in _off(model, groups[index])] for index in seen}
+        off = {
+            index: [deviation / span for deviation in _off(model, groups[index])] for index in seen
+        }
         squares = {index: _squares(some, clocks[index]) for index, some in off.items()}
         outer = (*squares[0], *squares[len(groups) - 1]) if by == "gap" else ()
         missed = {
@@ -189,8 +191,8 @@ def _squares(off: Sequence[FloatArray], clocks: Sequence[FloatArray]) -> tuple[f
     """Mean squares of deviations at one gap, without the drift that explains most of them."""
     clock, every = np.concatenate(clocks), np.concatenate(off)
     slope = float(clock @ every) / max(float(clock @ clock), 1e-300)
-    left = [one - slope * at for one, at in zip(off, clocks, strict=True)]
-    return tuple(float(one @ one) / one.size for one in left)
+    left = [deviation - slope * at for deviation, at in zip(off, clocks, strict=True)]
+    return tuple(float(deviation @ deviation) / deviation.size for deviation in left)
 
 
 def mean_of(misses: Sequence[Miss]) -> float:
@@ -249,7 +251,7 @@ def promise(
 
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
-    plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
+    plain = [_without_noise(error, of_it) for error, of_it in zip(errors, noises, strict=True)]
     left_out = np.asarray(plain, dtype=np.float64)
     if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
         return None

@@ -107,7 +107,7 @@ class FitRecords:
 
     def without_loops(self, left_out: Collection[int]) -> FitRecords:
         """Take all loops but these, by their places."""
-        kept = tuple(one for index, one in enumerate(self.loops) if index not in left_out)
+        kept = tuple(record for index, record in enumerate(self.loops) if index not in left_out)
         return replace(self, loops=kept)
 
     def without_blocks(self, left_out: Collection[int], blocks: int) -> FitRecords:

@@ -362,12 +362,12 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome
             raise
         best, interrupted = run.best.on(run.records), True  # the search may have thinned them
         choice = ModelChoice(best, "the search was interrupted: this is the best so far")
-    found = choice.found
+    fit = choice.found
     return _Outcome(
-        model_of(found, loops),
-        assess(found, loops),
-        found.theta.size,
-        found.evaluations,
+        model_of(fit, loops),
+        assess(fit, loops),
+        fit.theta.size,
+        fit.evaluations,
         choice.why,
         interrupted,
         choice.dead_band,
@@ -376,7 +376,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome
         choice.candidates,
         choice.why_law,
         choice.left_open,
-        found=found,
+        found=fit,
     )
 
 

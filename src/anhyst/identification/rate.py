@@ -126,8 +126,8 @@ class _Path:
         self.settled = loop.history.kind == "settled"
         first = 1.0 / float(np.median(steps)) if self.settled else 0.0
         self.rate = np.concatenate([[first], 1.0 / steps])
-        place = None if loop.schedule is None else loop.schedule[kept]
-        self.circuit = model.circuit(place, np.zeros(kept.size))
+        gap = None if loop.schedule is None else loop.schedule[kept]
+        self.circuit = model.circuit(gap, np.zeros(kept.size))
         self.drive = self.circuit.magnetomotive(loop.input[kept])
         self.measured = loop.output[kept]
         self.largest = largest
@@ -158,13 +158,13 @@ class _Problem:
         law = model.operator_law
 
         def path(loop: Loop) -> _Path:
-            place = loop.schedule_value if model.fixed_gap_only else None
-            if place not in irons:
-                at = model.parameters_at(place if place is not None else model.first_node)
+            gap = loop.schedule_value if model.fixed_gap_only else None
+            if gap not in irons:
+                at = model.parameters_at(gap if gap is not None else model.first_node)
                 made = law.iron(*(at[spec.name] for spec in law.parameters))
                 assert isinstance(made, AnyIron)
-                irons[place] = made
-            return _Path(model, loop, irons[place], largest)
+                irons[gap] = made
+            return _Path(model, loop, irons[gap], largest)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.gaps = [[loop.schedule_value for loop in loops] for loops in speeds.fast]
@@ -199,7 +199,7 @@ class _Problem:
         if start is None:
             shares = () if count == 1 else (_logit(1.0 / count), _logit(SHEETS))
             tried = [_Rate(count, (float(np.log(g * self.scale)), *shares)) for g in TRIED]
-            start = min(tried, key=lambda one: mean_missed(groups, one))
+            start = min(tried, key=lambda rate: mean_missed(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
             rate = _Rate(count, tuple(theta.tolist()))

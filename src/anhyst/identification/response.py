@@ -244,12 +244,12 @@ def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
     return operators
 
 
-def between(sets: Sequence[Local], place: FloatArray) -> tuple[FloatArray, ...]:
+def between(sets: Sequence[Local], gap: FloatArray) -> tuple[FloatArray, ...]:
     """Return omega, scale and in_0 at places of gaps, and between them."""
     places = np.arange(len(sets))
     return tuple(
-        np.interp(place, places, values)
-        for values in zip(*((one.omega, one.scale, one.in_0) for one in sets), strict=True)
+        np.interp(gap, places, values)
+        for values in zip(*((local.omega, local.scale, local.in_0) for local in sets), strict=True)
     )
 
 

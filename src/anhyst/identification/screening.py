@@ -48,17 +48,17 @@ _THIN = 64
 def batch_level() -> str:
     """Level of the batch: the processor's best unless the environment names one."""
     levels = batch_levels()
-    wanted = os.environ.get(VARIABLE)
-    if wanted is None:
+    count = os.environ.get(VARIABLE)
+    if count is None:
         return levels[-1]
-    if wanted not in levels:
+    if count not in levels:
         raise InputError(
-            f"{VARIABLE}: there is no level {wanted!r} on this processor; set one of "
+            f"{VARIABLE}: there is no level {count!r} on this processor; set one of "
             f"{', '.join(levels)}, or unset it for the best",
             code="unknown-level",
             key=VARIABLE,
         )
-    return wanted
+    return count
 
 
 def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
