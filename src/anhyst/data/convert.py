@@ -78,8 +78,8 @@ def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
         written = written.replace("_per_", "/")
         channels.append(Channel(name, len(column), values, written, "", None, is_text))
 
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
-        return [one.key[:count] for one in wanted]
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
+        return [channel.key[:count] for channel in channels]
 
     return ChannelFile(source, clocks_by_name(channels), read, tuple(table.notes))
 
@@ -91,10 +91,10 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
         read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
     else:
-        texts = [n + shift for n, one in enumerate(file.channels) if one.is_text]
+        texts = [n + shift for n, channel in enumerate(file.channels) if channel.is_text]
         numbers = [n for n in range(len(table.header)) if n not in texts]
         raw = table.read(numbers, texts)
-        columns: dict[int, Any] = {n: np.array(one.rows()) for n, one in raw.texts.items()}
+        columns: dict[int, Any] = {n: np.array(text.rows()) for n, text in raw.texts.items()}
         columns |= raw.numbers
         read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]

@@ -164,5 +164,5 @@ def _glance(loop: Loop) -> tuple[float, ...]:
     return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
 
 
-def _same_data(one: Loop, two: Loop) -> bool:
-    return np.array_equal(one.input, two.input) and np.array_equal(one.output, two.output)
+def _same_data(first: Loop, two: Loop) -> bool:
+    return np.array_equal(first.input, two.input) and np.array_equal(first.output, two.output)

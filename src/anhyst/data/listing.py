@@ -56,18 +56,18 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     return listed
 
 
-def _values(table: OpenTable, place: int) -> Any:
+def _values(table: OpenTable, index: int) -> Any:
     try:
-        return table.read([place]).numbers[place]
+        return table.read([index]).numbers[index]
     except TextInNumbersError:
         return None
 
 
-def _pace(table: OpenTable, place: int) -> tuple[int | None, float | None]:
+def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:
     """Return the samples of a channel, and how many a second."""
     if not isinstance(table, ChannelTable):
         return None, None
-    channel = table.channel(place)
+    channel = table.channel(index)
     clock = channel.clock or (channel if channel in table.clocks else None)
     if clock is None or clock.length < 2:
         return channel.length, None

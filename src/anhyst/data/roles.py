@@ -72,8 +72,8 @@ def find_roles(
         for index, header in enumerate(headers)
         if index not in used and header.text and header.text not in given.select
     )
-    asked = given.schedule is not None
-    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, asked, idle)
+    chosen = given.schedule is not None
+    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, chosen, idle)
 
 
 def find_column(place: str, headers: Sequence[Header], name: str) -> int:
@@ -119,15 +119,13 @@ def with_file_name(path: Path, given: FileDescription) -> FileDescription:
 
 def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
     """Find input and output; what is missing is asked for together."""
-    found = [_first(place, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
-    drive, answer = found
+    pair = [_first(place, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
+    drive, answer = pair
     if drive is not None and answer is not None:
         return drive, answer
     field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if field else tuple(OUTPUT_MAPS)
-    missing = [
-        names for index, names in zip(found, (INPUTS, outputs), strict=True) if index is None
-    ]
+    missing = [names for index, names in zip(pair, (INPUTS, outputs), strict=True) if index is None]
     what, examples = ("an output", _OUTPUT_EXAMPLES)
     if drive is None:
         what, examples = ("an input", _INPUT_EXAMPLES)

@@ -73,7 +73,7 @@ def _order(loops: Sequence[Loop]) -> list[int]:
     if any(loop.history != SETTLED or loop.time is None or _moves(loop) for loop in loops):
         return []
     clocks = [loop.time for loop in loops if loop.time is not None]
-    order = sorted(range(len(loops)), key=lambda place: float(clocks[place][0]))
+    order = sorted(range(len(loops)), key=lambda index: float(clocks[index][0]))
     known = all(clocks[one][-1] <= clocks[two][0] for one, two in pairwise(order))
     return order if known else []
 

@@ -42,10 +42,10 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
-        indices = [place for place, other in enumerate(self.names) if other == name]
-        healthy = [place for place in indices if self.headers[place].problem is None]
+        indices = [index for index, other in enumerate(self.names) if other == name]
+        healthy = [index for index in indices if self.headers[index].problem is None]
         if len(healthy) > 1:
-            texts = " and ".join(f"'{self.headers[place].text}'" for place in healthy)
+            texts = " and ".join(f"'{self.headers[index].text}'" for index in healthy)
             raise InputError(
                 f"{self.path}: columns {texts} both hold {name}; keep one",
                 code="column-twice",
@@ -102,7 +102,7 @@ class DataTable:
 
     def hint(self, name: str) -> str:
         """Advise how to map a column to a quantity that none holds."""
-        texts = [place for place, column in enumerate(self.columns) if isinstance(column, Texts)]
+        texts = [index for index, column in enumerate(self.columns) if isinstance(column, Texts)]
         return mapping(self.headers, [name], skip=texts, least=0) if name in QUANTITIES else ""
 
     def where(self, row: int) -> str:

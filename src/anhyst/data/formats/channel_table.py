@@ -98,10 +98,10 @@ class ChannelTable:
         """Return the place of a row."""
         return f"{self.place}: sample {row + 1}"
 
-    def channel(self, place: int) -> Channel:
+    def channel(self, index: int) -> Channel:
         """Return the channel of a column; the time is the first clock."""
         shift = len(self._time[:1])
-        return self.clocks[0] if place < shift else self.file.channels[place - shift]
+        return self.clocks[0] if index < shift else self.file.channels[index - shift]
 
     def seconds(self, clock: Channel) -> FloatArray:
         """Return the times of a clock in s."""

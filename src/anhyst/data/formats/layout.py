@@ -122,14 +122,14 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
     )
 
 
-def _is_header(lines: list[tuple[str, int]], place: int, least: int) -> bool:
+def _is_header(lines: list[tuple[str, int]], index: int, least: int) -> bool:
     """Whether a line names what is measured, so that nothing need be looked for below it."""
-    text = lines[place][0]
+    text = lines[index][0]
     delimiter = _delimiter(text)
     fields = _drop_empty_tail(_fields(text, delimiter))
     if len(fields) < least or any(is_number(field) for field in fields):
         return False
-    _, below = _skip_comments(lines, place + 1)
+    _, below = _skip_comments(lines, index + 1)
     units = _unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
     headers = map(parse_header, fields, units or [None] * len(fields))
     return any(header.is_known and header.problem is None for header in headers)
@@ -156,7 +156,7 @@ def _skip_preamble(
             if names is not None and len(names) == len(header):
                 above = higher
         return above, sign
-    run, _ = max(signed, key=lambda one: one[0].width)
+    run, _ = max(signed, key=lambda run: run[0].width)
     above = _text_above(lines, first, run.start)
     raise InputError(
         f"{path}: line {above + 1}: '{_short(lines[above][0].strip())}' stands where the header of "

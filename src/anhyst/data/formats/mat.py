@@ -72,11 +72,13 @@ def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
 def _node(value: Any) -> Any:
     """Turn what SciPy made of a variable into trees, texts and arrays."""
     if isinstance(value, Mapping):
-        return {str(name): _node(one) for name, one in value.items()}
+        return {str(name): _node(node) for name, node in value.items()}
     if isinstance(value, str):
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-        members = [_node(one) for one in (value if isinstance(value, list) else value.ravel())]
+        members = [
+            _node(member) for member in (value if isinstance(value, list) else value.ravel())
+        ]
         # An empty text is an empty array.
         if any(isinstance(member, str) for member in members):
             members = ["" if _is_empty(member) else member for member in members]

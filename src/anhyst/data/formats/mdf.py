@@ -87,15 +87,15 @@ def _gives_text(conversion: Any) -> bool:
 
 
 def _reader(path: Path) -> Any:
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
         from asammdf import MDF
 
         values = []
         with MDF(path) as file:
-            for one in wanted:
-                group, index = one.key
+            for channel in channels:
+                group, index = channel.key
                 signal = file.get(group=group, index=index, record_offset=0, record_count=count)
-                values.append(_values(signal, one))
+                values.append(_values(signal, channel))
         return values
 
     return read
@@ -130,7 +130,7 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 count = len(part[0].values)
                 if times is None:
                     notes.append(
-                        f"{', '.join(one.name for one in part)}: without times, which MDF needs: "
+                        f"{', '.join(signal.name for signal in part)}: without times, which MDF needs: "
                         "the number of the sample stands for them"
                     )
                 stamps = np.arange(float(count)) if times is None else times.values

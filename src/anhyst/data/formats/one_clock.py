@@ -32,7 +32,7 @@ def shared_clock(
     """Find the clock that channels are read on: the finest, as far as all of them reach."""
     clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
     free = [channel for channel in channels if channel.clock is None and channel.length != 1]
-    by_length = {one.length: one for one in (*free, *clocks[:1])}
+    by_length = {channel.length: channel for channel in (*free, *clocks[:1])}
     if len(by_length) > 1 or (free and len(clocks) > 1):
         one, other = list(by_length.values())[:2] if len(by_length) > 1 else (free[0], clocks[1])
         raise InputError(
