@@ -46,9 +46,7 @@ class OutputDeviation:
 def run_twin(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents."""
     current = twin_of(block, io).run(path.demand, path.gap)
-    return PathRun(
-        path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool)
-    )
+    return PathRun(path, current, exact_output(model, current, path), np.ones(current.size, bool))
 
 
 def run_with_losses(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
@@ -202,9 +200,7 @@ def interpolation(
         x = (1.0 - alpha) * reached.field + alpha * reached.flux_density / MU_0
         current = over(arms.bias) + over(arms.flux_arm) * flux + over(arms.field_arm) * x
         current = np.clip(current, *limits.current)
-        run = PathRun(
-            path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool)
-        )
+        run = PathRun(path, current, exact_output(model, current, path), np.ones(x.size, bool))
         return off_demand(run, limits, 1e-9 * scales.current)
 
     return deviation((path.name, error(path)) for path in paths)

@@ -181,7 +181,7 @@ def _solid(block: RealBlock, write: Literal) -> Iterator[str]:
     yield "static const anhyst_solid_f32 solid = {"
     fields = [("stand", f"anhyst_{block.kind}_stand_f32", "")]
     yield from _fields(
-        fields + [(name, _number(block, name, write), doc) for name, doc in SOLID.items()]
+        fields + [(key, _number(block, key, write), doc) for key, doc in SOLID.items()]
     )
     yield "};"
 

@@ -112,9 +112,7 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
 
 def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Leave out what no format of measurements holds."""
-    left = [
-        signal.name for part in parts for signal in part.series if signal.values.dtype.kind == "c"
-    ]
+    left = [trace.name for part in parts for trace in part.series if trace.values.dtype.kind == "c"]
     kept = [
         replace(
             part, series=tuple(signal for signal in part.series if signal.values.dtype.kind != "c")

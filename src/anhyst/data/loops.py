@@ -295,9 +295,7 @@ class Loops(Result):
 
     def to_columns(self) -> dict[str, Column]:
         """All loops one below the other, as columns of SI values by header."""
-        codes = np.concatenate(
-            [np.full(loop.n, index, np.int32) for index, loop in enumerate(self.loops)]
-        )
+        codes = np.concatenate([np.full(loop.n, n, np.int32) for n, loop in enumerate(self.loops)])
         columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):

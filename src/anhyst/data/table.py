@@ -53,10 +53,8 @@ class DataTable:
             )
         if not indices:
             return None
-        header, column = (
-            self.headers[(healthy or indices)[0]],
-            self.columns[(healthy or indices)[0]],
-        )
+        at = (healthy or indices)[0]
+        header, column = self.headers[at], self.columns[at]
         if header.problem:
             raise InputError(
                 f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",

@@ -217,9 +217,7 @@ def fit_any(
         maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     if records.gaps < 2:
         maps = ("none",)
-    ends = [
-        _descend(_Problem(LAWS[law], gap_map, loopset, records, offsets), seed) for gap_map in maps
-    ]
+    ends = [_descend(_Problem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
     best = min(ends, key=lambda end: end.cost)
     return replace(best, evaluations=sum(end.evaluations for end in ends))
 
@@ -275,9 +273,7 @@ def _assess(
     covariance = variance * memory(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
     spread = np.sqrt(np.diag(covariance))
     keys: Mapping[str, tuple[str, str]] = problem.model(entries, theta).keys
-    names = [
-        keys[entry.name][1] + ("" if entry.node is None else f"[{entry.node}]") for entry in entries
-    ]
+    names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
     values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
     stds = [
         float(std * entry.slope(part))

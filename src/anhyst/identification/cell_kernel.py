@@ -125,9 +125,7 @@ def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
 
 
 def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
-    return [
-        Population(*(iron[f"{name}_{index}"] for name in "Maks")) for index in range(1, count + 1)
-    ]
+    return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in range(1, count + 1)]
 
 
 @dataclass(frozen=True)

@@ -353,9 +353,7 @@ def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray
     suggestions = []
     objective = Objective(levels.coarse, levels.tie)
     for one in dict.fromkeys(before):  # ends may have joined
-        tried = [
-            _weighed(objective, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
-        ]
+        tried = [_weighed(objective, one, (width, pin)) for width in _WIDTHS for pin in _PINNED]
         tried.sort(key=lambda start: -start[0])
         suggestions += [theta for _, theta in tried[:_SUGGESTED]]
     return suggestions

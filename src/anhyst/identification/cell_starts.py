@@ -100,10 +100,7 @@ def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
 
 def possible(sets: Sequence[Local]) -> bool:
     """Whether the scales of a start are those of a drive and an output."""
-    return all(
-        local.scale > 0.0 and local.gain > 0.0 and local.h * local.omega < FLATTEST
-        for local in sets
-    )
+    return all(own.scale > 0.0 and own.gain > 0.0 and own.h * own.omega < FLATTEST for own in sets)
 
 
 def _largest(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:

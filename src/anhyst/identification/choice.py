@@ -229,9 +229,7 @@ def _compare_cells(
     else:
         run.total -= 2
     every = new if run.only_cells else [*contest.entrants, *new]
-    usable = [
-        candidate for candidate in every if _is_usable(contest.fits[candidate].found, loopset)
-    ]
+    usable = [entrant for entrant in every if _is_usable(contest.fits[entrant].found, loopset)]
     contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
 
@@ -319,9 +317,7 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
 
 def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
     name = best.title(run.form.law)
-    errors = {
-        entrant: contest.finite_error(entrant) for entrant in contest.entrants if entrant != best
-    }
+    errors = {model: contest.finite_error(model) for model in contest.entrants if model != best}
     own = contest.finite_error(best)
     if own is None:
         return f"law {name}: none has an answer to all that was left out, so the simplest"

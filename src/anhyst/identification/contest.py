@@ -69,9 +69,7 @@ class Contest:
         squares = {entrant: mean_square_of(self.misses(entrant)) for entrant in self.entrants}
         most = _NEAR * min(squares.values())
         return [
-            entrant
-            for entrant in self.entrants
-            if squares[entrant] <= most or entrant == self.winner()
+            model for model in self.entrants if squares[model] <= most or model == self.winner()
         ]
 
     def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
@@ -83,9 +81,7 @@ class Contest:
         best = None
         for rank in sorted({entrant.rank for entrant in tried}):
             alike = [entrant for entrant in tried if entrant.rank == rank]
-            means = {
-                entrant: mean_square_of(_compared(missed[entrant], alike)) for entrant in alike
-            }
+            means = {model: mean_square_of(_compared(missed[model], alike)) for model in alike}
             enough = AS_GOOD * min(means.values())
             first = next(entrant for entrant, mean in means.items() if mean <= enough)
             pair = [best, first] if best else []

@@ -133,10 +133,8 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
         space, kept = replace(whole, records=records), np.arange(whole.size)
     else:
         groups = [[loop] for group in groups for loop in group]
-        space, kept = (
-            replace(whole, records=whole.records.without_loops(fold)),
-            np.arange(whole.size),
-        )
+        space = replace(whole, records=whole.records.without_loops(fold))
+        kept = np.arange(whole.size)
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
         followed = follow(space, wide.theta[kept], tolerance, most, wide.tie)
@@ -148,9 +146,7 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             every = [loop for group in groups for loop in group]
             return Refit(followed.cost, _missed_blocks(model, span, every, fold, blocks))
         seen = fold | {0, len(groups) - 1} if by == "gap" else fold
-        off = {
-            index: [deviation / span for deviation in _off(model, groups[index])] for index in seen
-        }
+        off = {index: [miss / span for miss in _off(model, groups[index])] for index in seen}
         squares = {index: _squares(some, clocks[index]) for index, some in off.items()}
         outer = (*squares[0], *squares[len(groups) - 1]) if by == "gap" else ()
         missed = {

@@ -124,9 +124,7 @@ def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:
     h = float(np.mean([local.h for local in sets]))
     unscaled = float(np.mean([local.scale * (1.0 - h * local.omega) for local in sets]))
     gain = float(np.mean([local.gain for local in sets]))
-    sets = [
-        replace(local, h=h, gain=gain, scale=unscaled / (1.0 - h * local.omega)) for local in sets
-    ]
+    sets = [replace(own, h=h, gain=gain, scale=unscaled / (1.0 - h * own.omega)) for own in sets]
     space = CoordinateSpace(
         "reluctance", bench.run.records, replace(bench.run.form, h=h), bench.run.held
     )

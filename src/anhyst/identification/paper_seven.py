@@ -88,8 +88,7 @@ class Variables:
     def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
         """Give the parameters at coordinates of shape (..., n): one array of shape (...) each."""
         return {
-            name: _outward(name, theta[..., index], self.spans)
-            for index, name in enumerate(self.names)
+            name: _outward(name, theta[..., n], self.spans) for n, name in enumerate(self.names)
         }
 
 

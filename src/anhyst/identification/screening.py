@@ -120,9 +120,7 @@ def follow_sets(
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
     driven = np.ascontiguousarray(record.input[kept])
     # Up to the first sample in small steps: the linear step is not exact over long ones.
-    rise = np.concatenate(
-        [np.linspace(0.0, end, 16)[1:] for end in (*record.lead.drive, driven[0])]
-    )
+    rise = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.lead.drive, driven[0])])
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
     for _ in range(_WARM_UP if record.settled else 0):

@@ -172,9 +172,7 @@ class CoordinateSpace:
         """Lower and upper bounds of the coordinates."""
         numbers = [self.numbers[name] for name, _ in self.entries]
         low = [self.inward(number.name, number.low * self.unit(number.name)) for number in numbers]
-        high = [
-            self.inward(number.name, number.high * self.unit(number.name)) for number in numbers
-        ]
+        high = [self.inward(spec.name, spec.high * self.unit(spec.name)) for spec in numbers]
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[Local]) -> FloatArray:

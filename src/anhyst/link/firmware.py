@@ -210,8 +210,6 @@ def read_sizes(program: PathLike) -> FirmwareSizes:
     from elftools.elf.elffile import ELFFile
 
     with Path(program).open("rb") as stream:
-        size = {
-            section.name: int(section["sh_size"]) for section in ELFFile(stream).iter_sections()
-        }
+        size = {entry.name: int(entry["sh_size"]) for entry in ELFFile(stream).iter_sections()}
     data = size.get(".data", 0)
     return FirmwareSizes(size[".text"] + data, size[".bss"] + data, size[".stack"])

@@ -150,9 +150,7 @@ class Verification(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest cost of a tick on each target that counts it."""
-        costs = [
-            (result, cost) for result in self.results if (cost := result.cost("tick")) is not None
-        ]
+        costs = [(run, cost) for run in self.results if (cost := run.cost("tick")) is not None]
         places = range(len(costs))
         ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
         ax.barh(places, [cost.mean for _, cost in costs], height=0.5, label="mean")

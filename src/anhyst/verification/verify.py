@@ -187,8 +187,7 @@ class _Job:
             self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
         with ThreadPoolExecutor(cores()) as pool:
-            waiting = [pool.submit(partial(self._one, *order)) for order in orders]
-            for future in waiting:
+            for future in [pool.submit(partial(self._one, *order)) for order in orders]:
                 results.append(future.result())
                 counted.one_more()
         return results

@@ -197,8 +197,7 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:
         texts = [
-            value.decode("utf-8", "replace") if isinstance(value, bytes) else value
-            for value in values
+            text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in values
         ]
         return np.array(texts, dtype=str)
     return np.asarray(values)

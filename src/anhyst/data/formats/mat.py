@@ -76,9 +76,7 @@ def _node(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-        members = [
-            _node(member) for member in (value if isinstance(value, list) else value.ravel())
-        ]
+        members = [_node(item) for item in (value if isinstance(value, list) else value.ravel())]
         # An empty text is an empty array.
         if any(isinstance(member, str) for member in members):
             members = ["" if _is_empty(member) else member for member in members]
@@ -108,9 +106,7 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             {"Name": signal.name, "Unit": signal.unit, "Data": _row(signal.values)} | about
             for signal in section.series
         ]
-    times = [
-        {"Name": clock.name, "Unit": clock.unit, "Data": _row(clock.values)} for clock in clocks
-    ]
+    times = [{"Name": time.name, "Unit": time.unit, "Data": _row(time.values)} for time in clocks]
     recording = {
         "X": _structs(times, ("Name", "Unit", "Data")),
         "Y": _structs(channels, ("Name", "Path", "Unit", "Data", "XIndex")),

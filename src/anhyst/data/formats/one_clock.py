@@ -50,10 +50,7 @@ def shared_clock(
     finest = int(np.argmin(steps))
     begin, end = max(ticks[0] for ticks in times), min(ticks[-1] for ticks in times)
     start, stop = np.searchsorted(times[finest], [begin, np.nextafter(end, np.inf)])
-    first = [
-        next(channel.full_name for channel in channels if channel.clock is clock)
-        for clock in clocks
-    ]
+    first = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
     if stop - start < 2:
         late = first[[ticks[0] for ticks in times].index(begin)]
         early = first[[ticks[-1] for ticks in times].index(end)]
@@ -64,9 +61,7 @@ def shared_clock(
             key=late,
         )
     clock = Clock(clocks[finest], int(stop - start), times[finest][start:stop], int(start), False)
-    names = ", ".join(
-        channel.full_name for channel in channels if channel.clock not in {None, clock.channel}
-    )
+    names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
     note = f"{names}: interpolated linearly onto the times of {first[finest]}"
     dropped = times[finest].size - clock.length
     outside = f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"

@@ -177,9 +177,7 @@ class _Reader:
         if fields is None:
             return None
         data, starts, stops = fields
-        labels: list[Labels] = [
-            _cut(data, starts[:, index], stops[:, index]) for index in self.texts
-        ]
+        labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
         order = sorted(self.numbers)
         if sign == b"," and len(order) == layout.width:
             text = chunk.replace(b"\n", b",")

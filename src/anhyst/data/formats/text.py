@@ -57,7 +57,7 @@ class TextTable:
             lines = [
                 line for line in itertools.islice(split_lines(file, layout), count) if line.strip()
             ]
-        rows = [layout.split(line) for line in lines]
+        rows = [layout.split(row) for row in lines]
         return [row[: layout.width] + [""] * (layout.width - len(row)) for row in rows]
 
     def read(

@@ -380,9 +380,7 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
     ):
         part = deviation / abs(value) if value and "offset" not in name else None
-        meaning = next(
-            (meaning for start, meaning in GLOSSARY.items() if name.startswith(start)), ""
-        )
+        meaning = next((text for start, text in GLOSSARY.items() if name.startswith(start)), "")
         rows.append(
             [
                 Cell(str(index)),

@@ -418,14 +418,8 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
 
 def _sensor(ends: tuple[float, float], step: float, noise: float) -> dict[str, float]:
     """Sensor without an error of gain or zero."""
-    return {
-        "low": ends[0],
-        "high": ends[1],
-        "step": step,
-        "noise": noise,
-        "gain": 1.0,
-        "offset": 0.0,
-    }
+    low, high = ends
+    return {"low": low, "high": high, "step": step, "noise": noise, "gain": 1.0, "offset": 0.0}
 
 
 def _converted(ends: tuple[float, float], bits: int, noise: float) -> dict[str, float]:
