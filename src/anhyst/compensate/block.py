@@ -105,9 +105,9 @@ class Block:
         return self.words[first : first + entries]
 
 
-def as_word(value: float, one: float, name: str) -> int:
+def as_word(value: float, unit: float, name: str) -> int:
     """Round a number to a word in which `one` counts as 1.0."""
-    word = round(value * one)
+    word = round(value * unit)
     word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
     if not -32767 <= word <= 32767:
         raise InputError(

@@ -61,9 +61,9 @@ class CurrentMap:
         return low, high
 
 
-def table_words(values: FloatArray, one: float, name: str) -> NDArray[np.int16]:
+def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]:
     """Return the entries of a table in which `one` counts as 1.0 as 16-bit words."""
-    words = [[as_word(value / one, 2.0**15, name) for value in row] for row in values.tolist()]
+    words = [[as_word(value / unit, 2.0**15, name) for value in row] for row in values.tolist()]
     return np.array(words, dtype=np.int16)
 
 

@@ -148,16 +148,16 @@ def _full(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes)
 
 def _cells(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     arms = arms_of(model, at)
-    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
+    rows = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
     numbers = {
         "air": arms.air,
-        "reach": found.reach,
-        "inner": found.grid.inner * found.reach,
-        "cells": found.thresholds.size,
-        "narrow": found.grid.narrow,
-        "wide": found.grid.wide,
+        "reach": rows.reach,
+        "inner": rows.grid.inner * rows.reach,
+        "cells": rows.thresholds.size,
+        "narrow": rows.grid.narrow,
+        "wide": rows.grid.wide,
     }
-    tables = {"thresholds": found.thresholds, "rows": found.rows.ravel()}
+    tables = {"thresholds": rows.thresholds, "rows": rows.rows.ravel()}
     return numbers, (arms.bias, arms.flux_arm, arms.field_arm), tables
 
 

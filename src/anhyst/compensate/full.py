@@ -77,7 +77,7 @@ def normal(model: Model, at: FloatArray) -> Normal:
 def largest_field(law: Normal, current: tuple[float, float]) -> float:
     """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
     drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
-    arm, field_arm = (np.tile(one, len(current)) for one in (law.flux_arm, law.field_arm))
+    arm, field_arm = (np.tile(arms, len(current)) for arms in (law.flux_arm, law.field_arm))
     against = arm < 0.0
     with_air, counted = ((drive[rows], arm[rows], field_arm[rows]) for rows in (~against, against))
     return max(law.kappa, _rising_field(law, *with_air), _free_field(law, *counted))

@@ -73,10 +73,10 @@ def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
     demands = twin.demand_codes(path.demand).tolist()
     gaps = twin.gap_codes(path.gap, loss.size).tolist()
     codes = []
-    for place, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
+    for index, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
         code = solve(demand, gap)
-        if place % LOSS_EVERY == LOSS_EVERY - 1:
-            code = min(max(code + losses[place], low), high)
+        if index % LOSS_EVERY == LOSS_EVERY - 1:
+            code = min(max(code + losses[index], low), high)
         commit(code, gap)
         codes.append(code)
     return np.array(codes, dtype=np.float64)
@@ -88,10 +88,10 @@ def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
     losses = ((high - low) * loss).tolist()
     gaps = [None] * loss.size if path.gap is None else path.gap.tolist()
     currents = []
-    for place, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
+    for index, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
         current = twin.solve(demand, gap)
-        if place % LOSS_EVERY == LOSS_EVERY - 1:
-            current = min(max(current + losses[place], low), high)
+        if index % LOSS_EVERY == LOSS_EVERY - 1:
+            current = min(max(current + losses[index], low), high)
         twin.commit(current, gap)
         currents.append(current)
     return np.array(currents)

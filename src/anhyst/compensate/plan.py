@@ -48,12 +48,12 @@ class StartUp:
 
 
 def plan_start(
-    model: Model, scales: Scales, limits: DemandLimits, rate: float, wanted: float
+    model: Model, scales: Scales, limits: DemandLimits, rate: float, accuracy: float
 ) -> StartUp:
     """Choose the sequence."""
     ticks = int(np.clip(round(rate * RAMP_SECONDS), 2, 32767))
     cycles, remaining = 1, left_after(model, scales, limits, 1)
-    while remaining > SHARE * wanted and cycles < MOST_CYCLES:
+    while remaining > SHARE * accuracy and cycles < MOST_CYCLES:
         better = left_after(model, scales, limits, cycles + 1)
         if better > GAINED * remaining:
             break
@@ -225,8 +225,8 @@ def make_plan(
         start = plan_start(model, scales, limits, request.rate, allowance)
     except InputError as error:
         raise not_computed(error) from error
-    given = model, request.kind, request.io, scales, limits
-    builder = Builder(*given, start.conditioning, model_hash, late)
+    settings = model, request.kind, request.io, scales, limits
+    builder = Builder(*settings, start.conditioning, model_hash, late)
     found = BlockSearch(builder, share * allowance).run()
     block = builder.whole(found.sizes)
     return Plan(request, builder, found.sizes, block, start, found, allowance)

@@ -114,14 +114,14 @@ class Builder:
         if self.io == "f32":
             return self._real(sizes, still=still)
         model = self.late or self.model
-        given = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
+        parts = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         match self.block_kind:
             case "full":
-                return build_full(*given)
+                return build_full(*parts)
             case "cells":
-                return build_cells(*given, still=still)
+                return build_cells(*parts, still=still)
             case kind:
-                return build_simplified(*given, self.law, kind)
+                return build_simplified(*parts, self.law, kind)
 
     def exact(self, sizes: TableSizes) -> RealBlock:
         """Return the same tables for double precision, with as many iterations as can matter.
@@ -138,8 +138,8 @@ class Builder:
         kind: RealKind = full_kind(self.model) if self.kind == "full" else "simplified"
         law = None if self.kind == "full" else self.law
         model = self.late or self.model
-        given = model, kind, self.scales, self.limits, sizes, self.conditioning
-        return build_real(*given, law, still=still)
+        parts = model, kind, self.scales, self.limits, sizes, self.conditioning
+        return build_real(*parts, law, still=still)
 
 
 @dataclass(frozen=True)
@@ -239,8 +239,8 @@ class BlockSearch:
         if b.kind == "full":
             lifted = paths(b.model, b.scales, b.limits, lifted=True)
             sizes = [replace(FINE, gap_segments=n) for n in GAP_RANGE]
-            given = b.model, b.scales, b.limits
-            return [(s.gap_segments, interpolation(*given, s, lifted).worst) for s in sizes]
+            parts = b.model, b.scales, b.limits
+            return [(s.gap_segments, interpolation(*parts, s, lifted).worst) for s in sizes]
         free = LAW_SHARE * max(self._law)
 
         def cost(sizes: TableSizes) -> float:

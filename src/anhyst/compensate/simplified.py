@@ -255,11 +255,11 @@ def _solved(design: FloatArray, target: FloatArray) -> FloatArray:
             columns[j] -= upper[:, i, j, None] * unit
         right[:, i] = np.einsum("gn,gn->g", unit, rest)
         rest -= right[:, i, None] * unit
-    found = np.zeros_like(right)
+    current = np.zeros_like(right)
     for i in reversed(range(count)):
-        known = np.einsum("gj,gj->g", upper[:, i, i + 1 :], found[:, i + 1 :])
-        found[:, i] = (right[:, i] - known) / upper[:, i, i]
-    return found
+        known = np.einsum("gj,gj->g", upper[:, i, i + 1 :], current[:, i + 1 :])
+        current[:, i] = (right[:, i] - known) / upper[:, i, i]
+    return current
 
 
 def _straighten(
@@ -278,10 +278,10 @@ def _straighten(
         error = _arms([tried], _lags(*law, [task.flux for task in tried], sizes))[1]
         return float(np.mean(error**4) ** 0.25 * (1.0 + THRIFT * lower / room))
 
-    found = minimize_scalar(
+    end = minimize_scalar(
         cost, bounds=(0.0, room), method="bounded", options={"xatol": 0.03 * room, "maxiter": 12}
     )
-    lower = float(found.x) if found.fun < cost(0.0) else 0.0
+    lower = float(end.x) if end.fun < cost(0.0) else 0.0
     return own - lower, _with_offset(model, at, tasks, own - lower)
 
 
@@ -296,7 +296,7 @@ def fit_closed_form(
     refuse_uncompilable(model)
     sizes = sizes or TableSizes()
     places = np.unique(at)
-    groups = [_tasks(model, float(place), limits) for place in places]
+    groups = [_tasks(model, float(gap), limits) for gap in places]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
         raise InputError(
             "[valid]: demands within these limits do not move the flux, so there is nothing a "
@@ -308,8 +308,8 @@ def fit_closed_form(
     offset: FloatArray | None = None
     if room > 0.0 and model.power == 2:
         straight = [
-            _straighten(model, float(place), tasks, (rate, nu), room, sizes)
-            for place, tasks in zip(places, groups, strict=True)
+            _straighten(model, float(gap), tasks, (rate, nu), room, sizes)
+            for gap, tasks in zip(places, groups, strict=True)
         ]
         offset = np.array([one for one, _ in straight])
         groups = [tasks for _, tasks in straight]
@@ -345,10 +345,10 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
 
     starts = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
     start = min(starts, key=lambda point: cost(np.array(point)))
-    found = minimize(
+    end = minimize(
         cost, start, method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80}
     )
-    return float(np.exp(found.x[0])), float(1.0 / (1.0 + np.exp(-found.x[1])))
+    return float(np.exp(end.x[0])), float(1.0 / (1.0 + np.exp(-end.x[1])))
 
 
 def build_simplified(

@@ -164,10 +164,10 @@ class RealTwin(Twin):
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Solve and commit sample by sample, in C."""
-        wanted = np.array(demand, dtype=np.float64, ndmin=1)
+        demands = np.array(demand, dtype=np.float64, ndmin=1)
         given = self.block.scales.gap_low if gap is None else gap
-        at = np.broadcast_to(np.asarray(given, dtype=np.float64), wanted.shape).copy()
-        return self._core.run(wanted, at)
+        at = np.broadcast_to(np.asarray(given, dtype=np.float64), demands.shape).copy()
+        return self._core.run(demands, at)
 
     def _start_up(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())

@@ -48,17 +48,17 @@ _THIN = 64
 def batch_level() -> str:
     """Level of the batch: the processor's best unless the environment names one."""
     levels = batch_levels()
-    count = os.environ.get(VARIABLE)
-    if count is None:
+    level = os.environ.get(VARIABLE)
+    if level is None:
         return levels[-1]
-    if count not in levels:
+    if level not in levels:
         raise InputError(
-            f"{VARIABLE}: there is no level {count!r} on this processor; set one of "
+            f"{VARIABLE}: there is no level {level!r} on this processor; set one of "
             f"{', '.join(levels)}, or unset it for the best",
             code="unknown-level",
             key=VARIABLE,
         )
-    return count
+    return level
 
 
 def evenly(dimensions: int, count: int, seed: int) -> FloatArray:

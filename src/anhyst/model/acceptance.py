@@ -207,13 +207,13 @@ def check_over_gap(
     troubles: list[tuple[float, str]] = []
     for index, gap in enumerate(gaps.tolist()):
         try:
-            one, schedule = (model, gap) if at is None else (at(gap), None)
-            offset[index] = one.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
+            fixed, schedule = (model, gap) if at is None else (at(gap), None)
+            offset[index] = fixed.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
             largest = _largest_drive(model)
             shares = np.atleast_1d(model.parameters["in_0"]) / largest
-            share = one.over_schedule("in_0", gap)[0] / largest
+            share = fixed.over_schedule("in_0", gap)[0] / largest
             seen = drive - largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
-            output[index] = predict(one, seen, schedule, _slow(drive.size), "settled").output
+            output[index] = predict(fixed, seen, schedule, _slow(drive.size), "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:

@@ -126,7 +126,7 @@ def diff(first: Model, second: Model) -> ModelDiff:
                 code="quantities-differ",
             )
     settings = tuple(
-        Change(name, one, other) for name, one, other in _settings(first, second) if one != other
+        Change(name, old, other) for name, old, other in _settings(first, second) if old != other
     )
     parameters = tuple(
         Change(name, first.parameters.get(name), second.parameters.get(name))

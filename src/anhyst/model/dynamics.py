@@ -102,7 +102,7 @@ class Dynamics:
             return self.follow(end.last, end.slow, step)
 
         rest = around(np.zeros(len(self.times)))
-        linear = np.stack([around(one) - rest for one in np.eye(len(self.times))], axis=1)
+        linear = np.stack([around(unit) - rest for unit in np.eye(len(self.times))], axis=1)
         return np.asarray(np.linalg.solve(np.eye(len(self.times)) - linear, rest))
 
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:

@@ -124,7 +124,7 @@ def _by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray) -> Floa
     output = np.concatenate([record.measured + record.off for record in records])
     gain = output / max(float(np.abs(output).max()), 1e-300)
     shared = np.column_stack([legvander(x, _LEVEL), gain])
-    return np.hstack([(gap == one)[:, None] * shared for one in np.unique(gap)])
+    return np.hstack([(gap == node)[:, None] * shared for node in np.unique(gap)])
 
 
 def _by_reach(reach: FloatArray, along: FloatArray, rising: FloatArray) -> FloatArray:
@@ -191,7 +191,7 @@ def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Colou
     power = max(float(left @ left), 1e-300)
     seen = float(left @ _neighbours(left, lengths)) / power
     remainder = _Remainder(shapes, lengths)
-    expected = [remainder.at(one) for one in _GRID]
+    expected = [remainder.at(at) for at in _GRID]
     ratio = np.maximum.accumulate([together / whole for whole, together in expected])
     with_last = float(np.interp(seen, ratio, _GRID))
     free = max(off.size - shapes.shape[1], 2)
