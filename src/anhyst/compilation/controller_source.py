@@ -63,8 +63,8 @@ def _settings(plan: ControllerPlan, name: str) -> Rows:
 
 def _gains(plan: ControllerPlan) -> Rows:
     pidd2, words = plan.control.pidd2, plan.gains.tolist()
-    for place, (name, doc) in enumerate(_GAINS):
-        mantissa, shift = words[2 * place : 2 * place + 2]
+    for index, (name, doc) in enumerate(_GAINS):
+        mantissa, shift = words[2 * index : 2 * index + 2]
         yield f"  .{name} = {{{mantissa}, {shift}}},", doc
     unweighted, low, high = words[2 * len(_GAINS) :]
     yield f"  .unweighted = {unweighted},", f"-(1 - b)*32768, b = {pidd2.weight:.6g}"
@@ -100,9 +100,9 @@ def _current(plan: ControllerPlan, name: str) -> float:
 
 def _lined_up(rows: Rows) -> list[str]:
     """Put the comments into one column."""
-    found = [(f"    {line}", doc) for line, doc in rows]
-    end = max(len(line) for line, doc in found if doc)
-    return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in found]
+    lines = [(f"    {line}", doc) for line, doc in rows]
+    end = max(len(line) for line, doc in lines if doc)
+    return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in lines]
 
 
 def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:

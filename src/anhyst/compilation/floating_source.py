@@ -154,8 +154,8 @@ def _gaps(
     rows = [f"    {{{listed(row, write)}}}," for row in block.gaps.tolist()]
     end = max(len(row) for row in rows)
     at = np.linspace(block.scales.gap_low, block.scales.gap_high, len(rows)).tolist()
-    for row, place in zip(rows, at, strict=True):
-        yield row if schedule is None else f"{row:<{end}} /* {_place(place, schedule)} */"
+    for row, node in zip(rows, at, strict=True):
+        yield row if schedule is None else f"{row:<{end}} /* {_place(node, schedule)} */"
     yield "};"
 
 

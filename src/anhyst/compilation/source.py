@@ -85,16 +85,16 @@ def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
 def _calls(name: str, real: bool) -> dict[str, object]:
     """Return what the example calls, and what it keeps."""
     suffix = "_f32" if real else ""
-    given = f"&compensator, &{name}_parameters"
+    arguments = f"&compensator, &{name}_parameters"
     if not real:
-        given = (
+        arguments = (
             f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
             f"                                 {name.upper()}_PARAMETERS_WORDS"
         )
     return {
         "state": f"anhyst_compensator{suffix}",
         "calls": "anhyst_compensator",
-        "init": f"anhyst_compensator_init{suffix}({given})",
+        "init": f"anhyst_compensator_init{suffix}({arguments})",
         "play": False,
     }
 

@@ -89,11 +89,11 @@ class StageController:
     @property
     def distinct(self) -> list[ForceController]:
         """Those of the magnets that differ."""
-        found: list[ForceController] = []
+        magnets: list[ForceController] = []
         for magnet in self.magnets:
-            if not any(magnet.parameters is other.parameters for other in found):
-                found.append(magnet)
-        return found
+            if not any(magnet.parameters is other.parameters for other in magnets):
+                magnets.append(magnet)
+        return magnets
 
     def called(self, magnet: ForceController) -> str:
         """Return what the parameters of a magnet are called."""
@@ -123,21 +123,21 @@ class StageController:
     @property
     def parameters_bytes(self) -> int:
         """Size of all parameters of magnets where a pointer has 32 bits."""
-        return sum(_bytes(one) for one in self.distinct)
+        return sum(_bytes(magnet) for magnet in self.distinct)
 
 
 def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, str]:
     """Return the C files and what helps to build them; the golden vectors have so many rows."""
     name = stage.name
     values = _values(stage, version) | {"rows": rows}
-    blocks = [one.parameters for one in stage.distinct]
+    blocks = [magnet.parameters for magnet in stage.distinct]
     layers = [memories(block.block) for block in blocks if isinstance(block, HysteresisInverse)]
     files = single_precision(core_files(stage.core, max([1, *layers])))
-    for one in stage.distinct:
-        called = stage.called(one)
+    for magnet in stage.distinct:
+        called = stage.called(magnet)
         files[f"{called}_parameters.c"] = (
             f'/* SPDX-License-Identifier: Apache-2.0 */\n#include "{name}_controller.h"\n\n'
-            f"/* clang-format off */\n{_parameters(called, one)}\n"
+            f"/* clang-format off */\n{_parameters(called, magnet)}\n"
         )
     if stage.fixed:
         files[PORT] = read_core(PORT)
@@ -189,7 +189,7 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "corrected": []
         if stage.correction is None
         else [_row(r) for r in stage.correction.tolist()],
-        "core": sorted(f"{SRC}/{one}" for one in stage.core),
+        "core": sorted(f"{SRC}/{file}" for file in stage.core),
         "real": True,
         "port": stage.fixed,
         "parameters_bytes": stage.parameters_bytes,
@@ -204,7 +204,7 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     low, high = ("", "") if table is None else map(literal, table.limits)
     if table is not None and stage.fixed:
         low, high = map(str, table.codes())
-    parts = [(stage.called(one), _words(one)) for one in stage.distinct]
+    parts = [(stage.called(magnet), _words(magnet)) for magnet in stage.distinct]
     own = [(stage.called(magnet), _words(magnet)) for magnet in stage.magnets]
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
     play = isinstance(stage.magnets[0].parameters, PlayMap)

@@ -78,7 +78,7 @@ class Build:
         """Return macros and folders of headers as the compiler is told."""
         return [
             *(f"-D{name}={value}" for name, value in self.defines.items()),
-            *(f"-I{place}" for place in self.include),
+            *(f"-I{folder}" for folder in self.include),
         ]
 
 

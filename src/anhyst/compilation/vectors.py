@@ -27,11 +27,11 @@ def golden_vectors(plan: Plan, rows: int = ROWS) -> list[Row]:
     lost = np.random.default_rng(SEED + 1).random(rows)
     solve, commit = _steps(plan)
     table = []
-    for place, (demand, gap) in enumerate(inputs.tolist()):
+    for index, (demand, gap) in enumerate(inputs.tolist()):
         current = solve(demand, gap)
         applied = current
-        if place % 8 == 7:  # the amplifier gives less than was wanted
-            applied = type(current)(current * lost[place])
+        if index % 8 == 7:  # the amplifier gives less than was wanted
+            applied = type(current)(current * lost[index])
             applied = float(np.float32(applied)) if isinstance(applied, float) else applied
         commit(applied, gap)
         table.append((demand, gap, applied, current))

@@ -85,7 +85,7 @@ class Drafted:
             "out": str(self.out),
             "files": list(self.files),
             "found": list(self.found),
-            "guesses": {name: dict(one) for name, one in self.guesses.items()},
+            "guesses": {name: dict(guess) for name, guess in self.guesses.items()},
             "run": list(self.run),
         }
 
@@ -267,7 +267,7 @@ def _put(
 
 
 def _commands(run: Sequence[str], out: PathLike) -> tuple[str, ...]:
-    return tuple(one.format(out=Path(out)) for one in run)
+    return tuple(command.format(out=Path(out)) for command in run)
 
 
 def _found(reach: MeasuredMagnet, machine: Machine, numbers: Numbers) -> tuple[str, ...]:

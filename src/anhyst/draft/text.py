@@ -82,13 +82,15 @@ def written(value: object) -> str:
     """
     match value:
         case float() if 0.0 < abs(value) < SMALL:
-            exponent = next((one for one in (-3, -6, -9) if abs(value) >= 10.0 ** (one - 1)), -12)
+            exponent = next(
+                (power for power in (-3, -6, -9) if abs(value) >= 10.0 ** (power - 1)), -12
+            )
             text = f"{value * 10.0**-exponent:.12g}e{exponent}"
             return text if float(text) == value else toml_value(value)
         case list():
             return f"[{', '.join(map(written, value))}]"
         case Mapping():
-            inside = ", ".join(f"{toml_key(key)} = {written(one)}" for key, one in value.items())
+            inside = ", ".join(f"{toml_key(key)} = {written(item)}" for key, item in value.items())
             return f"{{ {inside} }}"
     return toml_value(value)
 
@@ -174,8 +176,8 @@ def range_entries(unit: str, high: float, room: float) -> list[Entry]:
     ]
 
 
-def noise_entry(key: str, found: float, usual: float) -> Entry:
+def noise_entry(key: str, noise: float, usual: float) -> Entry:
     """Return the noise of a sensor: what the loops show, or what is usual."""
-    if found > 0.0:
-        return Entry(key, nearest(found), "rms, as in the loops")
+    if noise > 0.0:
+        return Entry(key, nearest(noise), "rms, as in the loops")
     return Entry(key, nearest(usual), "rms", "the loops show none")

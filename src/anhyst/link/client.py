@@ -236,10 +236,10 @@ class ControllerLink:
                 )
             time.sleep(_POLL)
             if time.monotonic() > end:
-                wanted = " or ".join(state.name.lower() for state in states)
+                names = " or ".join(state.name.lower() for state in states)
                 raise InputError(
                     f"{self.url}: the controller is in {status.state.name.lower()}, "
-                    f"not in {wanted}, after {timeout:g} s",
+                    f"not in {names}, after {timeout:g} s",
                     code="wrong-state",
                 )
 

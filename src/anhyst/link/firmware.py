@@ -138,7 +138,7 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
-    search = [f"-I{place}" for place in include]
+    search = [f"-I{folder}" for folder in include]
     search += [f"-D{macro}={value}" for macro, value in defines.items()]
     options = ["-std=c99", *_WARNINGS, *board.options]
     if board.cpu:

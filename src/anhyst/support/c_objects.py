@@ -45,10 +45,10 @@ def compile_and_link(
     own = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*own, *search], "\0".join([identity, *own])
     with (
-        tempfile.TemporaryDirectory(prefix="anhyst-") as place,
+        tempfile.TemporaryDirectory(prefix="anhyst-") as scratch,
         ThreadPoolExecutor(cores()) as pool,
     ):
-        objects = [Path(place, f"{number}.o") for number in range(len(sources))]
+        objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
         messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *ending])]
 
@@ -88,6 +88,6 @@ def _keep(kept: Path, content: bytes, messages: str) -> None:
             Path(draft, place.name).replace(place)
     # Looking through all of them takes longer than most compilations.
     if kept.name.startswith("00"):
-        for old in sorted(kept.parent.glob("*.o"), key=lambda one: one.stat().st_mtime)[:-MOST]:
+        for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST]:
             old.unlink(missing_ok=True)
             old.with_suffix(".txt").unlink(missing_ok=True)

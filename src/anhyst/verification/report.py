@@ -51,12 +51,12 @@ def tables(verification: Verification) -> list[Rows]:
 def _missing(verification: Verification) -> Rows:
     cells = tuple(
         (
-            one.target,
-            one.tool,
-            one.install,
-            "did not run" if one.target in verification.not_run else "ran without it",
+            lack.target,
+            lack.tool,
+            lack.install,
+            "did not run" if lack.target in verification.not_run else "ran without it",
         )
-        for one in verification.missing
+        for lack in verification.missing
     )
     return Rows("missing tools", ("target", "tool", "comes with", "outcome"), cells)
 

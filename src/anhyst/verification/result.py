@@ -154,5 +154,5 @@ class Verification(Result):
         places = range(len(costs))
         ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
         ax.barh(places, [cost.mean for _, cost in costs], height=0.5, label="mean")
-        ax.set_yticks(places, [f"{one.label}, {one.unit}" for one, _ in costs])
+        ax.set_yticks(places, [f"{run.label}, {run.unit}" for run, _ in costs])
         ax.set_xlabel("cost of a tick")

@@ -317,13 +317,13 @@ FLOATING = ("host", *CORTEX)
 
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
     """Read a list such as ``host,cortex-m4``."""
-    wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
+    targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, FIRMWARE)
-    if not wanted:
+    if not targets:
         raise InputError(
             f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
         )
-    for name in wanted:
+    for name in targets:
         if name not in known:
             raise InputError(
                 f"--on: unknown target {name}; known are {', '.join(known)}",
@@ -342,4 +342,4 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
                 code="target-not-for-this",
                 key="--on",
             )
-    return wanted
+    return targets

@@ -111,7 +111,8 @@ def verify(
             jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(
             progress,
-            sum(len(one.orders) for _, some in jobs for one in some.values()) + (FIRMWARE in works),
+            sum(len(offer.orders) for _, some in jobs for offer in some.values())
+            + (FIRMWARE in works),
         )
         results: list[TargetResult] = []
         for job, some in jobs:
@@ -138,7 +139,7 @@ def _offers(
 ) -> tuple[dict[str, Offer], tuple[Missing, ...]]:
     """Return what can be built for each target, and all tools that are missing."""
     offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
-    missing = [one for offer in offers.values() for one in offer.missing]
+    missing = [lack for offer in offers.values() for lack in offer.missing]
     return offers, (*missing, *(missing_tools() if FIRMWARE in names else ()))
 
 
@@ -234,11 +235,11 @@ class _Job:
 
     def _costs(self, outcome: Answers) -> tuple[Cost, ...]:
         """Return what the random steps took; of a stage also what its flight did."""
-        found = costs(outcome.random, self.vectors.form)
+        counted = costs(outcome.random, self.vectors.form)
         if self.workshop.form is not None:
             flown = costs(outcome.played, self.vectors.form)[-1]
-            found = (*found, replace(flown, part="tick, in flight"))
-        return found
+            counted = (*counted, replace(flown, part="tick, in flight"))
+        return counted
 
     def _sizes(self, image: Image, target: str) -> ProgramSizes:
         bundle = self.workshop.bundle

@@ -70,15 +70,15 @@ class Workshop:
     @classmethod
     def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:
         """Copy the C of the bundle and the harness into a scratch folder."""
-        place = folder / "c"
-        place.mkdir(parents=True)
-        bundle.copy_sources(place)
+        sources = folder / "c"
+        sources.mkdir(parents=True)
+        bundle.copy_sources(sources)
         for source in HARNESS.iterdir():
-            folder_of = place / FREE_OF_LIBRARIES if source.name == "math.h" else place
+            folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
         for name, text in core_files(PIDD2).items():
-            path = place / name
+            path = sources / name
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(text, encoding="utf-8", newline="\n")

@@ -65,7 +65,7 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
     if linear:
         ax.plot([], [], color=INK, lw=0.7, ls=":", label="linearised loop")
     ax.set_ylim(_FLOOR, top)
-    ends = [end for one in measured.values() for end in one.frequency[[0, -1]]]
+    ends = [end for curve in measured.values() for end in curve.frequency[[0, -1]]]
     ax.set_xlim(min(ends), max(ends))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("sensitivity (dB)")
