@@ -20,7 +20,7 @@ from anhyst.link.frames import (
     Setting,
 )
 from anhyst.link.process import Running, run_host
-from anhyst.link.status import Status
+from anhyst.link.streaming import Status
 from tests.refusals import refused
 
 from .conftest import RATE

@@ -105,9 +105,9 @@ class Block:
         return self.words[first : first + entries]
 
 
-def as_word(value: float, one: float, name: str) -> int:
+def as_word(value: float, unit: float, name: str) -> int:
     """Round a number to a word in which `one` counts as 1.0."""
-    word = round(value * one)
+    word = round(value * unit)
     word = 32767 if word == 32768 else word  # 1.0 is the largest number of its format
     if not -32767 <= word <= 32767:
         raise InputError(
@@ -210,8 +210,7 @@ class Packer:
             )
         self._head[PLACES["LENGTH"]] = end
         self._head[PLACES["GENERATION"]] = generation
-        words = np.concatenate(parts)
-        unsigned = (words & 0xFFFF).astype("<u2")
+        unsigned = (np.concatenate(parts) & 0xFFFF).astype("<u2")
         at = PLACES["CRC"]
         kept = np.concatenate([unsigned[:at], unsigned[at + 2 :]])
         crc = zlib.crc32(kept.tobytes())

@@ -100,8 +100,8 @@ def measure_budget(plan: Plan) -> Budget:
         float(np.sqrt(sum((part.rms or 0.0) ** 2 for part in added))),
         "compiled, sample rate and model fit: worst ones added up, rms as a root of squares",
     )
-    asked = plan.request.accuracy
-    wanted = None if asked is None else asked / 100.0 * plan.largest
+    accuracy = plan.request.accuracy
+    wanted = None if accuracy is None else accuracy / 100.0 * plan.largest
     held = tuple(hold(plan))
     return Budget(
         largest=plan.largest,
@@ -124,7 +124,7 @@ def _part(
 
 
 def _drift(held: Sequence[Held], model: Model) -> BudgetPart:
-    off = np.array([one.drift for one in held])
+    off = np.array([case.drift for case in held])
     worst = held[int(np.argmax(off))]
     return BudgetPart(
         "drift",
@@ -199,13 +199,13 @@ def _gap(plan: Plan, ways: list[Path]) -> list[BudgetPart]:
 def _sampling(plan: Plan) -> BudgetPart:
     """Let every current act two ticks after its demand: one of delay, and the end of its hold."""
     model, scales, limits = plan.model, plan.block.scales, plan.block.limits
-    asked = plan.request.rate * CROSSING
-    ticks = int(np.clip(asked, 8, MOST_TICKS))
-    place = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
-    gap = scales.gap_low + (scales.gap_high - scales.gap_low) * place
+    crossing = plan.request.rate * CROSSING
+    ticks = int(np.clip(crossing, 8, MOST_TICKS))
+    wave = 1.0 - np.abs((np.arange(4 * ticks) / ticks) % 2.0 - 1.0)  # 0..1, twice to and fro
+    gap = scales.gap_low + (scales.gap_high - scales.gap_low) * wave
     reach = find_reach(model, scales, limits)
-    demand = reach.demand(0.05 + 0.9 * np.roll(place, ticks // 2), gap, lifted=True)
-    error = ticks / asked * _late(model, demand, gap)[2 * ticks :]
+    demand = reach.demand(0.05 + 0.9 * np.roll(wave, ticks // 2), gap, lifted=True)
+    error = ticks / crossing * _late(model, demand, gap)[2 * ticks :]
     note = (
         f"a current of {plan.request.rate:g} Hz at the end of its hold, one tick of delay before "
         f"it, while demand and gap cross their ranges in {CROSSING:g} s; half as fast, half as much"
@@ -395,13 +395,13 @@ def as_dict(budget: Budget) -> dict[str, Any]:
         "drift": row(budget.drift),
         "held": [
             {
-                "title": one.title,
-                "demand": one.demand,
-                "seconds": one.seconds,
-                "drift": one.drift,
-                "drift_percent": percent(budget, one.drift),
+                "title": case.title,
+                "demand": case.demand,
+                "seconds": case.seconds,
+                "drift": case.drift,
+                "drift_percent": percent(budget, case.drift),
             }
-            for one in budget.held
+            for case in budget.held
         ],
         "paths": by_path,
     }

@@ -99,8 +99,7 @@ def curves(weights: CellWeights, plays: FloatArray) -> FloatArray:
 
 def risen(weights: CellWeights, field: float) -> float:
     """Return the magnetisation at the largest field there ever was, A/m: no history matters there."""
-    plays = np.maximum(field - weights.thresholds, 0.0)
-    return float(curves(weights, plays[:, None]).sum())
+    return float(curves(weights, np.maximum(field - weights.thresholds, 0.0)[:, None]).sum())
 
 
 def largest_field(weights: CellWeights, arms: Arms, current: tuple[float, float]) -> float:
@@ -141,8 +140,8 @@ def fewer(weights: CellWeights, cells: int, reach: float) -> CellWeights:
         cost = share[1:] * share[:-1] / (share[1:] + share[:-1]) * np.diff(places) ** 2
         at = int(np.argmin(cost))
         both = slice(at, at + 2)
-        place = float(np.average(places[both], weights=share[both]))
-        kept[both] = [(place, kept[at][1] + kept[at + 1][1])]
+        threshold = float(np.average(places[both], weights=share[both]))
+        kept[both] = [(threshold, kept[at][1] + kept[at + 1][1])]
     return CellWeights(
         np.array([0.0, *(place for place, _ in kept)]),
         weights.widths,
@@ -210,19 +209,18 @@ def build_cells(
     sizes, conditioning = sizes or TableSizes(), conditioning or Conditioning()
     at = nodes(model, scales, sizes)
     arms = arms_of(model, at)
-    solid = model.layers is not None
-    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=solid)
-    reach = found.reach
+    rows = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
+    reach = rows.reach
     pack = Packer("cells", model_hash)
     pack_common(pack, model, scales, limits, sizes, conditioning)
     pack_arms(pack, scales, arms.bias, arms.flux_arm, arms.field_arm * reach)
     pack.set_single("UNIT_FIELD", reach)
-    pack.table("CELLS_THRESHOLDS", found.thresholds / reach, 32768.0, least=1)
-    pack.table("CELLS_ROWS", found.rows, 32767.0)
+    pack.table("CELLS_THRESHOLDS", rows.thresholds / reach, 32768.0, least=1)
+    pack.table("CELLS_ROWS", rows.rows, 32767.0)
     pack.set("CELLS_AIR", max(as_word(arms.air * reach / 4.0, WEIGHT, "h"), 1))
-    pack.set("CELLS_COUNT", found.thresholds.size)
-    pack.set("CELLS_SEGMENTS", found.grid.segments)
-    pack.set("CELLS_ZONE", found.grid.zone)
+    pack.set("CELLS_COUNT", rows.thresholds.size)
+    pack.set("CELLS_SEGMENTS", rows.grid.segments)
+    pack.set("CELLS_ZONE", rows.grid.zone)
     if model.layers is not None and not still:
         numbers = solid_numbers(model, model.layers, conditioning.rate)
         _pack_solid(pack, model.layers, numbers["hold"] / reach, numbers["own"] / reach)

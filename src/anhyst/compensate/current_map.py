@@ -14,8 +14,11 @@ from anhyst.compensate.force_controller import REAL, Native
 from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compensate.surface import Surface, Tangent, fit_line, fit_plane
+from anhyst.compensate.surface import Surface, Tangent, fit_line, fit_plane, fit_surface
+from anhyst.data import Loop, Loops
+from anhyst.model.actuator import Model
 from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import q31
 
 
@@ -58,16 +61,15 @@ class CurrentMap:
         return low, high
 
 
-def table_words(values: FloatArray, one: float, name: str) -> NDArray[np.int16]:
+def table_words(values: FloatArray, unit: float, name: str) -> NDArray[np.int16]:
     """Return the entries of a table in which `one` counts as 1.0 as 16-bit words."""
-    words = [[as_word(value / one, 2.0**15, name) for value in row] for row in values.tolist()]
+    words = [[as_word(value / unit, 2.0**15, name) for value in row] for row in values.tolist()]
     return np.array(words, dtype=np.int16)
 
 
 def single_valued_map(sources: Sources, _: NumberFormat) -> CurrentMap:
     """Take the best current without memory as it is."""
-    surface = sources.surface()
-    return current_map(surface.current, sources.operating, {})
+    return current_map(sources.surface().current, sources.operating, {})
 
 
 def current_map(
@@ -120,3 +122,51 @@ def _plane(
         numbers[stiffness] = tangent.k_s
     numbers["current_A"] = tangent.current
     return current_map(entries, operating, numbers)
+
+
+_COLUMNS = 9
+"""Of the table: straight, but for where the current would be beyond its full scale."""
+
+_SAMPLES = 200
+"""Of a ramp of the current, up or down."""
+
+_SLOW_S = 1e9
+"""From one sample to the next: no eddy current counts."""
+
+_LARGEST = 1.0 - 2.0**-15
+"""Of the full scale: the largest entry in 16 bits."""
+
+
+def plain_map(model: Model, scales: Scales) -> CurrentMap:
+    """Return a constant force-current ratio, fitted to the settled loops of a model.
+
+    The method ``ratio`` around half of the largest force at the middle gap, with loops of the model
+    in place of measured ones.
+    """
+    if model.valid is None:
+        raise InputError(
+            "model: does not say where it holds; identify it from loops",
+            code="no-valid-range",
+            key="valid",
+        )
+    high, force_max = model.valid.input[1], model.valid.output[1]
+    ends = scales.gap_low, scales.gap_high
+    middle = 0.5 * (ends[0] + ends[1])
+    loops = [_loop(model, high, gap) for gap in (ends[0], middle, ends[1])]
+    known = Loops(tuple(loops), model.input, model.output, model.schedule)
+    surface = fit_surface(known, (0.0, scales.demand), ends)
+    line = fit_line(surface, 0.5 * force_max, middle, force_max)
+    force = np.linspace(0.0, scales.demand, _COLUMNS)
+    row = line.current + line.per_force * (force - 0.5 * force_max)
+    most = _LARGEST * scales.current
+    entries = np.clip(np.tile(row, (2, 1)), -most, most)
+    return CurrentMap(entries, scales, (0.0, high), {"k_i_N_per_A": line.k_i})
+
+
+def _loop(model: Model, high: float, gap: float) -> Loop:
+    """Return the settled loop up to a current and back at a gap."""
+    ramp = np.linspace(0.0, high, _SAMPLES)
+    drive = np.concatenate((ramp, ramp[-2::-1]))
+    time = _SLOW_S * np.arange(drive.size)
+    force = model.predict(drive, gap, time, "settled").output
+    return Loop(f"{gap:g}", drive, force, np.full(drive.size, gap))

@@ -85,7 +85,9 @@ def build_real(
     offset = None
     if kind in FULL:
         numbers, arms, tables = FULL[kind](model, limits, at, sizes)
-        numbers["flux_limit"] = _largest_flux(model, limits, at)
+        circuit = model.circuit(at, np.zeros(at.size))
+        needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
+        numbers["flux_limit"] = max(1.0, float(np.abs(needed).max()) / flux_unit(model))
     else:
         law = law or fit_closed_form(model, limits, at, sizes)
         numbers, arms, tables = _simplified(law, at, sizes)
@@ -123,13 +125,6 @@ def _common(
     }
 
 
-def _largest_flux(model: Model, limits: DemandLimits, at: FloatArray) -> float:
-    """Return the flux that the demands need at most, or that of saturated iron."""
-    circuit = model.circuit(at, np.zeros(at.size))
-    needed = [circuit.flux_density(np.full(at.size, end))[0] for end in limits.demand]
-    return max(1.0, float(np.abs(needed).max()) / flux_unit(model))
-
-
 Arms = tuple[FloatArray, FloatArray, FloatArray]
 Law = tuple[dict[str, float], Arms, dict[str, FloatArray]]
 
@@ -153,17 +148,16 @@ def _full(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes)
 
 def _cells(model: Model, limits: DemandLimits, at: FloatArray, sizes: TableSizes) -> Law:
     arms = arms_of(model, at)
-    solid = model.layers is not None
-    found = cell_rows(cell_weights(model), arms, limits, sizes, solid=solid)
+    rows = cell_rows(cell_weights(model), arms, limits, sizes, solid=model.layers is not None)
     numbers = {
         "air": arms.air,
-        "reach": found.reach,
-        "inner": found.grid.inner * found.reach,
-        "cells": found.thresholds.size,
-        "narrow": found.grid.narrow,
-        "wide": found.grid.wide,
+        "reach": rows.reach,
+        "inner": rows.grid.inner * rows.reach,
+        "cells": rows.thresholds.size,
+        "narrow": rows.grid.narrow,
+        "wide": rows.grid.wide,
     }
-    tables = {"thresholds": found.thresholds, "rows": found.rows.ravel()}
+    tables = {"thresholds": rows.thresholds, "rows": rows.rows.ravel()}
     return numbers, (arms.bias, arms.flux_arm, arms.field_arm), tables
 
 

@@ -77,7 +77,7 @@ def normal(model: Model, at: FloatArray) -> Normal:
 def largest_field(law: Normal, current: tuple[float, float]) -> float:
     """Largest ``|x|`` to which currents within their limits drive the iron, at any gap."""
     drive = np.abs(np.asarray(current)[:, None] - law.bias).ravel()
-    arm, field_arm = (np.tile(one, len(current)) for one in (law.flux_arm, law.field_arm))
+    arm, field_arm = (np.tile(arms, len(current)) for arms in (law.flux_arm, law.field_arm))
     against = arm < 0.0
     with_air, counted = ((drive[rows], arm[rows], field_arm[rows]) for rows in (~against, against))
     return max(law.kappa, _rising_field(law, *with_air), _free_field(law, *counted))
@@ -93,8 +93,7 @@ def _rising_field(law: Normal, drive: FloatArray, arm: FloatArray, own: FloatArr
 
     def missing(x: float) -> float:
         pinned = float(ascending_branch(law.kappa, np.array([x]))[0])
-        free = float(langevin(np.array([x]))[0][0])
-        m = (1.0 - law.c) * pinned + law.c * free
+        m = (1.0 - law.c) * pinned + law.c * float(langevin(np.array([x]))[0][0])
         return float(np.min(arm * (m + law.air * x) + own * x - drive))
 
     return float(brentq(missing, -1.0 - law.kappa, float(np.max(drive / own)) + law.kappa + 1.0))

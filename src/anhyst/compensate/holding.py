@@ -165,9 +165,8 @@ class _Pair:
         at = gap if self.model.needs_schedule else None
         current = self.twin.run(demand, at)
         circuit = self.model.circuit(at, np.zeros(demand.size))
-        drive = circuit.magnetomotive(current)
         reached, _, self.state, status, _ = self.iron.forward(
-            drive, circuit.rho, np.zeros(demand.size), self.state
+            circuit.magnetomotive(current), circuit.rho, np.zeros(demand.size), self.state
         )
         assert status == 0
         return circuit.output(reached)

@@ -43,10 +43,10 @@ class HysteresisInverse:
         block = self.block
         if isinstance(block, Block):
             return _core.FixedForceController.compensator(block.kind, block.words)
-        given = block.kind, block.numbers, block.gaps, block.tables
+        parts = block.kind, block.numbers, block.gaps, block.tables
         if number_format == "f32":
-            return _core.ForceControllerF32.compensator(_core.ParametersF32(*given))
-        return _core.ForceController.compensator(_core.Parameters(*given))
+            return _core.ForceControllerF32.compensator(_core.ParametersF32(*parts))
+        return _core.ForceController.compensator(_core.Parameters(*parts))
 
 
 def full_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
@@ -83,6 +83,6 @@ def _compile(
     if number_format != "fixed" and not own:
         law = plan.builder.law if kind == "simplified" else None
         made = full_kind(plan.model) if kind == "full" else kind
-        given = plan.model, made, block.scales, block.limits, plan.sizes
-        block = build_real(*given, plan.start.conditioning, law)
+        parts = plan.model, made, block.scales, block.limits, plan.sizes
+        block = build_real(*parts, plan.start.conditioning, law)
     return HysteresisInverse(block, plan.sizes.iterations)

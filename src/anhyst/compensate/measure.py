@@ -46,9 +46,7 @@ class OutputDeviation:
 def run_twin(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
     """Run a compensator along a path, and the exact model with its currents."""
     current = twin_of(block, io).run(path.demand, path.gap)
-    return PathRun(
-        path, current, exact_output(model, current, path), np.ones(current.size, dtype=bool)
-    )
+    return PathRun(path, current, exact_output(model, current, path), np.ones(current.size, bool))
 
 
 def run_with_losses(model: Model, block: AnyBlock, io: Io, path: Path) -> PathRun:
@@ -75,10 +73,10 @@ def _lossy_codes(twin: FixedTwin, path: Path, loss: FloatArray) -> FloatArray:
     demands = twin.demand_codes(path.demand).tolist()
     gaps = twin.gap_codes(path.gap, loss.size).tolist()
     codes = []
-    for place, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
+    for index, (demand, gap) in enumerate(zip(demands, gaps, strict=True)):
         code = solve(demand, gap)
-        if place % LOSS_EVERY == LOSS_EVERY - 1:
-            code = min(max(code + losses[place], low), high)
+        if index % LOSS_EVERY == LOSS_EVERY - 1:
+            code = min(max(code + losses[index], low), high)
         commit(code, gap)
         codes.append(code)
     return np.array(codes, dtype=np.float64)
@@ -90,10 +88,10 @@ def _lossy_numbers(twin: RealTwin, path: Path, loss: FloatArray) -> FloatArray:
     losses = ((high - low) * loss).tolist()
     gaps = [None] * loss.size if path.gap is None else path.gap.tolist()
     currents = []
-    for place, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
+    for index, (demand, gap) in enumerate(zip(path.demand.tolist(), gaps, strict=True)):
         current = twin.solve(demand, gap)
-        if place % LOSS_EVERY == LOSS_EVERY - 1:
-            current = min(max(current + losses[place], low), high)
+        if index % LOSS_EVERY == LOSS_EVERY - 1:
+            current = min(max(current + losses[index], low), high)
         twin.commit(current, gap)
         currents.append(current)
     return np.array(currents)
@@ -141,10 +139,7 @@ def against_demand(
 
 
 def between(
-    model: Model,
-    one: tuple[AnyBlock, Io],
-    other: tuple[AnyBlock, Io],
-    paths: Sequence[Path],
+    model: Model, one: tuple[AnyBlock, Io], other: tuple[AnyBlock, Io], paths: Sequence[Path]
 ) -> OutputDeviation:
     """Compare two compensators: what the exact model makes of their currents."""
     first, second = (outputs(model, *each, paths) for each in (one, other))
@@ -179,11 +174,7 @@ def snapped(paths: Sequence[Path], model: Model, scales: Scales, sizes: TableSiz
 
 
 def interpolation(
-    model: Model,
-    scales: Scales,
-    limits: DemandLimits,
-    sizes: TableSizes,
-    paths: Sequence[Path],
+    model: Model, scales: Scales, limits: DemandLimits, sizes: TableSizes, paths: Sequence[Path]
 ) -> OutputDeviation:
     """Return what straight lines between the entries over the gap cost, everything else exact."""
     if not model.needs_schedule:
@@ -209,9 +200,7 @@ def interpolation(
         x = (1.0 - alpha) * reached.field + alpha * reached.flux_density / MU_0
         current = over(arms.bias) + over(arms.flux_arm) * flux + over(arms.field_arm) * x
         current = np.clip(current, *limits.current)
-        run = PathRun(
-            path, current, exact_output(model, current, path), np.ones(x.size, dtype=bool)
-        )
+        run = PathRun(path, current, exact_output(model, current, path), np.ones(x.size, bool))
         return off_demand(run, limits, 1e-9 * scales.current)
 
     return deviation((path.name, error(path)) for path in paths)

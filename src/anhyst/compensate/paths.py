@@ -99,11 +99,11 @@ def fast_paths(model: Model, scales: Scales, limits: DemandLimits, rate: float) 
     found = []
     for speed in (fastest, 0.1 * fastest):
         ticks = min(round(CYCLES * rate / speed), MOST_TICKS)
-        place = np.arange(ticks) * speed / rate
-        part = 1.0 - np.abs(2.0 * (place % 1.0) - 1.0)
-        rise = np.minimum(place / 0.5, 1.0)  # from rest
+        phase = np.arange(ticks) * speed / rate
+        part = 1.0 - np.abs(2.0 * (phase % 1.0) - 1.0)
+        rise = np.minimum(phase / 0.5, 1.0)  # from rest
         gap = scales.gap_low + (scales.gap_high - scales.gap_low) * 0.5 * (
-            1.0 - np.cos(2.0 * np.pi * place / CYCLES)
+            1.0 - np.cos(2.0 * np.pi * phase / CYCLES)
         )
         low, high = (BAND[0] * rise, BAND[0] + (BAND[1] - BAND[0]) * rise)
         demand = reach.demand(low + (high - low) * part, gap)
@@ -157,8 +157,7 @@ def _nested() -> FloatArray:
     """Triangles inside each other, from zero to the largest and around three middles; 0..1."""
     corners = [0.0]
     for middle in (0.5, 0.2, 0.8):
-        widest = min(middle, 1.0 - middle)
-        for half in widest * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
+        for half in min(middle, 1.0 - middle) * np.array([1.0, 0.75, 0.5, 0.3, 0.15, 0.05]):
             corners += [middle + half, middle - half]
     corners.append(0.0)
     at = np.linspace(0.0, len(corners) - 1.0, 1500)

@@ -48,12 +48,12 @@ class StartUp:
 
 
 def plan_start(
-    model: Model, scales: Scales, limits: DemandLimits, rate: float, wanted: float
+    model: Model, scales: Scales, limits: DemandLimits, rate: float, accuracy: float
 ) -> StartUp:
     """Choose the sequence."""
     ticks = int(np.clip(round(rate * RAMP_SECONDS), 2, 32767))
     cycles, remaining = 1, left_after(model, scales, limits, 1)
-    while remaining > SHARE * wanted and cycles < MOST_CYCLES:
+    while remaining > SHARE * accuracy and cycles < MOST_CYCLES:
         better = left_after(model, scales, limits, cycles + 1)
         if better > GAINED * remaining:
             break
@@ -65,8 +65,7 @@ def left_after(model: Model, scales: Scales, limits: DemandLimits, cycles: int) 
     """Return how far outputs of different starts are apart after so many cycles, at any gap."""
     low, high = limits.current
     corners = [low, high] * cycles + [low]
-    probe = [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]
-    corners += [low + part * (high - low) for part in probe]
+    corners += [low + part * (high - low) for part in [0.6, 0.3, 0.8, 0.1, 0.4, 0.0]]
     drive = np.concatenate([[low], *(_ramp(*ends) for ends in pairwise(corners))])
     after = 1 + 2 * RAMP * cycles
     gaps = (scales.gap_low, scales.gap_high) if model.needs_schedule else (scales.gap_low,)
@@ -226,8 +225,8 @@ def make_plan(
         start = plan_start(model, scales, limits, request.rate, allowance)
     except InputError as error:
         raise not_computed(error) from error
-    given = model, request.kind, request.io, scales, limits
-    builder = Builder(*given, start.conditioning, model_hash, late)
+    settings = model, request.kind, request.io, scales, limits
+    builder = Builder(*settings, start.conditioning, model_hash, late)
     found = BlockSearch(builder, share * allowance).run()
     block = builder.whole(found.sizes)
     return Plan(request, builder, found.sizes, block, start, found, allowance)
@@ -277,7 +276,7 @@ def _largest_word(model: Model, limits: DemandLimits) -> float:
         return largest
     offsets = np.atleast_1d(model.parameters["out_0"])
     return max(
-        largest, *(abs(float(one) - end) for one in offsets for end in (0.0, *limits.demand))
+        largest, *(abs(float(offset) - end) for offset in offsets for end in (0.0, *limits.demand))
     )
 
 

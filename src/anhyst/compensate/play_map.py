@@ -64,8 +64,8 @@ class PlayMap:
         """Return the core's own."""
         table = self.map
         if number_format == "fixed":
-            given = table.words(), self.half_words(), *self.radius_words()
-            return _core.FixedForceController.play(*given, *table.codes())
+            words = table.words(), self.half_words(), *self.radius_words()
+            return _core.FixedForceController.play(*words, *table.codes())
         return REAL[number_format].play(table.entries, self.half, self.radius, *table.real())
 
     def widened(self, part: float) -> PlayMap:
@@ -96,8 +96,7 @@ def one_play(sources: Sources, _: NumberFormat) -> PlayMap:
     assert loops is not None  # the surface is made of them
     gaps = list(loops.by_schedule())
     forces = float(surface.force[0]), float(surface.force[-1])
-    whole = fit_surface(loops, forces, (min(gaps), max(gaps)))
-    radius = best_radius(whole, loops, operating)
+    radius = best_radius(fit_surface(loops, forces, (min(gaps), max(gaps))), loops, operating)
     return _play(surface, half_widths(surface, loops), operating, radius)
 
 
@@ -157,8 +156,8 @@ def best_radius(surface: Surface, loops: Loops, operating: Operating) -> float:
     grid = np.log(np.geomspace(*RADII, TRIED) * operating.current_max)
     best = int(np.argmin([error(at) for at in grid.tolist()]))
     ends = grid[max(best - 1, 0)], grid[min(best + 1, TRIED - 1)]
-    found = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 0.01})
-    return float(np.exp(found.x))
+    end = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": 0.01})
+    return float(np.exp(end.x))
 
 
 def expected_forces(play: PlayMap, loop: Loop) -> FloatArray:

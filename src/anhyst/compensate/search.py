@@ -114,14 +114,14 @@ class Builder:
         if self.io == "f32":
             return self._real(sizes, still=still)
         model = self.late or self.model
-        given = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
+        parts = (model, self.scales, self.limits, sizes, self.conditioning, self.model_hash)
         match self.block_kind:
             case "full":
-                return build_full(*given)
+                return build_full(*parts)
             case "cells":
-                return build_cells(*given, still=still)
+                return build_cells(*parts, still=still)
             case kind:
-                return build_simplified(*given, self.law, kind)
+                return build_simplified(*parts, self.law, kind)
 
     def exact(self, sizes: TableSizes) -> RealBlock:
         """Return the same tables for double precision, with as many iterations as can matter.
@@ -138,8 +138,8 @@ class Builder:
         kind: RealKind = full_kind(self.model) if self.kind == "full" else "simplified"
         law = None if self.kind == "full" else self.law
         model = self.late or self.model
-        given = model, kind, self.scales, self.limits, sizes, self.conditioning
-        return build_real(*given, law, still=still)
+        parts = model, kind, self.scales, self.limits, sizes, self.conditioning
+        return build_real(*parts, law, still=still)
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,9 @@ class BlockSearch:
 
     def run(self) -> FoundBlock:
         """Search."""
-        axes = self._axes()
+        axes = {"gap_segments": self._over_gap()}
+        for name, values in TABLES[self.builder.block_kind].items():
+            axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
         enough = SPARE * self.wanted
         best: tuple[float, TableSizes] | None = None
         for sizes in self._candidates(axes):
@@ -230,13 +232,6 @@ class BlockSearch:
             return [0.0] * (len(self.paths) + 1)
         return worst_of(self._finest)
 
-    def _axes(self) -> dict[str, list[tuple[int, float]]]:
-        """Measure each axis alone, everything else fine."""
-        axes = {"gap_segments": self._over_gap()}
-        for name, values in TABLES[self.builder.block_kind].items():
-            axes[name] = [(value, self._alone(replace(FINE, **{name: value}))) for value in values]
-        return axes
-
     def _over_gap(self) -> list[tuple[int, float]]:
         b = self.builder
         if not b.model.needs_schedule:
@@ -244,18 +239,16 @@ class BlockSearch:
         if b.kind == "full":
             lifted = paths(b.model, b.scales, b.limits, lifted=True)
             sizes = [replace(FINE, gap_segments=n) for n in GAP_RANGE]
-            given = b.model, b.scales, b.limits
-            return [(s.gap_segments, interpolation(*given, s, lifted).worst) for s in sizes]
+            parts = b.model, b.scales, b.limits
+            return [(s.gap_segments, interpolation(*parts, s, lifted).worst) for s in sizes]
         free = LAW_SHARE * max(self._law)
 
         def cost(sizes: TableSizes) -> float:
             runs = against_demand(b.model, b.exact(sizes), "f64", self.paths)[1]
             here, finest = ([run.output for run, _ in each[:-1]] for each in (runs, self._finest))
-            moved = apart(self.paths, here, finest).worst
-            return max(self._excess(runs), moved - free, 0.0)
+            return max(self._excess(runs), apart(self.paths, here, finest).worst - free, 0.0)
 
-        values = range(LAW_SEGMENTS + 1)
-        return [(n, cost(replace(FINE, gap_segments=n))) for n in values]
+        return [(n, cost(replace(FINE, gap_segments=n))) for n in range(LAW_SEGMENTS + 1)]
 
     def _alone(self, sizes: TableSizes) -> float:
         """Return what the tables of the law cost, at gaps that stand in the tables over it."""

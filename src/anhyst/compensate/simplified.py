@@ -105,12 +105,6 @@ class _Task:
     last: slice
 
 
-def _demand(low: float, high: float) -> FloatArray:
-    """Return triangles between two levels, after a rise from zero."""
-    wave = 1.0 - np.abs(np.arange(SAMPLES) / (SAMPLES / 2) - 1.0)
-    return np.tile(low + (high - low) * wave, CYCLES)
-
-
 def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
     """Return what the full model does at one gap, one task a demand."""
     circuit = model.circuit(np.array([at]), np.zeros(1))
@@ -120,7 +114,8 @@ def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
     top = min(top, limits.demand[1])
     tasks = []
     for low, high in LOOPS:
-        demand = _demand(low * top, high * top)
+        wave = 1.0 - np.abs(np.arange(SAMPLES) / (SAMPLES / 2) - 1.0)
+        demand = np.tile(low * top + (high * top - low * top) * wave, CYCLES)
         answer = model.invert(demand, np.full(demand.size, at), history="demagnetised")
         flux = (answer.flux_density / unit).astype(np.float64)
         last = slice(flux.size - SAMPLES, None)
@@ -134,8 +129,7 @@ def _tasks(model: Model, at: float, limits: DemandLimits) -> list[_Task]:
 
 def _with_offset(model: Model, at: float, tasks: list[_Task], offset: float) -> list[_Task]:
     """Return the same demands with the flux that another offset makes of them."""
-    unit = flux_unit(model)
-    scale = float(model.over_schedule("c_out", np.array([at]))[0]) * unit**2
+    scale = float(model.over_schedule("c_out", np.array([at]))[0]) * flux_unit(model) ** 2
     changed = []
     for task in tasks:
         flux = np.sqrt(np.maximum(task.demand - offset, 0.0) / scale)
@@ -149,8 +143,7 @@ def curve(nu: float, z: FloatArray) -> FloatArray:
     """Return ``p = 1 - v`` for ``z = -ln v + nu*v - nu``, the closed form of eq. 14."""
     if nu < 1e-9:
         return -np.expm1(-z)
-    v = -lambertw(-nu * np.exp(-nu - z)).real / nu
-    return np.asarray(1.0 - np.minimum(v, 1.0))
+    return np.asarray(1.0 - np.minimum(-lambertw(-nu * np.exp(-nu - z)).real / nu, 1.0))
 
 
 def distances(sizes: TableSizes) -> FloatArray:
@@ -205,8 +198,7 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
     rest = law.memory
     whole = np.rint(np.concatenate(fluxes) * 2.0**31)
     codes = np.clip(whole, -(2**31), 2**31 - 1).astype(np.int32)
-    ends = np.cumsum([flux.size for flux in fluxes])
-    for row in np.split(codes, ends[:-1]):
+    for row in np.split(codes, np.cumsum([flux.size for flux in fluxes])[:-1]):
         law.set_memory(rest)
         lags.append(law.run(row, np.zeros_like(row), False) / 2.0**31)
     return lags
@@ -263,11 +255,11 @@ def _solved(design: FloatArray, target: FloatArray) -> FloatArray:
             columns[j] -= upper[:, i, j, None] * unit
         right[:, i] = np.einsum("gn,gn->g", unit, rest)
         rest -= right[:, i, None] * unit
-    found = np.zeros_like(right)
+    current = np.zeros_like(right)
     for i in reversed(range(count)):
-        known = np.einsum("gj,gj->g", upper[:, i, i + 1 :], found[:, i + 1 :])
-        found[:, i] = (right[:, i] - known) / upper[:, i, i]
-    return found
+        known = np.einsum("gj,gj->g", upper[:, i, i + 1 :], current[:, i + 1 :])
+        current[:, i] = (right[:, i] - known) / upper[:, i, i]
+    return current
 
 
 def _straighten(
@@ -283,14 +275,13 @@ def _straighten(
 
     def cost(lower: float) -> float:
         tried = _with_offset(model, at, tasks, own - lower)
-        lags = _lags(*law, [task.flux for task in tried], sizes)
-        error = _arms([tried], lags)[1]
+        error = _arms([tried], _lags(*law, [task.flux for task in tried], sizes))[1]
         return float(np.mean(error**4) ** 0.25 * (1.0 + THRIFT * lower / room))
 
-    found = minimize_scalar(
+    end = minimize_scalar(
         cost, bounds=(0.0, room), method="bounded", options={"xatol": 0.03 * room, "maxiter": 12}
     )
-    lower = float(found.x) if found.fun < cost(0.0) else 0.0
+    lower = float(end.x) if end.fun < cost(0.0) else 0.0
     return own - lower, _with_offset(model, at, tasks, own - lower)
 
 
@@ -305,7 +296,7 @@ def fit_closed_form(
     refuse_uncompilable(model)
     sizes = sizes or TableSizes()
     places = np.unique(at)
-    groups = [_tasks(model, float(place), limits) for place in places]
+    groups = [_tasks(model, float(gap), limits) for gap in places]
     if not all(np.all(np.isfinite(task.weight)) for tasks in groups for task in tasks):
         raise InputError(
             "[valid]: demands within these limits do not move the flux, so there is nothing a "
@@ -317,8 +308,8 @@ def fit_closed_form(
     offset: FloatArray | None = None
     if room > 0.0 and model.power == 2:
         straight = [
-            _straighten(model, float(place), tasks, (rate, nu), room, sizes)
-            for place, tasks in zip(places, groups, strict=True)
+            _straighten(model, float(gap), tasks, (rate, nu), room, sizes)
+            for gap, tasks in zip(places, groups, strict=True)
         ]
         offset = np.array([one for one, _ in straight])
         groups = [tasks for _, tasks in straight]
@@ -354,10 +345,10 @@ def _search(groups: list[list[_Task]], sizes: TableSizes) -> tuple[float, float]
 
     starts = [(np.log(rate), logit) for rate in (2.0, 8.0, 30.0) for logit in (0.0, 2.0)]
     start = min(starts, key=lambda point: cost(np.array(point)))
-    found = minimize(
+    end = minimize(
         cost, start, method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-4, "maxfev": 80}
     )
-    return float(np.exp(found.x[0])), float(1.0 / (1.0 + np.exp(-found.x[1])))
+    return float(np.exp(end.x[0])), float(1.0 / (1.0 + np.exp(-end.x[1])))
 
 
 def build_simplified(

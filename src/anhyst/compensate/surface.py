@@ -157,8 +157,8 @@ def fit_plane(surface: Surface, force: float, gap: float, force_max: float) -> T
             np.repeat(gaps - gap, forces.size) / (high - low),
         ]
     )
-    found = np.linalg.lstsq(over, current, rcond=None)[0]
-    return Tangent(float(found[0]), float(found[1]), float(found[2]) / (high - low))
+    factors = np.linalg.lstsq(over, current, rcond=None)[0]
+    return Tangent(float(factors[0]), float(factors[1]), float(factors[2]) / (high - low))
 
 
 def _reach(surface: Surface, force_max: float) -> tuple[float, float]:

@@ -75,8 +75,7 @@ class FixedTwin(Twin):
 
     def _codes(self, values: ArrayLike, low: float, scale: float) -> CodeArray:
         part = (np.atleast_1d(np.asarray(values, dtype=np.float64)) - low) / scale
-        codes = np.clip(np.rint(part * self.one), -self.one, self.one - 1.0)
-        return codes.astype(np.int32)
+        return np.clip(np.rint(part * self.one), -self.one, self.one - 1.0).astype(np.int32)
 
     def demand_codes(self, demand: ArrayLike) -> CodeArray:
         """Demand in units of the output -> what the controller is given."""
@@ -165,10 +164,10 @@ class RealTwin(Twin):
 
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Solve and commit sample by sample, in C."""
-        wanted = np.array(demand, dtype=np.float64, ndmin=1)
+        demands = np.array(demand, dtype=np.float64, ndmin=1)
         given = self.block.scales.gap_low if gap is None else gap
-        at = np.broadcast_to(np.asarray(given, dtype=np.float64), wanted.shape).copy()
-        return self._core.run(wanted, at)
+        at = np.broadcast_to(np.asarray(given, dtype=np.float64), demands.shape).copy()
+        return self._core.run(demands, at)
 
     def _start_up(self) -> FloatArray:
         ticks = range(self._core.conditioning_length())

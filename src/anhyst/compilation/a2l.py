@@ -105,7 +105,7 @@ def a2l(manifest: Mapping[str, Any]) -> str:
         {
             "name": name,
             "doc": _plain((kind.__doc__ or "").strip().partition("\n")[0]),
-            "names": [(one.value, one.name.lower()) for one in kind],
+            "names": [(member.value, member.name.lower()) for member in kind],
         }
         for name, kind in _NAMED.items()
     ]
@@ -129,8 +129,8 @@ def a2l(manifest: Mapping[str, Any]) -> str:
             "tables": tables,
             "measurements": measurements,
             "characteristics": operation + words,
-            "operation": [one["name"] for one in operation],
-            "parameters": [one["name"] for one in words],
+            "operation": [word["name"] for word in operation],
+            "parameters": [word["name"] for word in words],
         },
     )
 
@@ -164,18 +164,18 @@ def _described(
 
 def _method(value: XcpValue, manifest: Mapping[str, Any], methods: _Methods) -> _Method:
     """Return what 1 of a value is worth."""
-    one = 1.0 / _ONES[value.format]
+    step = 1.0 / _ONES[value.format]
     signals = manifest["signals"]
     if value.of == "position":
         controller = manifest["controller"]
         scale = controller["signals"]["position"]["scale"] if controller is not None else 1.0
-        return methods.of("m", scale * one)
+        return methods.of("m", scale * step)
     if value.of == "gap" and signals["gap"] is not None:
         low, high = signals["gap"]["low"], signals["gap"]["high"]
-        return methods.of(signals["gap"]["unit"], (high - low) * one, low)
+        return methods.of(signals["gap"]["unit"], (high - low) * step, low)
     if value.of in ("demand", "current"):
-        return methods.of(signals[value.of]["unit"], signals[value.of]["scale"] * one)
-    return methods.of("", one)
+        return methods.of(signals[value.of]["unit"], signals[value.of]["scale"] * step)
+    return methods.of("", step)
 
 
 def _bounded(value: XcpValue, rate: float) -> XcpValue:
@@ -220,10 +220,9 @@ def _words(manifest: Mapping[str, Any], methods: _Methods) -> Iterator[dict[str,
         }
         if word["format"] == "single":
             method = methods.of(word["unit"], 1.0)
-            limits = {"low": -_SINGLE_MOST, "high": _SINGLE_MOST}
             yield (
                 row
-                | limits
+                | {"low": -_SINGLE_MOST, "high": _SINGLE_MOST}
                 | {
                     "layout": "as_FLOAT32",
                     "entries": 1,

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block, Scales
-from anhyst.compensate.current_map import CurrentMap
-from anhyst.compensate.plain_map import plain_map
+from anhyst.compensate.current_map import CurrentMap, plain_map
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.control.controller_file import (
     ControllerFile,
@@ -77,16 +76,13 @@ class Controller:
         assert isinstance(plan.block, Block)
         with error_at_key(self.file):
             control = table.position_control(
-                plan.block.scales,
-                table.converter_of_currents(),
-                table.pair,
+                plan.block.scales, table.converter_of_currents(), table.pair
             )
             control.gains("fixed")
             settings = control.settings("fixed")
         block = plan.block.scales
         scales = Scales(block.demand, settings["current_full"], block.gap_low, block.gap_high)
-        plain = plain_map(plan.model, scales)
-        return ControllerPlan(self, control, plan.block, settings, plain)
+        return ControllerPlan(self, control, plan.block, settings, plain_map(plan.model, scales))
 
 
 @dataclass(frozen=True)

@@ -23,16 +23,6 @@ Rows = Iterator[tuple[str, str]]
 """Lines of C, each with a comment or nothing."""
 
 
-def limits_rows(plan: ControllerPlan) -> list[str]:
-    """Return the members of ``NAME_controller_limits``, lines of C."""
-    return _lined_up(_limits(plan))
-
-
-def settings_rows(plan: ControllerPlan, name: str) -> list[str]:
-    """Return the members of ``NAME_controller_settings``, lines of C."""
-    return _lined_up(_settings(plan, name))
-
-
 def _limits(plan: ControllerPlan) -> Rows:
     limits, tick = plan.control.limits, plan.control.pidd2.tick
     yield ".levitation = {", ""
@@ -73,8 +63,8 @@ def _settings(plan: ControllerPlan, name: str) -> Rows:
 
 def _gains(plan: ControllerPlan) -> Rows:
     pidd2, words = plan.control.pidd2, plan.gains.tolist()
-    for place, (name, doc) in enumerate(_GAINS):
-        mantissa, shift = words[2 * place : 2 * place + 2]
+    for index, (name, doc) in enumerate(_GAINS):
+        mantissa, shift = words[2 * index : 2 * index + 2]
         yield f"  .{name} = {{{mantissa}, {shift}}},", doc
     unweighted, low, high = words[2 * len(_GAINS) :]
     yield f"  .unweighted = {unweighted},", f"-(1 - b)*32768, b = {pidd2.weight:.6g}"
@@ -110,9 +100,9 @@ def _current(plan: ControllerPlan, name: str) -> float:
 
 def _lined_up(rows: Rows) -> list[str]:
     """Put the comments into one column."""
-    found = [(f"    {line}", doc) for line, doc in rows]
-    end = max(len(line) for line, doc in found if doc)
-    return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in found]
+    lines = [(f"    {line}", doc) for line, doc in rows]
+    end = max(len(line) for line, doc in lines if doc)
+    return [f"{line:<{end}} /* {doc} */" if doc else line for line, doc in lines]
 
 
 def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
@@ -143,8 +133,8 @@ def controller_values(plan: ControllerPlan, name: str) -> dict[str, object]:
         "first_word": round((first - converter.low) / converter.step),
         "converter_bits": converter.bits,
         "measured": control.measured,
-        "limits_rows": limits_rows(plan),
-        "settings_rows": settings_rows(plan, name),
+        "limits_rows": _lined_up(_limits(plan)),
+        "settings_rows": _lined_up(_settings(plan, name)),
         "plain_rows": table_source(plan.plain.words()),
         "plain_ratio": f"{plan.plain.numbers['k_i_N_per_A']:.6g}",
         "plain_entries": plan.plain.entries.size,

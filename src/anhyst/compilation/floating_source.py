@@ -100,11 +100,7 @@ def double(value: float) -> str:
 
 
 def c_parameters(
-    name: str,
-    block: RealBlock,
-    names: Names,
-    schedule: Quantity | None,
-    write: Literal = literal,
+    name: str, block: RealBlock, names: Names, schedule: Quantity | None, write: Literal = literal
 ) -> str:
     """Return the definitions of a compensator's parameters, single or double as it is written."""
     parts = [_table(block, table, write) for table in block.tables]
@@ -158,8 +154,8 @@ def _gaps(
     rows = [f"    {{{listed(row, write)}}}," for row in block.gaps.tolist()]
     end = max(len(row) for row in rows)
     at = np.linspace(block.scales.gap_low, block.scales.gap_high, len(rows)).tolist()
-    for row, place in zip(rows, at, strict=True):
-        yield row if schedule is None else f"{row:<{end}} /* {_place(place, schedule)} */"
+    for row, node in zip(rows, at, strict=True):
+        yield row if schedule is None else f"{row:<{end}} /* {_place(node, schedule)} */"
     yield "};"
 
 
@@ -185,7 +181,7 @@ def _solid(block: RealBlock, write: Literal) -> Iterator[str]:
     yield "static const anhyst_solid_f32 solid = {"
     fields = [("stand", f"anhyst_{block.kind}_stand_f32", "")]
     yield from _fields(
-        fields + [(name, _number(block, name, write), doc) for name, doc in SOLID.items()]
+        fields + [(key, _number(block, key, write), doc) for key, doc in SOLID.items()]
     )
     yield "};"
 

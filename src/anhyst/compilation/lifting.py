@@ -73,7 +73,9 @@ class _LevitationRun:
         speed = min(levitation.rise_speed, levitation.descend_speed)
         way = max(4.0 * levitation.detect, min(0.25 * self.span, _WAIT_S * speed))
         self.target = self.rest - way
-        self.mass = _mass(self.controller)
+        gains = self.controller.source.table.pidd2_gains()
+        damped = gains.K_p**2 / (gains.K_i * gains.K_d) if gains.K_i * gains.K_d else 3.0
+        self.mass = gains.K_d**2 / gains.K_p / damped if gains.K_d else 1.0
         self.irons = [
             self.plan.model.stepper(self._gap_of(i), "demagnetised")
             for i in range(self.controller.magnets)
@@ -159,13 +161,6 @@ class _LevitationRun:
             if not limits.gap_low < self.gap < self.rest:
                 self.gap = max(limits.gap_low, min(self.rest, self.gap))
                 self.velocity = 0.0
-
-
-def _mass(controller: ControllerPlan) -> float:
-    """Return the mass for which the design rule gives such gains, kg."""
-    gains = controller.source.table.pidd2_gains()
-    damped = gains.K_p**2 / (gains.K_i * gains.K_d) if gains.K_i * gains.K_d else 3.0
-    return gains.K_d**2 / gains.K_p / damped if gains.K_d else 1.0
 
 
 def levitation_csv(rows: list[Row]) -> str:

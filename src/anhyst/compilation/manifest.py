@@ -22,11 +22,7 @@ VERSION = 2
 
 
 def manifest(
-    plan: Plan,
-    budget: Budget,
-    sha256: str,
-    version: str,
-    controller: ControllerPlan | None = None,
+    plan: Plan, budget: Budget, sha256: str, version: str, controller: ControllerPlan | None = None
 ) -> dict[str, Any]:
     """Return the manifest without the list of files."""
     block, request = plan.block, plan.request
@@ -39,14 +35,8 @@ def manifest(
         "io": request.io,
         "rate_Hz": request.rate,
         "signals": _signals(plan),
-        "limits": {
-            "demand": list(block.limits.demand),
-            "current": list(block.limits.current),
-        },
-        "memory": {
-            "parameters_bytes": parameters_bytes(block),
-            "state_bytes": state_bytes(block),
-        },
+        "limits": {"demand": list(block.limits.demand), "current": list(block.limits.current)},
+        "memory": {"parameters_bytes": parameters_bytes(block), "state_bytes": state_bytes(block)},
         "parameters": [] if isinstance(block, RealBlock) else list(_words(plan, block)),
         "controller": None if controller is None else _controller(controller),
         "conditioning": _conditioning(plan),

@@ -76,8 +76,7 @@ def _in_q31(text: str) -> str:
 
 @cache
 def _fixed_sizes() -> dict[str, int]:
-    header = read_core("include/anhyst/compensator/compensator.h")
-    return _structures(header, CELLS=CELLS)
+    return _structures(read_core("include/anhyst/compensator/compensator.h"), CELLS=CELLS)
 
 
 def _structures(*texts: str, **numbers: int) -> dict[str, int]:

@@ -77,8 +77,8 @@ def _is_ours(folder: Path) -> bool:
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
         ours = {MANIFEST, *REPORTS, *manifest["files"]}
-        found = {path for path in folder.rglob("*") if not path.is_dir()}
-        return manifest["product"] == FORMAT and found <= {folder / name for name in ours}
+        files = {path for path in folder.rglob("*") if not path.is_dir()}
+        return manifest["product"] == FORMAT and files <= {folder / name for name in ours}
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -126,16 +126,16 @@ class Compiled(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a user should know, one sentence each; mostly nothing."""
-        found = list(self.left_out)
+        notes = list(self.left_out)
         if not keeps_allowance(self.plan, self.budget):
-            found.append(
+            notes.append(
                 f"formats and tables cost more than the {ACCURACY:g} % of the largest output that "
                 f"is usual: {REASON[culprit(self.budget).name]}; {self.out / 'budget.html'} shows "
                 "how much"
             )
         if not is_held(self.plan, self.budget):
-            found.append(why_drifting(self.plan, self.budget))
-        return tuple(found)
+            notes.append(why_drifting(self.plan, self.budget))
+        return tuple(notes)
 
     def facts(self) -> dict[str, str]:
         """Return where it is, what it is, and how accurate."""
@@ -279,14 +279,13 @@ def _planned(
         model = controller.narrowed(model)
         shares = SHARES[:1] if request.accuracy is None else SHARES
     whole = 2 * len(shares) + 1  # a plan and its budget each, and what is written
-    for place, share in enumerate(shares):
+    for index, share in enumerate(shares):
         plan = make_plan(model, request, model_hash, share)
         if progress is not None:
-            progress(2 * place + 1, whole)
+            progress(2 * index + 1, whole)
         budget = measure_budget(plan)
         if progress is not None:
-            progress(2 * place + 2, whole)
-        at_its_end = plan.found.reached > share * plan.allowance
-        if at_its_end or keeps_allowance(plan, budget):
+            progress(2 * index + 2, whole)
+        if plan.found.reached > share * plan.allowance or keeps_allowance(plan, budget):
             break
     return plan, budget

@@ -24,9 +24,13 @@ POINTS = 1200
 
 def budget_page(plan: Plan, budget: Budget, version: str) -> str:
     """Return the page of a budget."""
+    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
+    text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
+    if budget.wanted is not None:
+        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
     head = Headline(
         title=f"{plan.model.name}: {plan.block.kind}, {plan.request.io}",
-        what=_verdict(budget),
+        what=f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s.",
         basis="",
         notes=(),
         tiles=(),
@@ -45,14 +49,6 @@ def budget_page(plan: Plan, budget: Budget, version: str) -> str:
     return render_page(head, sections, version, kind="Accuracy budget", source="the model file")
 
 
-def _verdict(budget: Budget) -> str:
-    worst, drift = (percent(budget, part.worst or 0.0) for part in (budget.compiled, budget.drift))
-    text = f"Compiled, the output is within {worst:.2g} % of what the model would give"
-    if budget.wanted is not None:
-        text += f"; {percent(budget, budget.wanted):.3g} % was asked for"
-    return f"{text}. Held, it drifts by {drift:.2g} % in {SECONDS:g} s."
-
-
 def _parts(budget: Budget) -> PageTable:
     """Each part switched on alone, everything else exact; then the sums."""
     sums = budget.compiled, budget.total, budget.drift
@@ -63,12 +59,11 @@ def _parts(budget: Budget) -> PageTable:
             return NOT_KNOWN if value is None else f"{percent(budget, value):#.2g}"
 
         worst = NOT_KNOWN if part.worst is None else f"{part.worst:.3g}"
-        bar = (part.worst or 0.0) / largest if largest else 0.0
         return [
             Cell(part.title, strong=part in sums),
             Cell(part.note),
             Cell(worst),
-            Cell(share(part.worst), bar=bar),
+            Cell(share(part.worst), bar=(part.worst or 0.0) / largest if largest else 0.0),
             Cell(share(part.rms)),
         ]
 
@@ -102,12 +97,7 @@ def _along(budget: Budget) -> tuple[Picture, PageTable]:
 
 def _held(budget: Budget) -> PageTable:
     rows = [
-        [
-            one.title,
-            f"{one.demand:.3g}",
-            f"{one.seconds:g}",
-            f"{percent(budget, one.drift):.2g}",
-        ]
+        [one.title, f"{one.demand:.3g}", f"{one.seconds:g}", f"{percent(budget, one.drift):.2g}"]
         for one in budget.held
     ]
     return table(

@@ -22,20 +22,20 @@ def parameters_source(block: Block, names: Names, schedule: Quantity | None) -> 
     """Return the rows of the initialiser of ``NAME_parameters[]``, commented."""
     lines = list(_head(block))
     tables: dict[int, list[Word]] = {}
-    place = HEAD[-1].at + HEAD[-1].size
+    at = HEAD[-1].at + HEAD[-1].size
     for word in BODY[block.kind]:
-        lines += _unused(block, place, word.at)
-        place = word.at
-        value = block.single(word.name) if word.size == 2 else int(block.words[place])
+        lines += _unused(block, at, word.at)
+        at = word.at
+        value = block.single(word.name) if word.size == 2 else int(block.words[at])
         if word.axis:
             tables.setdefault(int(value), []).append(word)
             text = f"{word.doc}, table at {value}"
         else:
             text = word.doc + _worth(word, value, block, names)
-        entries = block.words[place : place + word.size]
-        lines.append(_line(place, entries, f"{word.name}: {text}"))
-        place += word.size
-    lines += _unused(block, place, LEAST_WORDS)
+        entries = block.words[at : at + word.size]
+        lines.append(_line(at, entries, f"{word.name}: {text}"))
+        at += word.size
+    lines += _unused(block, at, LEAST_WORDS)
     for _, named in sorted(tables.items()):
         lines += ["", *_table(named, block, names, schedule)]
     return "\n".join(lines)
@@ -63,10 +63,10 @@ def _unused(block: Block, first: int, end: int) -> list[str]:
     return [_line(first, block.words[first:end], "not used")] if first < end else []
 
 
-def _line(place: int, entries: Iterable[int], text: str) -> str:
+def _line(at: int, entries: Iterable[int], text: str) -> str:
     """Put one or a few words in front of what they are."""
     row = ", ".join(_literal(int(word)) for word in entries)
-    return f"{f'    {row},':<{VALUES_END}} /* {place:2d} {text} */"
+    return f"{f'    {row},':<{VALUES_END}} /* {at:2d} {text} */"
 
 
 def _worth(word: Word, value: float, block: Block, names: Names) -> str:
@@ -112,10 +112,9 @@ def _axis(word: Word, block: Block, schedule: Quantity | None) -> str:
             f"a row for each number of them: {2 * narrow} steps of field from -{zone:g} to "
             f"{zone:g}, {narrow - round(narrow * zone)} on each side from there to 1"
         )
-    return {
-        "play": "one a play",
-        "field, both signs": f"{count} steps of field from -1 to 1",
-    }.get(word.axis, f"{count} steps of {word.axis} from 0 to 1")
+    return {"play": "one a play", "field, both signs": f"{count} steps of field from -1 to 1"}.get(
+        word.axis, f"{count} steps of {word.axis} from 0 to 1"
+    )
 
 
 def _over_gap(count: int, block: Block, schedule: Quantity | None) -> str:

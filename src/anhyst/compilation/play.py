@@ -122,8 +122,7 @@ def compile_play(
     except InputError as error:
         raise error.at(model_path) from error
     sha256 = hashlib.sha256(Path(model_path).read_bytes()).hexdigest()
-    called = name or c_name(model.name)
-    head = _Head(called, model, sha256, running_version(), operating)
+    head = _Head(name or c_name(model.name), model, sha256, running_version(), operating)
     described = _manifest(head, play, errors)
     files = _sources(head, play, errors) | {"vectors.csv": vectors_csv(_vectors(play))}
     write_folder(out, files, described)
@@ -203,11 +202,11 @@ def model_errors(model: Model, play: PlayMap, operating: Operating) -> dict[str,
     low, high = operating.gap_range
     found: dict[str, CycleErrors] = {}
     flat = PlayMap(play.map, np.zeros_like(play.half), play.radius)
-    for name, one in ((KIND, play), ("single-valued", flat)):
+    for name, compensator in ((KIND, play), ("single-valued", flat)):
         for gap in np.linspace(low, high, 5).tolist():
             reach = float(answer(np.linspace(0.0, operating.current_max, 100), gap)[-1])
             largest = min(operating.force_max, 0.98 * reach)
-            errors = cycle_errors(ForceController(KIND, "fixed", one), answer, gap, largest)
+            errors = cycle_errors(ForceController(KIND, "fixed", compensator), answer, gap, largest)
             found[name] = found[name].joined(errors) if name in found else errors
     return found
 
@@ -218,9 +217,9 @@ def _vectors(play: PlayMap) -> list[Row]:
     assert isinstance(native, FixedForceController)
     lost = np.random.default_rng(SEED + 1)
     table: list[Row] = []
-    for place, (demand, gap) in enumerate(codes_of_inputs((0.0, 1.0), 2**31).tolist()):
+    for index, (demand, gap) in enumerate(codes_of_inputs((0.0, 1.0), 2**31).tolist()):
         current = native.solve(demand, gap, 0)
-        applied = int(current * lost.random()) if place % 8 == 7 else current
+        applied = int(current * lost.random()) if index % 8 == 7 else current
         native.commit(applied, gap)
         table.append((demand, gap, applied, current))
     return table
@@ -268,7 +267,7 @@ def _manifest(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> 
         "accuracy": {
             "unit": model.output.unit,
             "largest_output": where.force_max,
-            **{name: _percent(one, where.force_max) for name, one in errors.items()},
+            **{name: _percent(error, where.force_max) for name, error in errors.items()},
         },
     }
 
@@ -300,7 +299,7 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "calls": "anhyst_play_map",
         "init": f"anhyst_play_map_init_q31(&compensator, &{name}_parameters,\n"
         f"                                  {name.upper()}_CURRENT_LOW, {name.upper()}_CURRENT_HIGH)",
-        "core": sorted(f"{SRC}/{one}" for one in SOURCES),
+        "core": sorted(f"{SRC}/{file}" for file in SOURCES),
         "own": [f"{name}_parameters.c"],
         "scales": scales,
         "limits": (low, high),
@@ -316,7 +315,7 @@ def _sources(head: _Head, play: PlayMap, errors: Mapping[str, CycleErrors]) -> d
         "bytes": play_bytes(play),
         "state_bytes": STATE_BYTES,
         "rate": f"{head.operating.rate:.10g}",
-        "errors": {key: _percent(one, head.operating.force_max) for key, one in errors.items()},
+        "errors": {key: _percent(error, head.operating.force_max) for key, error in errors.items()},
     }
     return core_files(SOURCES) | {
         f"{name}_parameters.h": render("play_parameters.h.j2", values),

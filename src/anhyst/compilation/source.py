@@ -85,16 +85,16 @@ def _common(plan: Plan, sha256: str, version: str) -> dict[str, object]:
 def _calls(name: str, real: bool) -> dict[str, object]:
     """Return what the example calls, and what it keeps."""
     suffix = "_f32" if real else ""
-    given = f"&compensator, &{name}_parameters"
+    arguments = f"&compensator, &{name}_parameters"
     if not real:
-        given = (
+        arguments = (
             f"&compensator, &{name.upper()}_KERNEL, {name}_parameters,\n"
             f"                                 {name.upper()}_PARAMETERS_WORDS"
         )
     return {
         "state": f"anhyst_compensator{suffix}",
         "calls": "anhyst_compensator",
-        "init": f"anhyst_compensator_init{suffix}({given})",
+        "init": f"anhyst_compensator_init{suffix}({arguments})",
         "play": False,
     }
 
@@ -116,10 +116,7 @@ def _parameters(plan: Plan) -> dict[str, object]:
     """Return what the files of the parameters show beside what all files do."""
     model, block = plan.model, plan.block
     names = Names(model.output.unit, model.input.unit)
-    values: dict[str, object] = {
-        "signals": signal_lines(plan),
-        "rate": f"{plan.request.rate:.10g}",
-    }
+    values: dict[str, object] = {"signals": signal_lines(plan), "rate": f"{plan.request.rate:.10g}"}
     if isinstance(block, RealBlock):
         return values | {"structures": c_parameters(plan.name, block, names, model.schedule)}
     return values | {
@@ -214,9 +211,7 @@ def _real_signals(plan: Plan) -> list[str]:
 
 
 def _value(value: float, quantity: Quantity) -> str:
-    if quantity.unit == "m":
-        return f"{1e3 * value:.6g} mm"
-    return f"{value:.6g} {quantity.unit}"
+    return f"{1e3 * value:.6g} mm" if quantity.unit == "m" else f"{value:.6g} {quantity.unit}"
 
 
 def _defines(plan: Plan) -> list[str]:

@@ -89,11 +89,11 @@ class StageController:
     @property
     def distinct(self) -> list[ForceController]:
         """Those of the magnets that differ."""
-        found: list[ForceController] = []
-        for one in self.magnets:
-            if not any(one.parameters is other.parameters for other in found):
-                found.append(one)
-        return found
+        magnets: list[ForceController] = []
+        for magnet in self.magnets:
+            if not any(magnet.parameters is other.parameters for other in magnets):
+                magnets.append(magnet)
+        return magnets
 
     def called(self, magnet: ForceController) -> str:
         """Return what the parameters of a magnet are called."""
@@ -123,21 +123,21 @@ class StageController:
     @property
     def parameters_bytes(self) -> int:
         """Size of all parameters of magnets where a pointer has 32 bits."""
-        return sum(_bytes(one) for one in self.distinct)
+        return sum(_bytes(magnet) for magnet in self.distinct)
 
 
 def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, str]:
     """Return the C files and what helps to build them; the golden vectors have so many rows."""
     name = stage.name
     values = _values(stage, version) | {"rows": rows}
-    blocks = [one.parameters for one in stage.distinct]
-    layers = [memories(one.block) for one in blocks if isinstance(one, HysteresisInverse)]
+    blocks = [magnet.parameters for magnet in stage.distinct]
+    layers = [memories(block.block) for block in blocks if isinstance(block, HysteresisInverse)]
     files = single_precision(core_files(stage.core, max([1, *layers])))
-    for one in stage.distinct:
-        called = stage.called(one)
+    for magnet in stage.distinct:
+        called = stage.called(magnet)
         files[f"{called}_parameters.c"] = (
             f'/* SPDX-License-Identifier: Apache-2.0 */\n#include "{name}_controller.h"\n\n'
-            f"/* clang-format off */\n{_parameters(called, one)}\n"
+            f"/* clang-format off */\n{_parameters(called, magnet)}\n"
         )
     if stage.fixed:
         files[PORT] = read_core(PORT)
@@ -181,7 +181,7 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "dead": DEAD_ROWS,
         "at": f"{{{', '.join(_row(row, repr) for row in stage.rows['at'].tolist())}}}",
         "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
-        "pid": [_biquad(row) for row in stage.rows["pid"].tolist()],
+        "pid": [f"{{{_row(row[:3])}, {_row(row[3:])}}}" for row in stage.rows["pid"].tolist()],
         "against": list(stage.against),
         "idle": literal(settings["idle"]),
         "allocation": f"{int(settings['allocation'])}U",
@@ -189,7 +189,7 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "corrected": []
         if stage.correction is None
         else [_row(r) for r in stage.correction.tolist()],
-        "core": sorted(f"{SRC}/{one}" for one in stage.core),
+        "core": sorted(f"{SRC}/{file}" for file in stage.core),
         "real": True,
         "port": stage.fixed,
         "parameters_bytes": stage.parameters_bytes,
@@ -204,9 +204,13 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     low, high = ("", "") if table is None else map(literal, table.limits)
     if table is not None and stage.fixed:
         low, high = map(str, table.codes())
-    parts = [(stage.called(one), _words(one)) for one in stage.distinct]
-    own = [(stage.called(one), _words(one)) for one in stage.magnets]
+    parts = [(stage.called(magnet), _words(magnet)) for magnet in stage.distinct]
+    own = [(stage.called(magnet), _words(magnet)) for magnet in stage.magnets]
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
+    play = isinstance(stage.magnets[0].parameters, PlayMap)
+    headers = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
+    headers += ["force_coded_real.h"] * stage.fixed
+    headers += ["force_corrected_real.h"] * (stage.correction is not None)
     return {
         "type": _type(parameters, law),
         "play": isinstance(parameters, PlayMap),
@@ -219,18 +223,11 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "kernel": "" if block is None else f"anhyst_kernel_{block.kind}",
         "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
         "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
-        "headers": _headers(stage),
+        "headers": headers,
         "parts": parts,
         "own": [f"{'' if words else '&'}{part}_parameters" for part, words in own],
         "sources": [f"{part}_parameters.c" for part, _ in parts] + [f"{stage.name}_controller.c"],
     }
-
-
-def _headers(stage: StageController) -> list[str]:
-    play = isinstance(stage.magnets[0].parameters, PlayMap)
-    found = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
-    found += ["force_coded_real.h"] * stage.fixed
-    return found + ["force_corrected_real.h"] * (stage.correction is not None)
 
 
 def _words(magnet: ForceController) -> int:
@@ -254,10 +251,6 @@ def _map_of(parameters: object) -> CurrentMap | None:
 def _row(values: Sequence[float], text: object = literal) -> str:
     assert callable(text)
     return f"{{{', '.join(text(value) for value in values)}}}"
-
-
-def _biquad(row: Sequence[float]) -> str:
-    return f"{{{_row(row[:3])}, {_row(row[3:])}}}"
 
 
 def _table(name: str, values: FloatArray) -> dict[str, object]:

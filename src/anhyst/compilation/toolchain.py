@@ -49,12 +49,7 @@ def missing_modules(
 
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
-FREESTANDING = (
-    "-ffreestanding",
-    "-nostdlib",
-    "-fno-sanitize=undefined",
-    "-fomit-frame-pointer",
-)
+FREESTANDING = ("-ffreestanding", "-nostdlib", "-fno-sanitize=undefined", "-fomit-frame-pointer")
 TIME_LIMIT = 300.0
 
 
@@ -83,7 +78,7 @@ class Build:
         """Return macros and folders of headers as the compiler is told."""
         return [
             *(f"-D{name}={value}" for name, value in self.defines.items()),
-            *(f"-I{place}" for place in self.include),
+            *(f"-I{folder}" for folder in self.include),
         ]
 
 

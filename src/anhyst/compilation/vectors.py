@@ -22,20 +22,16 @@ Step = Callable[[Any, Any], Any]
 
 
 def golden_vectors(plan: Plan, rows: int = ROWS) -> list[Row]:
-    """Run a compensator over demands of every sort.
-
-    Steps of all sizes, full-range jumps, gaps at rest and moving, codes beyond the limits, and
-    currents that the amplifier did not give.
-    """
+    """Run a compensator over jumps, moving gaps, codes beyond limits and currents not given."""
     inputs = _inputs(plan, rows)
     lost = np.random.default_rng(SEED + 1).random(rows)
     solve, commit = _steps(plan)
     table = []
-    for place, (demand, gap) in enumerate(inputs.tolist()):
+    for index, (demand, gap) in enumerate(inputs.tolist()):
         current = solve(demand, gap)
         applied = current
-        if place % 8 == 7:  # the amplifier gives less than was wanted
-            applied = type(current)(current * lost[place])
+        if index % 8 == 7:  # the amplifier gives less than was wanted
+            applied = type(current)(current * lost[index])
             applied = float(np.float32(applied)) if isinstance(applied, float) else applied
         commit(applied, gap)
         table.append((demand, gap, applied, current))

@@ -182,8 +182,7 @@ def _shares(rest: FloatArray) -> tuple[float, float]:
                 "transfer function: has complex poles, which no filter of a PIDD2 has",
                 code="complex-poles",
             )
-        half = math.sqrt(max(0.0, under))
-        larger = total / 2.0 + math.copysign(half, total)
+        larger = total / 2.0 + math.copysign(math.sqrt(max(0.0, under)), total)
         shares = (larger, product / larger)
     if not all(0.0 < share <= 1.0 + _ROUNDING for share in shares):
         poles = ", ".join(f"{1.0 - share:g}" for share in shares)

@@ -8,11 +8,7 @@ from typing import NamedTuple
 from anhyst import _core
 from anhyst.control.states import Command, Flag, Phase, State
 
-_WAY = (
-    (Command.CLEAR,),
-    (Command.CONDITION, Command.DEMAGNETISED),
-    (Command.LIFT, Command.RUN),
-)
+_WAY = ((Command.CLEAR,), (Command.CONDITION, Command.DEMAGNETISED), (Command.LIFT, Command.RUN))
 """From a fault to run, a step after the other; one command of each."""
 
 

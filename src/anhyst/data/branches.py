@@ -43,8 +43,7 @@ def branches(drive: FloatArray) -> list[Branch]:
         del turns[1]
     while len(turns) > 2 and abs(drive[turns[-2]] - drive[-1]) <= wobble:
         del turns[-2]
-    pairs = itertools.pairwise(turns)
-    return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in pairs]
+    return [Branch(a, b + 1, bool(drive[b] > drive[a])) for a, b in itertools.pairwise(turns)]
 
 
 def repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch]]:

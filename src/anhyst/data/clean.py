@@ -97,8 +97,7 @@ def steady(loopset: Loops) -> Loops:
     for index, loop in enumerate(loops):
         values = loop.schedule
         if values is not None and 0.0 < np.ptp(values) <= _STEADY * float(np.max(np.abs(values))):
-            middle = np.full(loop.n, float(np.median(values)))
-            loops[index] = replace(loop, schedule=middle)
+            loops[index] = replace(loop, schedule=np.full(loop.n, float(np.median(values))))
             settled += 1
     if not settled:
         return loopset
@@ -238,8 +237,7 @@ def _kept(loopset: Loops, keep: Sequence[NDArray[np.bool_]], text: str) -> Loops
     dropped = sum(int(np.count_nonzero(~mask)) for mask in keep)
     if not dropped:
         return loopset
-    pairs = zip(loopset.loops, keep, strict=True)
-    loops = [_taken(loop, mask) for loop, mask in pairs]
+    loops = [_taken(loop, mask) for loop, mask in zip(loopset.loops, keep, strict=True)]
     return loopset.with_loops(loops, text.format(dropped))
 
 

@@ -56,7 +56,7 @@ def convert_measurement(
     else:
         parts = sections(file)
     parts, left = _without_complex(parts)
-    lengths = [len(one.values) for part in parts for one in part.series]
+    lengths = [len(signal.values) for part in parts for signal in part.series]
     if not lengths:
         raise InputError(
             f"{source}: holds nothing that can be written; {'; '.join(left)}",
@@ -78,8 +78,8 @@ def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
         written = written.replace("_per_", "/")
         channels.append(Channel(name, len(column), values, written, "", None, is_text))
 
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
-        return [one.key[:count] for one in wanted]
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
+        return [channel.key[:count] for channel in channels]
 
     return ChannelFile(source, clocks_by_name(channels), read, tuple(table.notes))
 
@@ -87,15 +87,14 @@ def _file_of(source: Path, progress: Progress | None) -> ChannelFile:
 def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]]:
     """Bring all channels onto one clock, each under a name of its own."""
     file, shift = table.file, len(table.clocks[:1])
-    lengths = {one.length for one in file.channels}
-    if len(table.clocks) < 2 and len(lengths) == 1:
+    if len(table.clocks) < 2 and len({channel.length for channel in file.channels}) == 1:
         read = file.read([*table.clocks, *file.channels])
         notes: tuple[str, ...] = ()
     else:
-        texts = [n + shift for n, one in enumerate(file.channels) if one.is_text]
+        texts = [n + shift for n, channel in enumerate(file.channels) if channel.is_text]
         numbers = [n for n in range(len(table.header)) if n not in texts]
         raw = table.read(numbers, texts)
-        columns: dict[int, Any] = {n: np.array(one.rows()) for n, one in raw.texts.items()}
+        columns: dict[int, Any] = {n: np.array(text.rows()) for n, text in raw.texts.items()}
         columns |= raw.numbers
         read = [columns[column] for column in range(len(table.header))]
         notes = raw.notes[len(file.notes) :]
@@ -113,9 +112,11 @@ def _one_table(table: ChannelTable) -> tuple[list[ChannelGroup], tuple[str, ...]
 
 def _without_complex(parts: Sequence[ChannelGroup]) -> tuple[list[ChannelGroup], list[str]]:
     """Leave out what no format of measurements holds."""
-    left = [one.name for part in parts for one in part.series if one.values.dtype.kind == "c"]
+    left = [trace.name for part in parts for trace in part.series if trace.values.dtype.kind == "c"]
     kept = [
-        replace(part, series=tuple(one for one in part.series if one.values.dtype.kind != "c"))
+        replace(
+            part, series=tuple(signal for signal in part.series if signal.values.dtype.kind != "c")
+        )
         for part in parts
     ]
     return kept, [f"complex channels left out: {', '.join(left)}"] if left else []

@@ -123,8 +123,7 @@ def offsets(loop: Loop) -> tuple[float, float] | None:
         if max(-float(drive.min()), float(drive.max())) > (1.0 + _SYMMETRIC) * size:
             return None
         tips = [_tip_output(drive, answer, sign * 0.98 * size) for sign in (1.0, -1.0)]
-        zero = 0.5 * (tips[0] + tips[1])
-        shift_out += zero
+        shift_out += 0.5 * (tips[0] + tips[1])
         at = [crossings(loop.output - shift_out, drive, 0.0, rising=up) for up in (True, False)]
         if not at[0].size or not at[1].size:
             return None
@@ -175,8 +174,7 @@ def saturation(loop: Loop) -> float | None:
 
     1 where the curve is steepest at its tip, near 0 in saturation; ``None`` for short records.
     """
-    parts = branches(loop.input)
-    longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
+    longest = max(branches(loop.input), key=lambda part: float(np.ptp(loop.input[part.rows])))
     x, y = smooth(loop.input[longest.rows], loop.output[longest.rows], bins=30)
     if x.size < 8:
         return None

@@ -13,10 +13,10 @@ from anhyst.support.errors import InputError
 PLACE = "data frame"
 
 
-def is_frame(given: object) -> bool:
+def is_frame(source: object) -> bool:
     """Whether something holds columns rather than naming files."""
-    return isinstance(given, Mapping) or any(
-        hasattr(given, sign) for sign in ("columns", "__dataframe__", "__arrow_c_stream__")
+    return isinstance(source, Mapping) or any(
+        hasattr(source, sign) for sign in ("columns", "__dataframe__", "__arrow_c_stream__")
     )
 
 

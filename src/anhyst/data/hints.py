@@ -55,9 +55,7 @@ def likely(
     ]
     candidates = []
     for names in wanted:
-        pool = [
-            (_likeness(headers[column], name), column, name) for column in free for name in names
-        ]
+        pool = [(_likeness(headers[index], name), index, name) for index in free for name in names]
         # Of equals the first: max keeps it.
         score, best, name = max(pool, key=lambda one: one[0], default=(least - 1, 0, ""))
         if score >= least:

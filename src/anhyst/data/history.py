@@ -53,7 +53,7 @@ class History:
                 code="history-schedule",
                 key="history",
             )
-        values = [*self.turning_points, *(one for one in self.schedule if one is not None)]
+        values = [*self.turning_points, *(value for value in self.schedule if value is not None)]
         if not all(math.isfinite(value) for value in values):
             raise InputError(
                 f"history '{self}': turning points must be finite; {_ADVICE}",

@@ -239,23 +239,23 @@ def _figures(loop: Loop, deviation: FloatArray, proposal: Proposal, *, even: boo
 
 def _warnings(loopset: Loops, figures: tuple[LoopFigures, ...]) -> list[str]:
     warnings = []
-    for loop, one in zip(loopset.loops, figures, strict=True):
+    for loop, figure in zip(loopset.loops, figures, strict=True):
         name = loopset.describe(loop)
-        height = one.output_high - one.output_low
-        if one.skew is not None and abs(one.skew) >= 0.3:
+        height = figure.output_high - figure.output_low
+        if figure.skew is not None and abs(figure.skew) >= 0.3:
             warnings.append(
-                f"{name}: the output lags by {one.skew:.1f} samples (cleaning step 'skew' shifts "
+                f"{name}: the output lags by {figure.skew:.1f} samples (cleaning step 'skew' shifts "
                 "it, if the measurement is to blame and not the device)"
             )
-        if one.drift is not None and abs(one.drift) > max(0.005 * height, 4.0 * one.noise):
+        if figure.drift is not None and abs(figure.drift) > max(0.005 * height, 4.0 * figure.noise):
             warnings.append(
-                f"{name}: the output drifts by {one.drift / height:.1%} of its height over the "
+                f"{name}: the output drifts by {figure.drift / height:.1%} of its height over the "
                 "record (cleaning step 'drift' takes it out)"
             )
-        if one.samples < 40:
-            warnings.append(f"{name}: {one.samples} samples are few; 100 a loop are comfortable")
-        if one.history.kind == "settled" and one.proposed.kind == "demagnetised":
-            warnings.append(f"{name}: declared settled, but {one.reason}")
+        if figure.samples < 40:
+            warnings.append(f"{name}: {figure.samples} samples are few; 100 a loop are comfortable")
+        if figure.history.kind == "settled" and figure.proposed.kind == "demagnetised":
+            warnings.append(f"{name}: declared settled, but {figure.reason}")
     if loopset.schedule is not None and len(loopset.schedule_values) == 1:
         warnings.append(f"one {loopset.schedule.name} only: nothing can be learned about others")
     return warnings

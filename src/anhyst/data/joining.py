@@ -104,7 +104,12 @@ class _Kept:
         for entry in self.entries:
             if entry.known:
                 alike[entry.loop.label, entry.value].append(entry)
-        names = _names([entry.part.place for entry in self.entries])
+        paths = {name: PurePath(name) for name in [entry.part.place for entry in self.entries]}
+        stems = Counter(path.stem for path in paths.values())
+        names = {
+            name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
+            for name, path in paths.items()
+        }
         labels = {
             id(entry): _own_label(entry, group[0], names[entry.part.place])
             for group in alike.values()
@@ -143,16 +148,6 @@ def _own_label(entry: _Entry, first: _Entry, name: str) -> str:
     return f"{name} {entry.loop.label}"
 
 
-def _names(places: Sequence[str]) -> dict[str, str]:
-    """Name files by their stems, or, where these are the same, by the whole path."""
-    paths = {name: PurePath(name) for name in places}
-    stems = Counter(path.stem for path in paths.values())
-    return {
-        name: path.stem if stems[path.stem] == 1 else str(path.with_suffix(""))
-        for name, path in paths.items()
-    }
-
-
 def _judge_same(entry: _Entry, other: _Entry) -> str | None:
     """Name the file of a loop with the same data, if it may be left out for that."""
     if entry.value != other.value:
@@ -169,5 +164,5 @@ def _glance(loop: Loop) -> tuple[float, ...]:
     return (float(loop.n), *loop.input[ends].tolist(), *loop.output[ends].tolist())
 
 
-def _same_data(one: Loop, two: Loop) -> bool:
-    return np.array_equal(one.input, two.input) and np.array_equal(one.output, two.output)
+def _same_data(first: Loop, two: Loop) -> bool:
+    return np.array_equal(first.input, two.input) and np.array_equal(first.output, two.output)

@@ -22,20 +22,15 @@ _EVEN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class ChannelFigures:
-    """A channel as it stands in its file.
+    """A channel as it stands in its file."""
 
-    ``name`` is what ``--columns`` takes; ``rate`` is in samples a second, ``None`` without a clock;
-    ``low`` and ``high`` are in the file's own unit, ``None`` of texts. ``role`` is the quantity
-    that it holds, with a question mark where that is a guess; empty where there is none.
-    """
-
-    name: str
+    name: str  # as ``--columns`` takes it
     unit: str
     samples: int
-    rate: float | None
-    low: float | None
+    rate: float | None  # samples a second; None without a clock
+    low: float | None  # in the file's own unit; None of texts
     high: float | None
-    role: str
+    role: str  # the quantity that it holds, "?" behind a guess; empty where there is none
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for JSON."""
@@ -61,18 +56,18 @@ def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> l
     return listed
 
 
-def _values(table: OpenTable, place: int) -> Any:
+def _values(table: OpenTable, index: int) -> Any:
     try:
-        return table.read([place]).numbers[place]
+        return table.read([index]).numbers[index]
     except TextInNumbersError:
         return None
 
 
-def _pace(table: OpenTable, place: int) -> tuple[int | None, float | None]:
+def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:
     """Return the samples of a channel, and how many a second."""
     if not isinstance(table, ChannelTable):
         return None, None
-    channel = table.channel(place)
+    channel = table.channel(index)
     clock = channel.clock or (channel if channel in table.clocks else None)
     if clock is None or clock.length < 2:
         return channel.length, None

@@ -236,10 +236,10 @@ class Loops(Result):
         InputError
             If a value has no loop.
         """
-        wanted = [values] if isinstance(values, int | float) else list(values)
+        places = [values] if isinstance(values, int | float) else list(values)
         scale = max((abs(value) for value in self.schedule_values), default=0.0)
         kept: set[float] = set()
-        for value in wanted:
+        for value in places:
             near = {v for v in self.schedule_values if abs(v - value) <= 1e-9 * scale}
             if not near:
                 have = ", ".join(f"{v:g}" for v in self.schedule_values) or "none"
@@ -295,9 +295,7 @@ class Loops(Result):
 
     def to_columns(self) -> dict[str, Column]:
         """All loops one below the other, as columns of SI values by header."""
-        codes = np.concatenate(
-            [np.full(loop.n, index, np.int32) for index, loop in enumerate(self.loops)]
-        )
+        codes = np.concatenate([np.full(loop.n, n, np.int32) for n, loop in enumerate(self.loops)])
         columns: dict[str, Column] = {"loop": Texts(tuple(lo.label for lo in self.loops), codes)}
         times = [loop.time for loop in self.loops if loop.time is not None]
         if len(times) == len(self.loops):

@@ -67,8 +67,7 @@ def _local_extremes(values: FloatArray) -> NDArray[np.intp]:
     if moving.size == 0:
         return np.array([0] if values.size == 1 else [0, values.size - 1], dtype=np.intp)
     up = values[moving + 1] > values[moving]
-    turned = np.flatnonzero(up[1:] != up[:-1])
-    inner = moving[turned] + 1
+    inner = moving[np.flatnonzero(up[1:] != up[:-1])] + 1
     return np.unique(np.concatenate(([0], inner, [values.size - 1]))).astype(np.intp)
 
 

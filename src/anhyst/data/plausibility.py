@@ -199,9 +199,7 @@ def _initial_steepness(loop: Loop) -> float | None:
     next_slope = (heights[2] - heights[1]) / 0.2
     doubt = _CERTAIN * float(np.sqrt(variances[0] + variances[1]))
     first_slope = (heights[1] - heights[0] - doubt) / 0.1
-    if next_slope <= 0.02 * float(np.ptp(answer)):
-        return None
-    return first_slope / next_slope
+    return None if next_slope <= 0.02 * float(np.ptp(answer)) else first_slope / next_slope
 
 
 def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:

@@ -32,15 +32,15 @@ class ReadOptions:
     @classmethod
     def from_text(cls, **texts: str | None) -> ReadOptions:
         """Read the options from texts, as on the command line and in a model file."""
-        given = {name: text for name, text in texts.items() if text is not None}
-        columns = _pairs(given.pop("columns", ""), "columns")
-        constants = _pairs(given.pop("constants", ""), "constants")
-        steps = given.pop("clean", ",".join(DEFAULT_STEPS))
+        options = {name: text for name, text in texts.items() if text is not None}
+        columns = _pairs(options.pop("columns", ""), "columns")
+        constants = _pairs(options.pop("constants", ""), "constants")
+        steps = options.pop("clean", ",".join(DEFAULT_STEPS))
         return cls(
             columns=columns,
             constants={name: _number_or_text(text) for name, text in constants.items()},
             clean=() if steps.strip() == "none" else tuple(_parts(steps)),
-            **given,
+            **options,
         )
 
     def as_settings(self) -> dict[str, str | bool | int | float]:

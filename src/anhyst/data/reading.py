@@ -139,8 +139,8 @@ def _expand(paths: PathLike | Sequence[PathLike]) -> list[Path]:
 
 def _find_sidecar(path: Path) -> FileDescription:
     sidecar = path.with_suffix(".toml")
-    found = sidecar != path and is_sidecar(sidecar)
-    return FileDescription.from_toml(sidecar) if found else FileDescription()
+    beside = sidecar != path and is_sidecar(sidecar)
+    return FileDescription.from_toml(sidecar) if beside else FileDescription()
 
 
 def _read_file(
@@ -214,11 +214,11 @@ def _selection(place: str, given: FileDescription, columns: dict[str, Texts]) ->
         return None
     kept: NDArray[np.bool_] | None = None
     for name, column in columns.items():
-        wanted = given.select[name]
+        choices = given.select[name]
         codes = [
             code
             for code, text in enumerate(column.values)
-            if any(_same(text, value) for value in wanted)
+            if any(_same(text, value) for value in choices)
         ]
         match = np.isin(column.codes, codes)
         kept = match if kept is None else kept & match
@@ -253,7 +253,7 @@ def _cut(
     assert drive is not None
     assert answer is not None
     answer = answer_of(drive, answer)
-    quantity, found = roles.quantity, [*roles.notes(headers), *notes]
+    quantity, remarks = roles.quantity, [*roles.notes(headers), *notes]
     if quantity == QUANTITIES["gap"]:
         _refuse_negative_gaps(columns)
     blocks = _blocks(columns)
@@ -261,7 +261,7 @@ def _cut(
         np.ptp(columns.schedule[rows]) != 0.0 for rows in blocks
     )
     if moving and quantity is not None and not roles.chosen and quantity.name != "gap":
-        found.append(f"{quantity.name} varies within a loop: not scheduled by unless asked for")
+        remarks.append(f"{quantity.name} varies within a loop: not scheduled by unless asked for")
         columns, quantity = replace(columns, schedule=None), None
         blocks = _blocks(columns)
     loops, unstated = [], []
@@ -270,7 +270,6 @@ def _cut(
         stated: History | None = given.histories.get(loop.label, given.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [index] if stated is None else []
-    texts = tuple(f"{columns.place}: {text}" for text in found)
     return LoopPart(
         columns.place,
         tuple(loops),
@@ -278,7 +277,7 @@ def _cut(
         answer,
         quantity,
         source,
-        texts,
+        tuple(f"{columns.place}: {text}" for text in remarks),
         frozenset(unstated),
         labelled=roles.label is not None or roles.fixed_label is not None,
     )

@@ -20,23 +20,18 @@ _OUTPUT_EXAMPLES = "'F_N', 'B_T', 'psi_Wb' or 'x_m'"
 
 @dataclass(frozen=True, slots=True)
 class Roles:
-    """Indices of the columns that play a part.
-
-    The scheduling variable is a column (``schedule``) or a constant of the whole file
-    (``fixed``, in SI units); ``quantity`` says which, ``None`` if nothing is scheduled. ``chosen``
-    is true if it was asked for by name. ``idle`` are the columns without a part.
-    """
+    """Indices of the columns that play a part."""
 
     input: int
     output: int
     time: int | None
     label: int | None
     fixed_label: str | None
-    schedule: int | None
-    fixed: float | None
-    quantity: Quantity | None
-    chosen: bool
-    idle: tuple[int, ...]
+    schedule: int | None  # column of the scheduling variable
+    fixed: float | None  # or its value in the whole file, SI
+    quantity: Quantity | None  # which it is; None if nothing is scheduled
+    chosen: bool  # whether it was asked for by name
+    idle: tuple[int, ...]  # columns without a part
     label_found: bool = False
 
     def with_label(self, label: int | None) -> Roles:
@@ -77,8 +72,8 @@ def find_roles(
         for index, header in enumerate(headers)
         if index not in used and header.text and header.text not in given.select
     )
-    asked = given.schedule is not None
-    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, asked, idle)
+    chosen = given.schedule is not None
+    return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, chosen, idle)
 
 
 def find_column(place: str, headers: Sequence[Header], name: str) -> int:
@@ -124,15 +119,13 @@ def with_file_name(path: Path, given: FileDescription) -> FileDescription:
 
 def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
     """Find input and output; what is missing is asked for together."""
-    found = [_first(place, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
-    drive, answer = found
+    pair = [_first(place, headers, names) for names in (INPUTS, tuple(OUTPUT_MAPS))]
+    drive, answer = pair
     if drive is not None and answer is not None:
         return drive, answer
     field = drive is not None and headers[drive].name == "H"
     outputs = ("flux_density", *OUTPUT_MAPS) if field else tuple(OUTPUT_MAPS)
-    missing = [
-        names for index, names in zip(found, (INPUTS, outputs), strict=True) if index is None
-    ]
+    missing = [names for index, names in zip(pair, (INPUTS, outputs), strict=True) if index is None]
     what, examples = ("an output", _OUTPUT_EXAMPLES)
     if drive is None:
         what, examples = ("an input", _INPUT_EXAMPLES)

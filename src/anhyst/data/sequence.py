@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.data.branches import Branch, branches
+from anhyst.data.branches import branches
 from anhyst.data.history import SETTLED, History
 from anhyst.data.loops import Loop
 from anhyst.data.noise import noise
@@ -59,7 +59,7 @@ def one_after_another(loops: Sequence[Loop], *, over_gaps: bool = False) -> list
     verdicts = [_is_inside(loop, one) for index, loop in enumerate(loops)
                 for one in before.get(index, ())
                 if one.schedule_value == loop.schedule_value]  # fmt: skip
-    seen = [one for one in verdicts if one is not None]
+    seen = [verdict for verdict in verdicts if verdict is not None]
     if not seen or not all(seen):
         return list(loops)
     return [
@@ -73,7 +73,7 @@ def _order(loops: Sequence[Loop]) -> list[int]:
     if any(loop.history != SETTLED or loop.time is None or _moves(loop) for loop in loops):
         return []
     clocks = [loop.time for loop in loops if loop.time is not None]
-    order = sorted(range(len(loops)), key=lambda place: float(clocks[place][0]))
+    order = sorted(range(len(loops)), key=lambda index: float(clocks[index][0]))
     known = all(clocks[one][-1] <= clocks[two][0] for one, two in pairwise(order))
     return order if known else []
 
@@ -124,11 +124,7 @@ def _curve(loop: Loop, rising: bool) -> _Curve | None:
     parts = [part for part in branches(loop.input) if part.rising == rising]
     if not parts:
         return None
-    longest = max(parts, key=lambda part: _reach(loop, part))
+    longest = max(parts, key=lambda part: float(np.ptp(loop.input[part.rows])))
     size, answer = loop.input[longest.rows], loop.output[longest.rows]
     order = np.argsort(size, kind="stable")
     return size[order], answer[order]
-
-
-def _reach(loop: Loop, part: Branch) -> float:
-    return float(np.ptp(loop.input[part.rows]))

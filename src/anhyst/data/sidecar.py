@@ -59,10 +59,7 @@ class FileDescription:
         (pattern such as ``"gd_T{T_C}C"`` that takes constants from the file's name).
         """
         path = Path(path)
-        return cls._from_keys(path, _load(path))
-
-    @classmethod
-    def _from_keys(cls, path: Path, found: Mapping[str, Any]) -> FileDescription:
+        keys = _load(path)
         kinds = {
             "columns": dict,
             "loop": str,
@@ -72,7 +69,7 @@ class FileDescription:
             "select": dict,
             "file_name": str,
         }
-        for key, value in found.items():
+        for key, value in keys.items():
             if key not in kinds:
                 raise InputError(
                     f"{path}: key '{key}' is not known; use {', '.join(kinds)}",
@@ -85,14 +82,14 @@ class FileDescription:
                     code="wrong-kind",
                     key=key,
                 )
-        _check_members(path, "columns", found, str)
-        _check_members(path, "constants", found, int | float | str)
-        given = dict(found)
-        history = given.pop("history", None)
+        _check_members(path, "columns", keys, str)
+        _check_members(path, "constants", keys, int | float | str)
+        arguments = dict(keys)
+        history = arguments.pop("history", None)
         try:
-            reading = cls.from_arguments(**given)
+            reading = cls.from_arguments(**arguments)
             if isinstance(history, dict):
-                _check_members(path, "history", found, str)
+                _check_members(path, "history", keys, str)
                 by_label = {label: History.parse(text) for label, text in history.items()}
                 return replace(reading, histories=by_label)
             return replace(reading, history=History.parse(history) if history else None)
@@ -128,8 +125,8 @@ def _load(path: Path) -> dict[str, Any]:
         ) from None
 
 
-def _check_members(path: Path, key: str, found: Mapping[str, Any], kind: Any) -> None:
-    for name, value in found.get(key, {}).items():
+def _check_members(path: Path, key: str, keys: Mapping[str, Any], kind: Any) -> None:
+    for name, value in keys.get(key, {}).items():
         if not isinstance(value, kind) or isinstance(value, bool):
             raise InputError(
                 f"{path}: key '{key}.{name}' is of the wrong kind: {value!r}",
@@ -140,8 +137,8 @@ def _check_members(path: Path, key: str, found: Mapping[str, Any], kind: Any) ->
 
 def _choices(name: str, value: object) -> tuple[str | float, ...]:
     values = value if isinstance(value, list | tuple) else (value,)
-    for one in values:
-        if not isinstance(one, str | int | float) or isinstance(one, bool):
+    for choice in values:
+        if not isinstance(choice, str | int | float) or isinstance(choice, bool):
             raise InputError(
                 f"key 'select.{name}' must be a text, a number or a list of them",
                 code="wrong-kind",

@@ -67,13 +67,13 @@ def speeds_of(loops: Loops) -> Speeds | None:
     if not any(fast):
         return None
     groups: list[list[Loop]] = []
-    quick = (loop for loop, one in zip(loops.loops, fast, strict=True) if one)
+    quick = (loop for loop, is_fast in zip(loops.loops, fast, strict=True) if is_fast)
     for loop in sorted(quick, key=lambda one: _pace(one)[0]):
         if groups and _pace(loop)[0] < APART * _pace(groups[-1][0])[0]:
             groups[-1].append(loop)
         else:
             groups.append([loop])
-    slow = (loop for loop, one in zip(loops.loops, fast, strict=True) if not one)
+    slow = (loop for loop, is_fast in zip(loops.loops, fast, strict=True) if not is_fast)
     return Speeds(loops.with_loops(slow), tuple(map(tuple, groups)))
 
 

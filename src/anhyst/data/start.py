@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from anhyst.data.branches import Branch, branches, folded
+from anhyst.data.branches import branches, folded
 from anhyst.data.history import DEMAGNETISED, SETTLED, History
 from anhyst.data.loops import Loop
 from anhyst.data.noise import noise
@@ -76,13 +76,13 @@ def _all_virgin(seen: Sequence[list[_Rises]]) -> bool:
     whole = [parts[-1] for parts in seen]
     if not whole or any(_clearest(parts).verdict == "settled" for parts in seen):
         return False
-    apart = sum(one.apart / one.error for one in whole) / len(whole) ** 0.5
-    share = sum(one.apart for one in whole) / sum(abs(one.height) for one in whole)
+    apart = sum(rises.apart / rises.error for rises in whole) / len(whole) ** 0.5
+    share = sum(rises.apart for rises in whole) / sum(abs(one.height) for one in whole)
     return apart > _SURE and share > _ALIKE
 
 
 def _clearest(parts: list[_Rises]) -> _Rises:
-    return max(parts, key=lambda one: (one.verdict == "virgin", one.apart / one.error))
+    return max(parts, key=lambda rises: (rises.verdict == "virgin", rises.apart / rises.error))
 
 
 def _propose(loop: Loop, parts: list[_Rises], alike: bool, *, even: bool) -> Proposal:
@@ -179,19 +179,16 @@ def _rises(loop: Loop, *, even: bool) -> list[_Rises]:
     falls = (curves[1], curves[index + 1]) if index + 1 < len(parts) else None
     drift = _drift(curves[0], curves[index], falls, top, sigma)
     weighed = _weigh(curves[0], curves[index], curves[1], top - low, drift, sigma)
-    if not _turned_over(loop, first, later):
+    between = loop.input[first.stop - 1 : later.stop]
+    between = between * np.sign(between[0])
+    if not (float(between.min()) < -0.1 * float(between.max())):
         return weighed
     # Inside a loop the virgin curve lies above later rises; but close to rest a square of the flux
     # lies above it, since remanence has the other sign there.
-    signs = [np.sign(one.apart) if even and one is not weighed[-1] else -1.0 for one in weighed]
-    return [replace(one, apart=sign * one.apart) for one, sign in zip(weighed, signs, strict=True)]
-
-
-def _turned_over(loop: Loop, first: Branch, later: Branch) -> bool:
-    """Whether the input took the other sign between a first rise and a later one."""
-    between = loop.input[first.stop - 1 : later.stop]
-    between = between * np.sign(between[0])
-    return float(between.min()) < -0.1 * float(between.max())
+    signs = [np.sign(part.apart) if even and part is not weighed[-1] else -1.0 for part in weighed]
+    return [
+        replace(part, apart=sign * part.apart) for part, sign in zip(weighed, signs, strict=True)
+    ]
 
 
 def _drift(

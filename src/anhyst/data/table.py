@@ -21,16 +21,12 @@ from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse
 
 @dataclass(frozen=True, slots=True)
 class DataTable:
-    """A table read whole: numbers in SI by quantity, and the columns as they stood.
-
-    ``headers`` and ``columns`` belong together: numbers in the file's own units as read-only
-    arrays of shape (rows,), text as `Texts`. Use `get` or `need` for SI values.
-    """
+    """A table read whole; `get` and `need` give numbers in SI by quantity."""
 
     path: str
     sha256: str
     headers: tuple[Header, ...]
-    columns: tuple[FloatArray | Texts, ...]
+    columns: tuple[FloatArray | Texts, ...]  # as they stood: own units, read-only, shape (rows,)
     notes: tuple[str, ...]
     opened: OpenTable
 
@@ -46,10 +42,10 @@ class DataTable:
 
     def get(self, name: str) -> FloatArray | None:
         """SI values of a quantity by its name (``current``, ``gap``, ...), ``None`` if absent."""
-        indices = [place for place, other in enumerate(self.names) if other == name]
-        healthy = [place for place in indices if self.headers[place].problem is None]
+        indices = [index for index, other in enumerate(self.names) if other == name]
+        healthy = [index for index in indices if self.headers[index].problem is None]
         if len(healthy) > 1:
-            texts = " and ".join(f"'{self.headers[place].text}'" for place in healthy)
+            texts = " and ".join(f"'{self.headers[index].text}'" for index in healthy)
             raise InputError(
                 f"{self.path}: columns {texts} both hold {name}; keep one",
                 code="column-twice",
@@ -57,10 +53,8 @@ class DataTable:
             )
         if not indices:
             return None
-        header, column = (
-            self.headers[(healthy or indices)[0]],
-            self.columns[(healthy or indices)[0]],
-        )
+        at = (healthy or indices)[0]
+        header, column = self.headers[at], self.columns[at]
         if header.problem:
             raise InputError(
                 f"{self.path}: column '{header.text}': {header.problem}{map_one(header)}",
@@ -106,7 +100,7 @@ class DataTable:
 
     def hint(self, name: str) -> str:
         """Advise how to map a column to a quantity that none holds."""
-        texts = [place for place, column in enumerate(self.columns) if isinstance(column, Texts)]
+        texts = [index for index, column in enumerate(self.columns) if isinstance(column, Texts)]
         return mapping(self.headers, [name], skip=texts, least=0) if name in QUANTITIES else ""
 
     def where(self, row: int) -> str:

@@ -109,8 +109,7 @@ def loop_width(loop: Loop, *, even: bool) -> Width:
         if width is None or np.ptp(width[0]) < 0.2 * span:
             continue
         highest = max(highest, float(np.max(np.abs(width[1]))))
-        sideways = separation_sideways(size, answer, one.rows, two.rows, height)
-        widest = max(widest, sideways)
+        widest = max(widest, separation_sideways(size, answer, one.rows, two.rows, height))
     return Width(widest, highest)
 
 

@@ -33,10 +33,10 @@ def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
 
 def write_sections(path: PathLike, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     """Write sections whole or not at all; return what the format cannot hold."""
-    place = Path(path)
-    suffix = place.suffix.lower()
+    target = Path(path)
+    suffix = target.suffix.lower()
     try:
-        return WRITERS[suffix](place, sections)
+        return WRITERS[suffix](target, sections)
     except (InputError, MemoryError):
         raise
     except OSError as error:  # where a library keeps what it has not written yet

@@ -5,18 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst.draft.instruments import (
-    case_section,
-    loops_section,
-    magnet_section,
-    noise_entry,
-    range_entries,
-    sensor_section,
-)
 from anhyst.draft.machine import Machine, Value
 from anhyst.draft.magnet import MeasuredMagnet
 from anhyst.draft.rules import LIFT_S, Numbers
-from anhyst.draft.text import Draft, Entry, FileSection, down, nearest, step_down, step_up, up
+from anhyst.draft.text import (
+    Draft,
+    Entry,
+    FileSection,
+    case_section,
+    down,
+    loops_section,
+    magnet_section,
+    nearest,
+    noise_entry,
+    range_entries,
+    sensor_section,
+    step_down,
+    step_up,
+    up,
+)
 
 EXAMPLE = "as in the example bearing"
 PACE = (0.01, 1.0)

@@ -85,7 +85,7 @@ class Drafted:
             "out": str(self.out),
             "files": list(self.files),
             "found": list(self.found),
-            "guesses": {name: dict(one) for name, one in self.guesses.items()},
+            "guesses": {name: dict(guess) for name, guess in self.guesses.items()},
             "run": list(self.run),
         }
 
@@ -231,7 +231,12 @@ class _Source:
         self.text = f"{paths[0]}" + (f" and {len(paths) - 1} more" if len(paths) > 1 else "")
         self.copies: dict[str, Path] = {}
         for path in files_read(list(paths), options.sidecar):
-            self._refuse_namesake(path)
+            folder = path.parent.resolve()
+            for other in self.copies.values():
+                if other.stem == path.stem and other.parent.resolve() != folder:
+                    raise InputError(
+                        f"{path}: {other} has the same name; rename one of them", code="name-twice"
+                    )
             self.copies[f"{LOOPS}/{path.name}"] = path
         tables = [name for name in self.copies if not name.endswith(".toml")]
         self.key: str | list[str] = tables[0] if len(tables) == 1 else tables
@@ -240,15 +245,6 @@ class _Source:
         }
         if options.sidecar is not None:
             self.reading["sidecar"] = f"{LOOPS}/{Path(options.sidecar).name}"
-
-    def _refuse_namesake(self, path: Path) -> None:
-        """Refuse what would meet a file, or what describes it, of another folder."""
-        folder = path.parent.resolve()
-        for other in self.copies.values():
-            if other.stem == path.stem and other.parent.resolve() != folder:
-                raise InputError(
-                    f"{path}: {other} has the same name; rename one of them", code="name-twice"
-                )
 
 
 def _put(
@@ -271,7 +267,7 @@ def _put(
 
 
 def _commands(run: Sequence[str], out: PathLike) -> tuple[str, ...]:
-    return tuple(one.format(out=Path(out)) for one in run)
+    return tuple(command.format(out=Path(out)) for command in run)
 
 
 def _found(reach: MeasuredMagnet, machine: Machine, numbers: Numbers) -> tuple[str, ...]:

@@ -62,8 +62,8 @@ def example_files(name: str) -> dict[str, Path]:
     for place in (package.parents[1] / "examples", package / "_examples"):
         folder = place / name
         if (folder / "loops.csv").is_file():
-            found = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
-            return {path.relative_to(folder).as_posix(): path for path in found}
+            files = sorted(path for path in folder.rglob("*") if path.suffix in KINDS)
+            return {path.relative_to(folder).as_posix(): path for path in files}
     raise InputError(
         f"{package}: the examples are missing; install anhyst again", code="installation-incomplete"
     )

@@ -6,16 +6,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from anhyst.draft.instruments import (
+from anhyst.draft.magnet import MeasuredMagnet
+from anhyst.draft.text import (
+    Draft,
+    Entry,
+    FileSection,
     case_section,
+    down,
     loops_section,
     magnet_section,
+    nearest,
     noise_entry,
     range_entries,
     sensor_section,
+    up,
 )
-from anhyst.draft.magnet import MeasuredMagnet
-from anhyst.draft.text import Draft, Entry, FileSection, down, nearest, up
 from anhyst.support.errors import InputError
 
 EXAMPLE = "as in the example solenoid"

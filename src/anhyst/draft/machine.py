@@ -56,10 +56,9 @@ class Machine:
 
     def guessed(self) -> dict[str, str]:
         """Return what was not given: option with its value, and from what it was guessed."""
-        options = {"mass": self.mass, "load": self.load, "gap": self.gap}
         return {
             f"--{name} {value.number:g}": value.guess
-            for name, value in options.items()
+            for name, value in {"mass": self.mass, "load": self.load, "gap": self.gap}.items()
             if value.guess
         }
 
@@ -98,10 +97,9 @@ def _gap(wanted: Wanted, reach: MeasuredMagnet) -> Value:
         return Value(nearest(0.5 * (low + high), 3), "the middle of the measured gaps")
     gap, room = wanted.gap, ROOM * (high - low)
     if not low + room <= gap <= high - room:
-        units = (("e-3", "millimetres"), ("e-6", "micrometres"))
         hints = [
             f", {gap:g}{exponent} m if {unit} are meant"
-            for exponent, unit in units
+            for exponent, unit in (("e-3", "millimetres"), ("e-6", "micrometres"))
             if low < gap * float(f"1{exponent}") < high
         ]
         raise InputError(

@@ -117,7 +117,7 @@ def reach_of(loops: Loops) -> MeasuredMagnet:
         raise InputError("a rig needs columns I_A, F_N and gap_m", code="columns-missing")
     fastest, loops = _fastest(loops), slow_loops(loops)
     groups = loops.by_schedule()
-    current_high = min(max(float(one.input.max()) for one in group) for group in groups.values())
+    current_high = min(max(float(loop.input.max()) for loop in group) for group in groups.values())
     current_high = nearest(current_high, 3)  # what is read is restless
     if not current_high > 0.0:
         raise InputError(

@@ -24,9 +24,9 @@ class Entry:
     def lines(self) -> Iterator[str]:
         """Yield the lines of it."""
         note = self.says + (f"; guess: {self.guess}" if self.guess else "")
-        if _is_rows(self.value):
+        if isinstance(self.value, list) and self.value and isinstance(self.value[0], Mapping):
             yield with_comment(f"{self.key} = [", note)
-            for row in self.value:  # type: ignore[attr-defined]
+            for row in self.value:
                 yield f"  {written(row)},"
             yield "]"
         else:
@@ -64,7 +64,7 @@ class Draft:
         """Return what was guessed: key with its table, and from what."""
         named = [
             ("", self.entries),
-            *((f"{one.one_of or one.name}.", one.entries) for one in self.sections),
+            *((f"{section.one_of or section.name}.", section.entries) for section in self.sections),
         ]
         return {
             f"{table}{entry.key} = {written(entry.value)}": entry.guess
@@ -82,28 +82,21 @@ def written(value: object) -> str:
     """
     match value:
         case float() if 0.0 < abs(value) < SMALL:
-            return _engineering(value)
+            exponent = next(
+                (power for power in (-3, -6, -9) if abs(value) >= 10.0 ** (power - 1)), -12
+            )
+            text = f"{value * 10.0**-exponent:.12g}e{exponent}"
+            return text if float(text) == value else toml_value(value)
         case list():
             return f"[{', '.join(map(written, value))}]"
         case Mapping():
-            inside = ", ".join(f"{toml_key(key)} = {written(one)}" for key, one in value.items())
+            inside = ", ".join(f"{toml_key(key)} = {written(item)}" for key, item in value.items())
             return f"{{ {inside} }}"
     return toml_value(value)
 
 
-def _engineering(value: float) -> str:
-    exponent = next((one for one in (-3, -6, -9) if abs(value) >= 10.0 ** (one - 1)), -12)
-    text = f"{value * 10.0**-exponent:.12g}e{exponent}"
-    return text if float(text) == value else toml_value(value)
-
-
 def _lines(entries: Iterable[Entry]) -> list[str]:
     return [line for entry in entries for line in entry.lines()]
-
-
-def _is_rows(value: object) -> bool:
-    """Whether a value is a list of tables, which stand one a line."""
-    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
 
 
 ONE_TWO_FIVE = (1.0, 2.0, 5.0, 10.0)
@@ -142,3 +135,49 @@ def step_down(value: float) -> float:
 def _shifted(value: float, digits: int, whole: Callable[[float], int], slack: float) -> float:
     decade = math.floor(math.log10(value)) - digits + 1
     return float(f"{whole(value / 10.0**decade * (1.0 + slack))}e{decade}")
+
+
+def loops_section(
+    files: str | list[str], reading: Mapping[str, object], *more: Entry
+) -> FileSection:
+    """Return the table of the loops, and how they are read, where there is something to say."""
+    entries = [Entry(key, value, "as given") for key, value in reading.items()]
+    return FileSection(
+        "loops",
+        "all that the controller knows of the magnet",
+        [Entry("files", files, "copies of what was given"), *entries, *more],
+    )
+
+
+def magnet_section(*entries: Entry) -> FileSection:
+    """Return the table of the plant's magnet: what the loops do not say, the fit guesses."""
+    iron = Entry("iron", "from loops", "fitted to the loops; what you know (turns, ...), it holds")
+    says = "the plant: never the compensator's own law"
+    name = Entry("name", "magnet", "free text")
+    return FileSection("magnet", says, [name, *entries, iron], "magnet")
+
+
+def sensor_section(of: str, says: str, entries: Sequence[Entry]) -> FileSection:
+    """Return the table of a sensor."""
+    return FileSection("sensor", says, [Entry("of", of, "what it reads"), *entries], f"{of}_sensor")
+
+
+def case_section(kind: str, says: str, entries: Sequence[Entry]) -> FileSection:
+    """Return the table of what is tried."""
+    return FileSection("case", says, [Entry("kind", kind, "of the case"), *entries], kind)
+
+
+def range_entries(unit: str, high: float, room: float) -> list[Entry]:
+    """Return both ends of the range of a sensor of what goes from 0 to a largest value."""
+    beyond = f"{100.0 * room:.0f} % of the largest beyond it"
+    return [
+        Entry(f"low_{unit}", -up(room * high), "range: least", beyond),
+        Entry(f"high_{unit}", up((1.0 + room) * high), "range: most", beyond),
+    ]
+
+
+def noise_entry(key: str, noise: float, usual: float) -> Entry:
+    """Return the noise of a sensor: what the loops show, or what is usual."""
+    if noise > 0.0:
+        return Entry(key, nearest(noise), "rms, as in the loops")
+    return Entry(key, nearest(usual), "rms", "the loops show none")

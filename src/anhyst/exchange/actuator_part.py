@@ -35,7 +35,9 @@ def actuator_part(model: Model) -> Part:
             "map scaling or reluctance",
             code="iron-varies",
         )
-    middle = _middle(model)
+    ends = model.valid.schedule if model.valid else None
+    places = ends or model.nodes or (0.0,)
+    middle = 0.5 * (float(places[0]) + float(places[-1]))
     if not isinstance(model.iron_at(middle), AnyIron):
         raise InputError(
             f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
@@ -51,13 +53,6 @@ def actuator_part(model: Model) -> Part:
         f"included: {model.operator_law.title}"
     )
     return Part(model.name or "actuator", text, 0.0, _variables(model, middle), files)
-
-
-def _middle(model: Model) -> float:
-    """Return the scheduling variable in the middle of where the model holds."""
-    ends = model.valid.schedule if model.valid else None
-    places = ends or model.nodes or (0.0,)
-    return 0.5 * (float(places[0]) + float(places[-1]))
 
 
 def _law(model: Model) -> dict[str, object]:
@@ -136,18 +131,18 @@ def _variables(model: Model, middle: float) -> list[Variable]:
     low, high = model.valid.input if model.valid else (None, None)
     start = 0.0 if low is None or high is None else min(max(0.0, low), high)
     text = "drives it, from the beginning of a step"
-    found = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
+    inputs = [Variable(model.input.name, "input", model.input.unit, text, start, low, high)]
     if model.schedule is not None:
         ends = model.valid.schedule if model.valid else None
         low, high = ends or (None, None)
         text = "beyond the nodes of the model its curves go on straight"
         name, unit = model.schedule.name, model.schedule.unit
-        found.append(Variable(name, "input", unit, text, middle, low, high))
+        inputs.append(Variable(name, "input", unit, text, middle, low, high))
     text = "at the end of a step"
-    found.append(Variable(model.output.name, "output", model.output.unit, text))
-    found.append(Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge"))
-    found.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
-    return [*found, *_constants(model)]
+    inputs.append(Variable(model.output.name, "output", model.output.unit, text))
+    inputs.append(Variable("iron_flux_density", "output", "T", "of the iron, in the model's gauge"))
+    inputs.append(Variable("iron_field", "output", "A/m", "in the iron, in the model's gauge"))
+    return [*inputs, *_constants(model)]
 
 
 def _constants(model: Model) -> list[Variable]:

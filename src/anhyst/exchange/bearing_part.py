@@ -12,15 +12,7 @@ from anhyst.compilation.core import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
-from anhyst.exchange.part import (
-    WRAPPER,
-    Part,
-    Variable,
-    array,
-    header,
-    kernel_of,
-    row,
-)
+from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
 from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers
@@ -55,11 +47,11 @@ def bearing_part(rig_path: PathLike) -> Part:
     """
     rig, controller = read_files(rig_path, None)
     ready = make_ready(rig, controller)
-    wanted = controller.settings.compensation
-    if wanted.variant not in {"full", "simplified"} or wanted.format != "fixed":
+    compensation = controller.settings.compensation
+    if compensation.variant not in {"full", "simplified"} or compensation.format != "fixed":
         raise InputError(
             f"{controller.path}: an FMU holds the compiled controller: variant full or simplified "
-            f"in format fixed, not {wanted.variant} in {wanted.format}; change [compensation]",
+            f"in format fixed, not {compensation.variant} in {compensation.format}; change [compensation]",
             code="not-compiled-controller",
             key="compensation",
         )
@@ -67,15 +59,14 @@ def bearing_part(rig_path: PathLike) -> Part:
     with tempfile.TemporaryDirectory(prefix="anhyst-part-") as scratch:
         folder = Path(scratch) / "controller"
         compile_actuator(
-            compiled_model(ready.rig, ready.knowledge(), wanted.variant),
+            compiled_model(ready.rig, ready.knowledge(), compensation.variant),
             folder,
-            kind="full" if wanted.variant == "full" else "simplified",
+            kind="full" if compensation.variant == "full" else "simplified",
             io="q31",
             controller=controller.path,
         )
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        name = manifest["name"]
-        own = [path for place in ("include", "src") for path in (folder / place).rglob("*.[ch]")]
+        name = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["name"]
+        own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
         own += [
             folder / f"{name}_{of}.{end}" for of in ("parameters", "controller") for end in "ch"
         ]
@@ -92,7 +83,7 @@ def bearing_part(rig_path: PathLike) -> Part:
     sources["bearing_numbers.h"] = numbers_of_plant(ready.rig).encode()
     sources["controller_numbers.h"] = _names(name).encode()
     title = rig.settings.name
-    text = f"{title}, controlled by '{controller.settings.name}', {wanted.variant} in fixed point"
+    text = f"{title}, controlled by '{controller.settings.name}', {compensation.variant} in fixed point"
     rate = rig.settings.timing.rate_Hz
     return Part(title, text, rate, _variables(ready.rig, controller), sources)
 
@@ -113,16 +104,18 @@ def plant_sources(others: str) -> dict[str, bytes]:
     folder = plant_folder()
     found = {}
     for path in sorted(folder.rglob("*.[ch]")):
-        place = path.relative_to(folder).as_posix()
-        if path.name != "bus.c" and not re.search(others, place):
-            found[place.replace("src/", "plant/", 1)] = path.read_bytes()
+        name = path.relative_to(folder).as_posix()
+        if path.name != "bus.c" and not re.search(others, name):
+            found[name.replace("src/", "plant/", 1)] = path.read_bytes()
     return found
 
 
 def fields(numbers: object) -> str:
     """Return structures, arrays and what is in them as C."""
     if isinstance(numbers, Mapping):
-        return "{" + ", ".join(f".{name} = {fields(one)}" for name, one in numbers.items()) + "}"
+        return (
+            "{" + ", ".join(f".{name} = {fields(number)}" for name, number in numbers.items()) + "}"
+        )
     if isinstance(numbers, list):
         return "{" + ", ".join(map(fields, numbers)) + "}"
     return str(numbers)
@@ -132,7 +125,7 @@ def _iron(rig: BearingRig) -> tuple[str, str]:
     """Return the iron of all magnets as a structure, and the arrays to which it points."""
     steel = rig.settings.steel.steel()
     numbers, table = steel.numbers(), ""
-    own: dict[str, object] = {key: one for key, one in numbers.items() if key not in CURVE}
+    own: dict[str, object] = {key: value for key, value in numbers.items() if key not in CURVE}
     own["curve"] = {key: numbers[key] for key in CURVE}
     slack = 0.0
     if isinstance(steel, CellSteel):
@@ -157,8 +150,8 @@ def _names(name: str) -> str:
     scales = [
         f"{macro}_CONTROLLER_GAP_MIDDLE_M",
         *(
-            f"{macro}_CONTROLLER_FULL_SCALE_{one}"
-            for one in ("POSITION_M", "CURRENT_A", "DEMAND_N")
+            f"{macro}_CONTROLLER_FULL_SCALE_{name}"
+            for name in ("POSITION_M", "CURRENT_A", "DEMAND_N")
         ),
     ]
     defined = {
@@ -220,7 +213,7 @@ def numbers_of_plant(rig: BearingRig) -> str:
 
 def _variables(rig: BearingRig, controller: ControllerFile) -> list[Variable]:
     limits, load = controller.settings.limits, rig.settings.load
-    codes = ", ".join(f"{one.value} {one.name.lower()}" for one in Command)
+    codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
     middle, ends = rig.settings.gap_m, (limits.gap_low_m, limits.gap_high_m)
     return [
         Variable("target_m", "input", "m", "wanted gap", middle, *ends),

@@ -23,7 +23,7 @@ def compensator_part(model: Model | PathLike, rate: float, kind: Kind) -> Part:
         compiled = compile_actuator(model, folder, rate=rate, kind=kind, io="q31")
         manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
         name = manifest["name"]
-        own = [path for place in ("include", "src") for path in (folder / place).rglob("*.[ch]")]
+        own = [path for part in ("include", "src") for path in (folder / part).rglob("*.[ch]")]
         own += [folder / f"{name}_parameters.c", folder / f"{name}_parameters.h"]
         sources = {path.relative_to(folder).as_posix(): path.read_bytes() for path in own}
     sources["compensator.c"] = (WRAPPER / "compensator.c").read_bytes()
@@ -58,12 +58,12 @@ def _variables(manifest: Mapping[str, Any]) -> list[Variable]:
     demand, current, gap = (signals.get(name) for name in ("demand", "current", "gap"))
     low, high = demand["low"], demand["high"]
     text = f"wanted {demand['quantity']}"
-    found = [Variable("demand", "input", demand["unit"], text, max(0.0, low), low, high)]
+    inputs = [Variable("demand", "input", demand["unit"], text, max(0.0, low), low, high)]
     if gap:
         text = f"{gap['quantity']}; beyond its range the nearer end counts"
         low, high = gap["low"], gap["high"]
-        found.append(Variable("gap", "input", gap["unit"], text, low, low, high))
+        inputs.append(Variable("gap", "input", gap["unit"], text, low, low, high))
     text = f"{current['quantity']} that gives it, from the last tick on"
     low, high = current["low"], current["high"]
-    found.append(Variable("current", "output", current["unit"], text, 0.0, low, high))
-    return found
+    inputs.append(Variable("current", "output", current["unit"], text, 0.0, low, high))
+    return inputs

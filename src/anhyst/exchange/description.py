@@ -62,7 +62,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
         files = Xml.SubElement(simulation, "SourceFiles")
         for name in sources:
             Xml.SubElement(files, "File", {"name": name})
-    _units(root, [one.unit for one in part.variables if one.unit is not None])
+    _units(root, [variable.unit for variable in part.variables if variable.unit is not None])
     experiment = {"startTime": "0.0"}
     if part.rate > 0.0:  # a step of the length of a tick is what the controller does
         experiment["stepSize"] = repr(1.0 / part.rate)
@@ -76,7 +76,7 @@ def model_description(version: FmiVersion, part: Part, token: str, sources: Sequ
 
 def _printable(text: str) -> str:
     """Return a text without the characters that no XML holds."""
-    return "".join(one if one.isprintable() else "?" for one in text)
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def build_description(sources: Sequence[str]) -> bytes:
@@ -98,36 +98,36 @@ def _units(root: Xml.Element, symbols: Sequence[str]) -> None:
             Xml.SubElement(unit, "BaseUnit", _UNITS[symbol])
 
 
-def _head(one: Variable, reference: int) -> dict[str, str]:
-    constant = one.causality == "constant"
+def _head(variable: Variable, reference: int) -> dict[str, str]:
+    constant = variable.causality == "constant"
     return {
-        "name": one.name,
+        "name": variable.name,
         "valueReference": str(reference),
-        "causality": "local" if constant else one.causality,
+        "causality": "local" if constant else variable.causality,
         "variability": "constant" if constant else "discrete",
-        "description": one.text,
+        "description": variable.text,
     }
 
 
-def _numbers(one: Variable) -> dict[str, str]:
-    found = {"unit": one.unit} if one.unit is not None else {}
-    if one.low is not None and one.high is not None:
-        found |= {"min": repr(one.low), "max": repr(one.high)}
-    return found | ({"start": repr(one.start)} if one.causality != "output" else {})
+def _numbers(variable: Variable) -> dict[str, str]:
+    numbers = {"unit": variable.unit} if variable.unit is not None else {}
+    if variable.low is not None and variable.high is not None:
+        numbers |= {"min": repr(variable.low), "max": repr(variable.high)}
+    return numbers | ({"start": repr(variable.start)} if variable.causality != "output" else {})
 
 
 def _variables_2(root: Xml.Element, variables: Sequence[Variable]) -> None:
     listed = Xml.SubElement(root, "ModelVariables")
     outputs = []
-    for place, one in enumerate(variables, start=1):
-        scalar = Xml.SubElement(listed, "ScalarVariable", _head(one, place))
-        Xml.SubElement(scalar, "Real", _numbers(one))
-        outputs += [place] if one.causality == "output" else []
+    for index, variable in enumerate(variables, start=1):
+        scalar = Xml.SubElement(listed, "ScalarVariable", _head(variable, index))
+        Xml.SubElement(scalar, "Real", _numbers(variable))
+        outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Outputs", "InitialUnknowns"):
         parent = Xml.SubElement(structure, tag)
-        for place in outputs:
-            Xml.SubElement(parent, "Unknown", {"index": str(place), "dependencies": ""})
+        for index in outputs:
+            Xml.SubElement(parent, "Unknown", {"index": str(index), "dependencies": ""})
 
 
 def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
@@ -135,14 +135,13 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
     time = {"name": "time", "valueReference": "0", "causality": "independent", "unit": "s"}
     Xml.SubElement(listed, "Float64", time | {"variability": "continuous"})
     outputs = []
-    for place, one in enumerate(variables, start=1):
-        Xml.SubElement(listed, "Float64", _head(one, place) | _numbers(one))
-        outputs += [place] if one.causality == "output" else []
+    for index, variable in enumerate(variables, start=1):
+        Xml.SubElement(listed, "Float64", _head(variable, index) | _numbers(variable))
+        outputs += [index] if variable.causality == "output" else []
     structure = Xml.SubElement(root, "ModelStructure")
     for tag in ("Output", "InitialUnknown"):
-        for place in outputs:
-            attributes = {"valueReference": str(place), "dependencies": ""}
-            Xml.SubElement(structure, tag, attributes)
+        for index in outputs:
+            Xml.SubElement(structure, tag, {"valueReference": str(index), "dependencies": ""})
 
 
 def _text(root: Xml.Element) -> bytes:

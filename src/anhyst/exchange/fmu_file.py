@@ -91,7 +91,7 @@ def compile_all(
             found[jobs[ready]] = ready.result()
             if progress is not None:
                 progress(count, len(platforms))
-    return {one: found[one] for one in platforms}
+    return {platform: found[platform] for platform in platforms}
 
 
 def _headers_of_windows() -> Path:
@@ -140,8 +140,8 @@ def export_fmu(
     zig_cc("fmu")  # before anything is computed
     part = part_of(model, of, rate, kind)
     number = fmi[0]
-    wrapper = [place.name for place in WRAPPER.glob(f"fmi{number}*.c")]
-    wrapper += [f"fmi/{place.name}" for place in (WRAPPER / "fmi").glob(f"fmi{number}*.h")]
+    wrapper = [path.name for path in WRAPPER.glob(f"fmi{number}*.c")]
+    wrapper += [f"fmi/{path.name}" for path in (WRAPPER / "fmi").glob(f"fmi{number}*.h")]
     token, sources = part.complete(wrapper)
     c_files = [name for name in sources if name.endswith(".c")]
     files = {"modelDescription.xml": model_description(fmi, part, token, c_files)}
@@ -149,7 +149,12 @@ def export_fmu(
         files["sources/buildDescription.xml"] = build_description(c_files)
     files |= {f"sources/{name}": text for name, text in sources.items()}
     files |= _binaries(sources, fmi, platforms, progress)
-    _write(path, files)
+    with tempfile.TemporaryFile() as whole:
+        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in files.items():
+                archive.writestr(zipfile.ZipInfo(name, _BEGIN_OF_TIME), content)
+        whole.seek(0)
+        write_bytes(path, whole.read())
     return path
 
 
@@ -157,8 +162,8 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
     """Return the part of a model that is asked for."""
     file = FileKind.MODEL if isinstance(model, Model) else take_kind(model, TAKES["export"])
     if not isinstance(model, Model) and file is not FileKind.MODEL:
-        for name, given in (("--of", of), ("--rate", rate), ("--kind", kind)):
-            if given is not None:
+        for name, value in (("--of", of), ("--rate", rate), ("--kind", kind)):
+            if value is not None:
                 raise InputError(
                     f"{name}: is of a model; the files of a rig say it, leave it out",
                     code="option-not-for-this",
@@ -166,8 +171,8 @@ def part_of(model: Model | PathLike, of: Of | None, rate: float | None, kind: Ki
                 )
         return bearing_part(model) if file is FileKind.BEARING else stage_part(model)
     if of == "actuator":
-        for name, given in (("--rate", rate), ("--kind", kind)):
-            if given is not None:
+        for name, value in (("--rate", rate), ("--kind", kind)):
+            if value is not None:
                 raise InputError(
                     f"{name}: is of a compensator; an actuator answers at each step of the tool, "
                     "leave it out",
@@ -203,12 +208,3 @@ def _binaries(
         folder = one.second if fmi == "2.0" else third
         found[f"binaries/{folder}/{MODEL}{one.ending}"] = content
     return found
-
-
-def _write(path: Path, files: Mapping[str, bytes]) -> None:
-    with tempfile.TemporaryFile() as whole:
-        with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in files.items():
-                archive.writestr(zipfile.ZipInfo(name, _BEGIN_OF_TIME), content)
-        whole.seek(0)
-        write_bytes(path, whole.read())

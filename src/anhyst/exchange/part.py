@@ -39,16 +39,16 @@ class Part:
 
     def named(self, causality: Causality) -> list[Variable]:
         """Return the variables of one kind."""
-        return [one for one in self.variables if one.causality == causality]
+        return [variable for variable in self.variables if variable.causality == causality]
 
     def complete(self, wrapper: Iterable[str]) -> tuple[str, dict[str, bytes]]:
         """Return the token that tells this component from any other, and everything to compile."""
         common = ("part.h", "component.h", "component.c", *wrapper)
-        found = dict(self.sources) | {name: (WRAPPER / name).read_bytes() for name in common}
-        content = b"".join(found[name] for name in sorted(found))
+        files = dict(self.sources) | {name: (WRAPPER / name).read_bytes() for name in common}
+        content = b"".join(files[name] for name in sorted(files))
         token = hashlib.sha256(content + repr(self.variables).encode()).hexdigest()[:32]
-        found["part_values.h"] = self._values(token).encode()
-        return token, dict(sorted(found.items()))
+        files["part_values.h"] = self._values(token).encode()
+        return token, dict(sorted(files.items()))
 
     def _values(self, token: str) -> str:
         first = [0.0, *(0.0 if v.causality == "output" else v.start for v in self.variables)]

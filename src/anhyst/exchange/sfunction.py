@@ -46,9 +46,9 @@ def export_sfunction(
 def _build_script(block: str, part: Part, sources: list[str]) -> str:
     """Return the MATLAB function that compiles the sources."""
     ports = [
-        f"%   {kind} {place}: {one.name} ({one.unit or '1'}), {one.text}"
+        f"%   {kind} {index}: {variable.name} ({variable.unit or '1'}), {variable.text}"
         for kind in ("input", "output")
-        for place, one in enumerate(part.named(kind), start=1)
+        for index, variable in enumerate(part.named(kind), start=1)
     ]
     timed = (
         f"%   It samples {part.rate:g} times a second."

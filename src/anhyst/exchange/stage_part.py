@@ -109,13 +109,15 @@ def _refuse_stage(rig: StageRig) -> None:
 
 def _in_double(setup: StageSetup) -> tuple[int, dict[str, object], dict[str, bytes]]:
     """Return the memories of the iron, compensators in double precision as macros, and their sources."""
-    names = {one: f"drive_{place}" for place, one in enumerate(dict.fromkeys(map(id, setup.each)))}
-    texts = {names[id(one)]: parameters_in_double(names[id(one)], one) for one in setup.each}
+    names = {key: f"drive_{place}" for place, key in enumerate(dict.fromkeys(map(id, setup.each)))}
+    texts = {
+        names[id(block)]: parameters_in_double(names[id(block)], block) for block in setup.each
+    }
     defined: dict[str, object] = {
         "STAGE_DECLARED": "; ".join(
             f"extern const anhyst_parameters_f64 {name}_parameters" for name in texts
         ),
-        "STAGE_PARAMETERS": fields([f"&{names[id(one)]}_parameters" for one in setup.each]),
+        "STAGE_PARAMETERS": fields([f"&{names[id(block)]}_parameters" for block in setup.each]),
     }
     sources = {f"{name}.c": text.encode() for name, (text, _) in texts.items()}
     return max(count for _, count in texts.values()), defined, sources
@@ -124,7 +126,7 @@ def _in_double(setup: StageSetup) -> tuple[int, dict[str, object], dict[str, byt
 def _words(setup: StageSetup) -> dict[str, object]:
     """Return the words of compensators in fixed point, those of like magnets once."""
     blocks, numbers = blocks_of(setup), controller_settings(setup)
-    each = [tuple(one.words.tolist()) for one in blocks]
+    each = [tuple(block.words.tolist()) for block in blocks]
     words: list[int] = []
     first: dict[tuple[int, ...], int] = {}
     for one in dict.fromkeys(each):
@@ -145,7 +147,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
     corrections = [[1.0, 0.0, 1.0, 0.0]] * count
     if setup.correction is not None:
         corrections = setup.correction.tolist()
-    file, numbers = setup.rig.settings, {key: repr(float(one)) for key, one in settings.items()}
+    file, numbers = setup.rig.settings, {key: repr(float(value)) for key, value in settings.items()}
     scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
     pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
     law: dict[str, object] = {"pid": _biquad([*pid(setup.rig).values()]), "allocation": pair}

@@ -43,8 +43,8 @@ def export_tables(model: Model, out: PathLike) -> Path:
     check_writable(path)
     ends, name = model.valid.schedule, model.output.column
     at = np.array([0.0]) if ends is None else np.linspace(*ends, GAPS if ends[0] < ends[1] else 1)
-    given = [None if model.schedule is None else float(value) for value in at]
-    loops = [model.settled_loop(one, POINTS) for one in given]
+    places = [None if model.schedule is None else float(value) for value in at]
+    loops = [model.settled_loop(one, POINTS) for one in places]
     axes = {model.input.column: loops[0][0][:POINTS]}
     if model.schedule is not None:
         axes = {model.schedule.column: at} | axes

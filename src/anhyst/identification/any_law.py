@@ -83,10 +83,6 @@ class _Problem:
     offsets: bool
     evaluations: int = 0
 
-    @property
-    def known_field(self) -> bool:
-        return self.loopset.input.name == "field"
-
     @cached_property
     def entries(self) -> tuple[_Entry, ...]:
         """What the spread moves; gain and offsets join for the descent."""
@@ -98,7 +94,7 @@ class _Problem:
         }
         if self.gap_map in {"reluctance", "circuit"}:
             ranges["rho"] = (1e-3, 1e3)
-        if output_map(self.loopset.output).absolute and not self.known_field:
+        if output_map(self.loopset.output).absolute and self.loopset.input.name != "field":
             ranges["c_H"] = (10.0 / span, 1e5 / span)
         elif self.gap_map == "scaling":
             ranges["c_H"] = (0.1, 10.0)
@@ -107,7 +103,7 @@ class _Problem:
             nodes = range(self.records.gaps) if self._varies(name) else (None,)
             moving += [_Entry(name, node, low, high) for node in nodes]
         gauge = _Entry("c_H", 0, 0.1, 10.0)
-        return tuple(one for one in moving if one != gauge)
+        return tuple(entry for entry in moving if entry != gauge)
 
     def _varies(self, name: str) -> bool:
         if self.records.gaps < 2:
@@ -118,7 +114,7 @@ class _Problem:
         """Return the model at a point of the cube of some entries."""
         nodes = self.loopset.schedule_values
         values: dict[str, Parameter] = {"c_H": 1.0, "c_out": 1.0}
-        rows = {one.name: [1.0] * len(nodes) for one in entries if one.node is not None}
+        rows = {entry.name: [1.0] * len(nodes) for entry in entries if entry.node is not None}
         for entry, part in zip(entries, theta.tolist(), strict=True):
             if entry.node is None:
                 values[entry.name] = entry.value(part)
@@ -156,7 +152,9 @@ class _Problem:
 
     @cached_property
     def weights(self) -> FloatArray:
-        return np.concatenate([np.full(one.output.size, one.weight) for one in self.records.loops])
+        return np.concatenate(
+            [np.full(loop.output.size, loop.weight) for loop in self.records.loops]
+        )
 
     def residuals(self, entries: tuple[_Entry, ...], theta: FloatArray) -> FloatArray:
         """Weighted deviations."""
@@ -169,27 +167,27 @@ class _Problem:
         """Return gain and offset of the best straight line from a shape, and its cost."""
         columns = np.stack([shape, np.ones(shape.size) * self.offsets], axis=1)
         weighted = columns * self.weights[:, None]
-        wanted = self.measured * self.weights
-        (gain, offset), *_ = np.linalg.lstsq(weighted, wanted, rcond=None)
-        off = weighted @ np.array([gain, offset]) - wanted
+        target = self.measured * self.weights
+        (gain, offset), *_ = np.linalg.lstsq(weighted, target, rcond=None)
+        off = weighted @ np.array([gain, offset]) - target
         return float(gain), float(offset), float(off @ off) if gain > 0.0 else np.inf
 
     def begins(self, seed: int) -> list[tuple[float, tuple[_Entry, ...], FloatArray]]:
         """Return the best sets of a spread: cost, and where a descent begins."""
-        free = [one for one in self.entries if not one.node]  # all nodes alike
+        free = [entry for entry in self.entries if not entry.node]  # all nodes alike
         spread = evenly(len(free), SCREENED, seed).T
-        column_of = {one.name: column for column, one in enumerate(free)}
+        column_of = {entry.name: column for column, entry in enumerate(free)}
         starts = []
         for draw in spread:
-            theta = np.array([draw[column_of[one.name]] if one.name in column_of else 0.5
-                              for one in self.entries])  # fmt: skip
+            theta = np.array([draw[column_of[entry.name]] if entry.name in column_of else 0.5
+                              for entry in self.entries])  # fmt: skip
             shape = self.outputs(self.model(self.entries, theta))
             if shape is None or not np.ptp(shape):
                 continue
             gain, offset, cost = self.straight(shape)
             if np.isfinite(cost):
                 starts.append((cost, *self._with_ends(theta, gain, offset)))
-        return sorted(starts, key=lambda one: one[0])[:KEPT]
+        return sorted(starts, key=lambda start: start[0])[:KEPT]
 
     def _with_ends(
         self, theta: FloatArray, gain: float, offset: float
@@ -210,18 +208,18 @@ class _Problem:
 
 
 def fit_any(
-    loopset: Loops, records: FitRecords, law: str, wanted: str, seed: int, offsets: bool
+    loopset: Loops, records: FitRecords, law: str, gap_map: str, seed: int, offsets: bool
 ) -> Fitted:
     """Fit a law through its iron alone."""
     over_gap = loopset.schedule is not None and loopset.schedule.name == "gap"
     maps: tuple[GapMap, ...] = ("scaling", "reluctance") if over_gap else ("scaling",)
-    if wanted != "auto":
-        maps = (wanted,)  # type: ignore[assignment]  # the caller has checked it
+    if gap_map != "auto":
+        maps = (gap_map,)  # type: ignore[assignment]  # the caller has checked it
     if records.gaps < 2:
         maps = ("none",)
-    ends = [_descend(_Problem(LAWS[law], one, loopset, records, offsets), seed) for one in maps]
-    best = min(ends, key=lambda one: one.cost)
-    return replace(best, evaluations=sum(one.evaluations for one in ends))
+    ends = [_descend(_Problem(LAWS[law], name, loopset, records, offsets), seed) for name in maps]
+    best = min(ends, key=lambda end: end.cost)
+    return replace(best, evaluations=sum(end.evaluations for end in ends))
 
 
 def _descend(problem: _Problem, seed: int) -> Fitted:
@@ -275,11 +273,11 @@ def _assess(
     covariance = variance * memory(deviation) * np.linalg.inv(normal + floor * np.eye(theta.size))
     spread = np.sqrt(np.diag(covariance))
     keys: Mapping[str, tuple[str, str]] = problem.model(entries, theta).keys
-    names = [keys[one.name][1] + ("" if one.node is None else f"[{one.node}]") for one in entries]
-    values = [one.value(part) for one, part in zip(entries, theta.tolist(), strict=True)]
+    names = [keys[e.name][1] + ("" if e.node is None else f"[{e.node}]") for e in entries]
+    values = [entry.value(part) for entry, part in zip(entries, theta.tolist(), strict=True)]
     stds = [
-        float(std * one.slope(part))
-        for one, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
+        float(std * entry.slope(part))
+        for entry, part, std in zip(entries, theta.tolist(), spread.tolist(), strict=True)
     ]
     correlation = covariance / np.outer(spread, spread)
     return Uncertainty(

@@ -23,10 +23,10 @@ _BETWEEN = 4
 """Pieces between two gaps in which the curves of a model with leakage are drawn."""
 
 
-def model_of(found: FoundModel, loopset: Loops) -> Model:
+def model_of(fit: FoundModel, loopset: Loops) -> Model:
     """Bare model of a fit: parameters and gap map, no records of how it was found."""
-    space = found.space
-    places, sets = _between(found)
+    space = fit.space
+    places, sets = _between(fit)
     nodes = tuple(float(node) for node in places)
     single = len(nodes) < 2
     gaps = nodes if loopset.schedule is not None and loopset.schedule.name == "gap" else ()
@@ -37,7 +37,7 @@ def model_of(found: FoundModel, loopset: Loops) -> Model:
     cells = None
     if isinstance(space.form.cells, WeightKernel):
         scales = (float(np.max(parameters.pop(name))) for name in SCALES)
-        cells = space.form.cells.scaled(found.sets[0].law, *scales)
+        cells = space.form.cells.scaled(fit.sets[0].law, *scales)
     return Model(
         name="model",
         cells=cells,
@@ -51,17 +51,17 @@ def model_of(found: FoundModel, loopset: Loops) -> Model:
     )
 
 
-def _between(found: FoundModel) -> tuple[FloatArray, list[Local]]:
+def _between(fit: FoundModel) -> tuple[FloatArray, list[Local]]:
     """Nodes of a model and the sets there: with leakage, places between the gaps too.
 
     What a gap grows by is its own reluctance; what the iron sees of it behind a leakage bends. So
     the former is interpolated, and so densely that the curves between nodes do not matter.
     """
-    space, sets = found.space, found.sets
+    space, sets = fit.space, fit.sets
     nodes = space.records.nodes
     if space.gap_map != "leakage":
         return nodes, sets
-    leakage = space.leakage(found.theta)
+    leakage = space.leakage(fit.theta)
     seen = np.array([local.omega for local in sets])
     own = Curve("rho", nodes, seen / np.maximum(1.0 - leakage * seen, LEAST_GAP_FLUX))
     pieces = [np.linspace(*ends, _BETWEEN, endpoint=False) for ends in pairwise(nodes)]

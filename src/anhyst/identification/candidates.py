@@ -43,18 +43,18 @@ class ModelCandidate:
         return f"{text}, weights fitted" if self.polished else text
 
 
-def require_gaps(records: FitRecords, wanted: str) -> None:
+def require_gaps(records: FitRecords, gap_map: str) -> None:
     """Refuse a gap map where there is nothing to see of it."""
-    if wanted != "auto" and records.gaps < 2:
+    if gap_map != "auto" and records.gaps < 2:
         raise InputError(
-            f"gap map '{wanted}' needs loops at two gaps or more, there are loops at one; measure "
+            f"gap map '{gap_map}' needs loops at two gaps or more, there are loops at one; measure "
             "another gap, or use --gap-map auto for a model of this gap alone",
             code="single-gap",
             key="gap_map",
         )
 
 
-def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCandidate]:
+def map_candidates(run: SearchRun, loopset: Loops, gap_map: str) -> list[ModelCandidate]:
     """Name the candidates, the simplest first.
 
     A reluctance in series is physics of a gap only, and does not go with the law of 1986. Of
@@ -63,12 +63,12 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
     only where it is asked for.
     """
     gaps, held = run.searched.gaps, run.held
-    if wanted == "circuit":
+    if gap_map == "circuit":
         candidates = [ModelCandidate("leakage", held)] if gaps >= 3 else []
         candidates.append(ModelCandidate("circuit", held, OFFSETS, rank=1))
         apart = gaps >= 3 and not held >= OFFSETS
         return [*candidates, ModelCandidate("circuit", held, rank=2)] if apart else candidates
-    if wanted == "free":
+    if gap_map == "free":
         # With everything free at each gap, interaction and shape of the anhysteretic replace each
         # other almost without trace, and what is interpolated of them need not fit together.
         # Without interaction the fit is a little worse and may predict much better.
@@ -85,12 +85,12 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
                 ModelCandidate("free", held | {"omega"}, rank=1),
             ]
         return candidates
-    if wanted != "auto":
-        return [ModelCandidate(wanted, held)]
+    if gap_map != "auto":
+        return [ModelCandidate(gap_map, held)]
     candidates = [ModelCandidate("scaling", held)]
     if loopset.schedule is None or loopset.schedule.name != "gap":
         others = map_candidates(run, loopset, "free") if gaps >= 3 else []
-        return candidates + [replace(one, rank=one.rank + 1) for one in others]
+        return candidates + [replace(other, rank=other.rank + 1) for other in others]
     if not run.form.kernel.coupled:
         candidates.append(ModelCandidate("reluctance", held))
         candidates += [ModelCandidate("leakage", held, rank=1)] if gaps >= 3 else []
@@ -100,14 +100,13 @@ def map_candidates(run: SearchRun, loopset: Loops, wanted: str) -> list[ModelCan
 def cell_map(base: ModelCandidate, maps: Sequence[ModelCandidate]) -> ModelCandidate:
     """Name the gap map under which play cells are searched for: the most flexible of a gap's."""
     order = ("leakage", "circuit", "reluctance")
-    able = [one for one in maps if one.gap_map in order]
-    return min(able, key=lambda one: order.index(one.gap_map)) if able else base
+    able = [candidate for candidate in maps if candidate.gap_map in order]
+    return min(able, key=lambda candidate: order.index(candidate.gap_map)) if able else base
 
 
 def under(cells: ModelCandidate, other: ModelCandidate) -> ModelCandidate:
     """Name play cells under the gap map of another candidate."""
-    rank = cells.rank - cells.rank % _STEP + other.rank
-    return replace(other, cells=cells.cells, rank=rank)
+    return replace(other, cells=cells.cells, rank=cells.rank - cells.rank % _STEP + other.rank)
 
 
 def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[ModelCandidate]:
@@ -122,11 +121,11 @@ def cell_candidates(base: ModelCandidate, shapes: tuple[Shape, ...]) -> list[Mod
     ]
 
 
-def without_interaction(one: ModelCandidate) -> ModelCandidate:
+def without_interaction(candidate: ModelCandidate) -> ModelCandidate:
     """Name the same play cells without interaction; they are simpler by that number."""
-    return replace(one, held=one.held | {"omega"}, rank=one.rank - 1)
+    return replace(candidate, held=candidate.held | {"omega"}, rank=candidate.rank - 1)
 
 
-def polished(one: ModelCandidate) -> ModelCandidate:
+def polished(candidate: ModelCandidate) -> ModelCandidate:
     """Name the same play cells with every weight fitted."""
-    return replace(one, polished=True, rank=one.rank + _STEP)
+    return replace(candidate, polished=True, rank=candidate.rank + _STEP)

@@ -47,12 +47,12 @@ _FIRST = (
 )
 
 
-def _further(place: int) -> tuple[FitNumber, ...]:
+def _further(index: int) -> tuple[FitNumber, ...]:
     return (
-        FitNumber(f"share_{place}", f"M_{place}/M_1", 1e-3, 1e2, "log", usual=1.0),
-        FitNumber(f"width_{place}", f"a_{place}/a_1", 3e-2, 3e1, "log", usual=1.0),
-        FitNumber(f"pinning_{place}", f"k_{place}/a_1", 1e-3, 1e2, "log", usual=0.3),
-        FitNumber(f"spread_{place}", f"s_{place}", 0.3, 12.0, "log", usual=1.5),
+        FitNumber(f"share_{index}", f"M_{index}/M_1", 1e-3, 1e2, "log", usual=1.0),
+        FitNumber(f"width_{index}", f"a_{index}/a_1", 3e-2, 3e1, "log", usual=1.0),
+        FitNumber(f"pinning_{index}", f"k_{index}/a_1", 1e-3, 1e2, "log", usual=0.3),
+        FitNumber(f"spread_{index}", f"s_{index}", 0.3, 12.0, "log", usual=1.5),
     )
 
 
@@ -71,7 +71,7 @@ class CellKernel:
     @cached_property
     def numbers(self) -> tuple[FitNumber, ...]:
         """What a fit moves of the law itself."""
-        more = (number for place in range(2, self.populations + 1) for number in _further(place))
+        more = (number for index in range(2, self.populations + 1) for number in _further(index))
         return (*_FIRST, *more)
 
     def paths(self, law: tuple[float, ...]) -> CellPaths:
@@ -125,9 +125,7 @@ def _paths(kernel: CellKernel, law: tuple[float, ...]) -> CellPaths:
 
 
 def _pinned(iron: Mapping[str, float], count: int) -> list[Population]:
-    return [
-        Population(*(iron[f"{name}_{index}"] for name in "Maks")) for index in range(1, count + 1)
-    ]
+    return [Population(*(iron[f"{name}_{n}"] for name in "Maks")) for n in range(1, count + 1)]
 
 
 @dataclass(frozen=True)

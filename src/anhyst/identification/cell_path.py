@@ -86,14 +86,7 @@ class CellPaths:
             for by in self.tangents
         )
         x, m, x_t, m_t, status = self._operator.sensitivity(
-            omega,
-            r,
-            omega_t,
-            moved,
-            weights_t,
-            widths_t,
-            thresholds_t,
-            begins,
+            omega, r, omega_t, moved, weights_t, widths_t, thresholds_t, begins
         )
         _refuse(status)
         return CellPath(x, m, x_t, m_t)

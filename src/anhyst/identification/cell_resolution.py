@@ -70,8 +70,7 @@ def _freed(model: Model, cells: CellWeights, count: int) -> Model:
     other = replace(
         cells, thresholds=np.delete(cells.thresholds, np.s_[1 : 1 + count]), weights=weights
     )
-    law = model.operator_law
-    gone = {spec.name for spec in law.parameters}
+    gone = {spec.name for spec in model.operator_law.parameters}
     gone -= {spec.name for spec in law_of(model.law, other).parameters}
     kept = {name: value for name, value in model.parameters.items() if name not in gone}
     return replace(model, cells=other, parameters=kept)

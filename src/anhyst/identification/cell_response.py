@@ -65,7 +65,7 @@ class CellResponder:
         cells = _cells(form, sets)
         if records is not self._grouped:
             self._groups, self._grouped = {}, records
-        alike = tuple(next(i for i, one in enumerate(cells) if one is own) for own in cells)
+        alike = tuple(next(i for i, weights in enumerate(cells) if weights is own) for own in cells)
         if alike not in self._groups:
             self._groups[alike] = list(_grouped(records, alike))
         for drives in self._groups[alike]:
@@ -122,7 +122,7 @@ def _grouped(records: Sequence[FitRecord], alike: Sequence[int]) -> Iterator[_Dr
         if (
             last
             or alike[records[index + 1].gap] != alike[record.gap]
-            or sum(one.input.size for one in group) > _TOGETHER
+            or sum(record.input.size for record in group) > _TOGETHER
         ):
             yield _joined(group)
             group = []
@@ -149,7 +149,7 @@ def _differentiated(
     """Output at each sample, and its derivatives by the numbers at its gap."""
     x, m, x_t, m_t = path
     law = len(sets[0].law)
-    around = np.array([(one.h, one.scale, one.gain, one.out_0) for one in sets])
+    around = np.array([(local.h, local.scale, local.gain, local.out_0) for local in sets])
     h, scale, gain, out_0 = around[gaps].T
     b = m + h * x
     steep = gain * form.power * b ** (form.power - 1)

@@ -145,16 +145,16 @@ class _Levels:
                 if again is not None:
                     ends.append(ends[again])
                     continue
-                near = _FAR * min((one.cost for one in ends), default=np.inf)
+                near = _FAR * min((end.cost for end in ends), default=np.inf)
                 ends.append(follow(space, theta, tolerance, most, self.tie, near))
                 spent += ends[-1].evaluations
-            ends = sorted(ends, key=lambda one: one.cost)[:kept]
-            chosen = [one.theta for one in ends]
+            ends = sorted(ends, key=lambda end: end.cost)[:kept]
+            chosen = [end.theta for end in ends]
         return [replace(ends[0], evaluations=spent), *ends[1:]]
 
 
-def _same(one: FloatArray, other: FloatArray) -> bool:
-    return bool(np.max(np.abs(one - other)) < _SAME)
+def _same(first: FloatArray, other: FloatArray) -> bool:
+    return bool(np.max(np.abs(first - other)) < _SAME)
 
 
 def _cost(objective: Objective, theta: FloatArray) -> float:
@@ -165,7 +165,7 @@ def _cost(objective: Objective, theta: FloatArray) -> float:
 def search_cells(
     base: FoundModel,
     records: FitRecords,
-    wanted: Sequence[ModelCandidate],
+    candidates: Sequence[ModelCandidate],
     seed: int,
     leaves_something: Callable[[FoundModel], bool],
     is_usable: Callable[[FoundModel], bool],
@@ -173,46 +173,50 @@ def search_cells(
     """Fit play cells of every curve, until a population more gains next to nothing."""
     ends: dict[ModelCandidate, list[FoundModel]] = {}
     last: dict[Shape, list[FoundModel]] = {}
-    shapes = {one.cells.shape for one in wanted if one.cells}
-    for _, alike in groupby(wanted, lambda one: one.cells and one.cells.populations):
+    shapes = {candidate.cells.shape for candidate in candidates if candidate.cells}
+    for _, alike in groupby(
+        candidates, lambda candidate: candidate.cells and candidate.cells.populations
+    ):
         new = {}
-        for one in alike:
-            assert one.cells is not None
-            shape = one.cells.shape
+        for candidate in alike:
+            assert candidate.cells is not None
+            shape = candidate.cells.shape
             if shape not in shapes:
                 continue
-            kernel = replace(one.cells, aim=_NEAR)
+            kernel = replace(candidate.cells, aim=_NEAR)
             form = replace(base.space.form, law=LAW_OF[shape], cells=kernel, dead_band=0.0)
-            levels = _levels(one, form, records, base)
+            levels = _levels(candidate, form, records, base)
             before = last.get(shape, [])
             known = _suggested(levels, before) if before else _begun(levels, base)
-            found = _search(levels, one.cells, known, seed, leaves_something)
-            if before and found[0].cost > _GAIN * before[0].cost and leaves_something(found[0]):
+            fits = _search(levels, candidate.cells, known, seed, leaves_something)
+            if before and fits[0].cost > _GAIN * before[0].cost and leaves_something(fits[0]):
                 objective = Objective(levels.coarse, levels.tie)
                 split = [
                     _weighed(objective, before[0], (width, pinned))[1]
                     for width in _SPLIT
                     for pinned in _PINNED
                 ]
-                found = _best([*found, *levels.ends(split, len(split))])
-            if not before and not is_usable(found[0]):
+                fits = _best([*fits, *levels.ends(split, len(split))])
+            if not before and not is_usable(fits[0]):
                 # Follow what begins near Jiles and Atherton to its own end, where that may be chosen.
                 near = [follow(levels.fine, theta, *_END, levels.tie) for theta in known]
                 able = sorted(filter(is_usable, near), key=lambda end: end.cost)
-                found = [*able[:1], *found][:_ENDED]
-            if not before or found[0].cost <= _GAIN * before[0].cost:
-                ends[one] = new[shape] = found
+                fits = [*able[:1], *fits][:_ENDED]
+            if not before or fits[0].cost <= _GAIN * before[0].cost:
+                ends[candidate] = new[shape] = fits
         least = min((found[0].cost for found in new.values()), default=0.0)
         last = {shape: found for shape, found in new.items() if found[0].cost <= _BEHIND * least}
         shapes = set(last)
     return {
-        one: Fits(found[0], _only_demanded(one, found, records, base, seed, leaves_something))
-        for one, found in ends.items()
+        candidate: Fits(
+            found[0], _only_demanded(candidate, found, records, base, seed, leaves_something)
+        )
+        for candidate, found in ends.items()
     }
 
 
 def _only_demanded(
-    one: ModelCandidate,
+    candidate: ModelCandidate,
     ends: Sequence[FoundModel],
     records: FitRecords,
     base: FoundModel,
@@ -220,34 +224,34 @@ def _only_demanded(
     leaves_something: Callable[[FoundModel], bool],
 ) -> FoundModel:
     """Leave out offsets that the loops do not demand; where that is dear, search without them."""
-    found = only_demanded(ends[0], *_END)
-    if found.cost <= _DEAR * ends[0].cost:
-        return found
-    form, held = ends[0].space.form, found.space.held
-    levels = _levels(replace(one, held=held), form, records, base)
-    known = [levels.coarse.pack(end.sets) for end in (found, *ends)]
-    assert one.cells is not None
-    other, *_ = _search(levels, one.cells, known, seed, leaves_something)
-    return min(found, other, key=lambda end: end.cost)
+    fit = only_demanded(ends[0], *_END)
+    if fit.cost <= _DEAR * ends[0].cost:
+        return fit
+    form, held = ends[0].space.form, fit.space.held
+    levels = _levels(replace(candidate, held=held), form, records, base)
+    known = [levels.coarse.pack(end.sets) for end in (fit, *ends)]
+    assert candidate.cells is not None
+    other, *_ = _search(levels, candidate.cells, known, seed, leaves_something)
+    return min(fit, other, key=lambda end: end.cost)
 
 
 def _levels(
-    one: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
+    candidate: ModelCandidate, form: ResponseForm, records: FitRecords, base: FoundModel
 ) -> _Levels:
     rough, coarse, fine = (
-        CoordinateSpace(one.gap_map, some, form, one.held, one.common)
+        CoordinateSpace(candidate.gap_map, some, form, candidate.held, candidate.common)
         for some in map(records.thinned, (_ROUGH, COARSE, FINE))
     )
-    return _Levels(rough, coarse, fine, TIE * base.cost if one.gap_map in TIED else 0.0)
+    return _Levels(rough, coarse, fine, TIE * base.cost if candidate.gap_map in TIED else 0.0)
 
 
-def exact(found: FoundModel) -> FoundModel:
+def exact(fit: FoundModel) -> FoundModel:
     """Take the tables that a model is computed with."""
-    form = found.space.form
+    form = fit.space.form
     if not isinstance(form.cells, CellKernel):
-        return found
+        return fit
     form = replace(form, cells=replace(form.cells, aim=EXACT))
-    return replace(found, space=replace(found.space, form=form))
+    return replace(fit, space=replace(fit.space, form=form))
 
 
 def _search(
@@ -268,7 +272,7 @@ def _search(
     for turn in range(_ROUNDS):
         starts = draw_starts(kernel, drawn, seed + turn, levels.fine.gap_map in IN_SERIES)
         sets = (placed(levels.coarse, start) for start in starts)
-        new = [*known, *(levels.coarse.pack(one) for one in sets if possible(one))]
+        new = [*known, *(levels.coarse.pack(local) for local in sets if possible(local))]
         ends = _best([*ends, *levels.ends(new)])
         begun, known = [*begun, *new], []
         agreed = len(ends) > 1 and ends[-1].cost < _AGREE * ends[0].cost
@@ -282,7 +286,7 @@ def _search(
 
 
 def _best(ends: Iterable[FoundModel]) -> list[FoundModel]:
-    return sorted(ends, key=lambda one: one.cost)[:_ENDED]
+    return sorted(ends, key=lambda end: end.cost)[:_ENDED]
 
 
 def _begun(levels: _Levels, base: FoundModel) -> list[FloatArray]:
@@ -349,32 +353,30 @@ def _suggested(levels: _Levels, before: Sequence[FoundModel]) -> list[FloatArray
     suggestions = []
     objective = Objective(levels.coarse, levels.tie)
     for one in dict.fromkeys(before):  # ends may have joined
-        tried = [
-            _weighed(objective, one, (width, pinned)) for width in _WIDTHS for pinned in _PINNED
-        ]
+        tried = [_weighed(objective, one, (width, pin)) for width in _WIDTHS for pin in _PINNED]
         tried.sort(key=lambda start: -start[0])
         suggestions += [theta for _, theta in tried[:_SUGGESTED]]
     return suggestions
 
 
 def _weighed(
-    objective: Objective, found: FoundModel, how: tuple[float, float]
+    objective: Objective, fit: FoundModel, how: tuple[float, float]
 ) -> tuple[float, FloatArray]:
     """Foresee what a population gains, to first order: how much, and the start with its share.
 
     All other numbers may move with it, so what they explain by themselves counts for nothing.
     """
-    power, space = found.space.form.power, objective.space
+    power, space = fit.space.form.power, objective.space
 
     def start(share: float) -> FloatArray:
-        return space.pack([_with_population(one, power, (share, *how)) for one in found.sets])
+        return space.pack([_with_population(local, power, (share, *how)) for local in fit.sets])
 
     theta = start(_SMALL)
     try:
         _, slope, normal = objective.normal(theta)
     except NoResponseError:
         return -np.inf, theta
-    share_of_it = f"share_{len(found.sets[0].law) // 4 + 1}"
+    share_of_it = f"share_{len(fit.sets[0].law) // 4 + 1}"
     # Of a gap map that leaves everything free there is one a gap; they rise together.
     own_places = np.array([name.partition("[")[0] == share_of_it for name in space.names])
     others = ~own_places
@@ -404,24 +406,24 @@ def _with_population(local: Local, power: int, how: tuple[float, float, float]) 
     )
 
 
-def remapped(found: FoundModel, one: ModelCandidate, records: FitRecords) -> Fits:
+def remapped(fit: FoundModel, candidate: ModelCandidate, records: FitRecords) -> Fits:
     """Fit the same cells under another gap map, from where they are."""
     space = CoordinateSpace(
-        one.gap_map, records.thinned(FINE), found.space.form, one.held, one.common
+        candidate.gap_map, records.thinned(FINE), fit.space.form, candidate.held, candidate.common
     )
-    tie = TIE * found.cost if one.gap_map in TIED else 0.0
-    wide = follow(space, space.pack(found.sets), *_END, tie)
+    tie = TIE * fit.cost if candidate.gap_map in TIED else 0.0
+    wide = follow(space, space.pack(fit.sets), *_END, tie)
     return Fits(wide, only_demanded(wide, *_END))
 
 
-def polish(found: FoundModel, records: FitRecords) -> FoundModel:
+def polish(fit: FoundModel, records: FitRecords) -> FoundModel:
     """Let every weight of the cells of a fit move by itself, near to where it is."""
-    form = found.space.form
+    form = fit.space.form
     assert isinstance(form.cells, CellKernel)
-    kernel = by_weights(form.cells, found.sets[0].law)
+    kernel = by_weights(form.cells, fit.sets[0].law)
     law = tuple(kernel.populations.weights.ravel().tolist())
-    sets = [replace(local, law=law) for local in found.sets]
+    sets = [replace(local, law=law) for local in fit.sets]
     space = replace(
-        found.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
+        fit.space, records=records.thinned(FINE), form=replace(form, law=form.law, cells=kernel)
     )
-    return follow(space, space.pack(sets), _END[0], _POLISHED, found.tie)
+    return follow(space, space.pack(sets), _END[0], _POLISHED, fit.tie)

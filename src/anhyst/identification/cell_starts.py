@@ -75,7 +75,9 @@ def draw_starts(kernel: CellKernel, count: int, seed: int, gapped: bool) -> list
 def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
     """Return the sets at each gap that pass through the largest output there."""
     form = space.form
-    field, curve = _ascending(space, start)
+    field = np.linspace(0.0, 3.0 * start.reach, _CURVE)
+    assert space.form.cells is not None
+    field, curve = space.form.cells.paths(start.law).follow(np.zeros(field.size), field)
     drives, outputs = _largest(space)
     home = reference_gap(space.records)
     top = float(np.interp(start.reach, field, curve))
@@ -92,24 +94,13 @@ def placed(space: CoordinateSpace, start: CellStart) -> list[Local]:
             own = (max((drive / scale - x) / m, 0.0), scale)
         elif len(drives) > 1:
             own = (omega, drive / (x + omega * m))
-        local = form.with_h(Local(start.law, *own, gain, 0.0, 0.0, 0.0))
-        sets.append(local)
+        sets.append(form.with_h(Local(start.law, *own, gain, 0.0, 0.0, 0.0)))
     return sets
 
 
 def possible(sets: Sequence[Local]) -> bool:
     """Whether the scales of a start are those of a drive and an output."""
-    return all(
-        local.scale > 0.0 and local.gain > 0.0 and local.h * local.omega < FLATTEST
-        for local in sets
-    )
-
-
-def _ascending(space: CoordinateSpace, start: CellStart) -> tuple[FloatArray, FloatArray]:
-    """Effective field and magnetisation on the first rise, to three times the reach."""
-    field = np.linspace(0.0, 3.0 * start.reach, _CURVE)
-    assert space.form.cells is not None
-    return space.form.cells.paths(start.law).follow(np.zeros(field.size), field)
+    return all(own.scale > 0.0 and own.gain > 0.0 and own.h * own.omega < FLATTEST for own in sets)
 
 
 def _largest(space: CoordinateSpace) -> tuple[FloatArray, FloatArray]:

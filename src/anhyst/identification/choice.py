@@ -98,22 +98,22 @@ class ModelChoice:
     left_open: float = 0.0
 
 
-def search_models(run: SearchRun, loopset: Loops, wanted: str) -> ModelChoice:
+def search_models(run: SearchRun, loopset: Loops, gap_map: str) -> ModelChoice:
     """Fit under the wanted map and law, or under all, and keep what predicts best what is left out."""
     gaps = run.searched.gaps
-    require_gaps(run.records, wanted)
-    tried = map_candidates(run, loopset, wanted) if gaps > 1 else []
+    require_gaps(run.records, gap_map)
+    tried = map_candidates(run, loopset, gap_map) if gaps > 1 else []
     run.total = 2 + len(tried) + bool(inner(gaps)) + run.dead_band
     run.total += 4 if run.cells else 0
     fits, known = _known(run)
     if gaps == 1:
-        one = ModelCandidate("none", run.held)
-        contest = Contest([one], {one: fits}, {}, ())
+        plain = ModelCandidate("none", run.held)
+        contest = Contest([plain], {plain: fits}, {}, ())
     else:
         contest = _compared_maps(run, loopset, tried, known)
     best = _accepted(contest, loopset)
-    why = _why(contest, best, wanted, gaps)
-    if unable := [one.gap_map for one in tried if one not in contest.entrants]:
+    why = _why(contest, best, gap_map, gaps)
+    if unable := [candidate.gap_map for candidate in tried if candidate not in contest.entrants]:
         why += (
             "; passed over, because it cannot be compiled, fails the acceptance test, bends between "
             "the gaps or starts far from what was measured: "
@@ -147,29 +147,26 @@ def _left_open(contest: Contest, best: ModelCandidate, loopset: Loops) -> float:
         return 0.0
     most = ALIKE**2 * contest.fits[best].found.cost
     alike = [fits.found for fits in contest.fits.values() if fits.found.cost <= most]
-    models = [model_of(found, loopset) for found in alike]
+    models = [model_of(fit, loopset) for fit in alike]
     return left_open(model_of(contest.fits[best].found, loopset), models, loopset)
 
 
 def _compared_maps(
-    run: SearchRun,
-    loopset: Loops,
-    tried: list[ModelCandidate],
-    known: list[Local],
+    run: SearchRun, loopset: Loops, tried: list[ModelCandidate], known: list[Local]
 ) -> Contest:
     """Fit every gap map, to all gaps and without some."""
     fits: dict[ModelCandidate, Fits] = {}
     plain = None
-    for one in tried:
+    for candidate in tried:
         try:
-            fits[one] = _joined(run, one, known, plain)
-            if one.gap_map == "reluctance":
-                plain = fits[one].wide
+            fits[candidate] = _joined(run, candidate, known, plain)
+            if candidate.gap_map == "reluctance":
+                plain = fits[candidate].wide
         except NowhereNearError:
             run.total -= 1
-            if one is tried[-1] and not fits:
+            if candidate is tried[-1] and not fits:
                 raise
-    usable = [one for one in fits if _is_usable(fits[one].found, loopset)]
+    usable = [fit for fit in fits if _is_usable(fits[fit].found, loopset)]
     contest = Contest(usable or list(fits), fits, {}, inner(run.searched.gaps))
     if contest.places:
         run.step("left out", partial(_leave_out, contest, loopset, contest.entrants))
@@ -201,36 +198,38 @@ def _compare_cells(
     leaves = partial(_leaves_something, loopset=loopset)
     may_be_chosen = partial(_is_usable, loopset=loopset)
     wide = contest.fits[base].wide
-    simpler = [without_interaction(one) for one in new] if _may_do_without(run, base) else []
+    simpler = (
+        [without_interaction(candidate) for candidate in new] if _may_do_without(run, base) else []
+    )
 
     def search() -> dict[ModelCandidate, Fits]:
-        found: dict[ModelCandidate, Fits] = {}
+        fit: dict[ModelCandidate, Fits] = {}
         for some in filter(None, (simpler, new)):
-            if all(leaves(fits.found) for fits in found.values()):
-                found |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
-        return found
+            if all(leaves(fits.found) for fits in fit.values()):
+                fit |= search_cells(wide, run.searched, some, run.seed, leaves, may_be_chosen)
+        return fit
 
     contest.fits.update(run.step("play cells", search))
-    new = [one for one in (*simpler, *new) if one in contest.fits]
+    new = [candidate for candidate in (*simpler, *new) if candidate in contest.fits]
     run.step("left out", partial(_leave_out, contest, loopset, new))
     best = replace(contest, entrants=new).winner()
-    others = [under(best, one) for one in maps if best.gap_map != one.gap_map != "free"]
-    for one in others:
-        again = partial(remapped, contest.fits[best].wide, one, run.searched)
-        contest.fits[one] = run.timed("play cells", again)
+    others = [under(best, other) for other in maps if best.gap_map != other.gap_map != "free"]
+    for candidate in others:
+        again = partial(remapped, contest.fits[best].wide, candidate, run.searched)
+        contest.fits[candidate] = run.timed("play cells", again)
     run.timed("left out", partial(_leave_out, contest, loopset, others))
     new += others
     if contest.places and base.gap_map != "free" and _bears_weights(contest.fits[best].found):
-        best = min(new, key=lambda one: contest.error(one) or 0.0)
+        best = min(new, key=lambda candidate: contest.error(candidate) or 0.0)
         further = polished(best)
-        found = run.step("play cells", partial(polish, contest.fits[best].found, run.searched))
-        contest.fits[further] = Fits(found, found)
+        fit = run.step("play cells", partial(polish, contest.fits[best].found, run.searched))
+        contest.fits[further] = Fits(fit, fit)
         run.step("left out", partial(_leave_out, contest, loopset, [further]))
         new.append(further)
     else:
         run.total -= 2
     every = new if run.only_cells else [*contest.entrants, *new]
-    usable = [one for one in every if _is_usable(contest.fits[one].found, loopset)]
+    usable = [entrant for entrant in every if _is_usable(contest.fits[entrant].found, loopset)]
     contest.entrants[:] = usable or every
     return _accepted(contest, loopset)
 
@@ -241,13 +240,13 @@ def _may_do_without(run: SearchRun, base: ModelCandidate) -> bool:
     return alone and run.form.power == 1 and "omega" not in base.held
 
 
-def _bears_weights(found: FoundModel) -> bool:
+def _bears_weights(fit: FoundModel) -> bool:
     """Whether there are samples enough to fit every weight of the cells by itself."""
-    kernel = found.space.form.cells
+    kernel = fit.space.form.cells
     assert isinstance(kernel, CellKernel)
-    weights = by_weights(kernel, found.sets[0].law).populations.weights.size
-    samples = sum(record.input.size for record in found.space.records.loops)
-    return samples >= FEWEST * (found.theta.size + weights)
+    weights = by_weights(kernel, fit.sets[0].law).populations.weights.size
+    samples = sum(record.input.size for record in fit.space.records.loops)
+    return samples >= FEWEST * (fit.theta.size + weights)
 
 
 def _promised(contest: Contest, loopset: Loops) -> CrossValidation | None:
@@ -273,26 +272,25 @@ def _leave_out(
             known[one] = refit(fits.found if one.cells else fits.wide, loopset, fold, contest.by)
 
 
-def _leaves_something(found: FoundModel, loopset: Loops) -> bool:
+def _leaves_something(fit: FoundModel, loopset: Loops) -> bool:
     """Whether a fit leaves more than the noise of the sensors, so that another law could gain.
 
     However smooth noise may be (:mod:`anhyst.model.left_over`), trying costs little: only white noise ends it.
     """
-    deviation = Evaluation(Objective(found.space)).at(found.theta).deviation
+    deviation = Evaluation(Objective(fit.space)).at(fit.theta).deviation
     ordered = [loop for group in loopset.by_schedule().values() for loop in group]
     noises = [
         record.weight**2 * record.input.size * noise(loop.output) ** 2
-        for record, loop in zip(found.space.records.loops, ordered, strict=True)
+        for record, loop in zip(fit.space.records.loops, ordered, strict=True)
     ]
-    left = float(deviation @ deviation)
-    return left > max(_NOTHING_MORE**2 * sum(noises), EXACT**2)
+    return float(deviation @ deviation) > max(_NOTHING_MORE**2 * sum(noises), EXACT**2)
 
 
-def _is_usable(found: FoundModel, loopset: Loops) -> bool:
+def _is_usable(fit: FoundModel, loopset: Loops) -> bool:
     """Whether what is to be compensated can be compiled, and starts near what was measured."""
     if not is_actuator(loopset):
         return True
-    model = model_of(found, loopset)
+    model = model_of(fit, loopset)
     if obstacle(model) is not None:
         return False
     return not is_guessed(loopset) or first_rise(model, loopset) <= FARTHEST
@@ -302,28 +300,32 @@ def _listed(run: SearchRun, contest: Contest, best: ModelCandidate) -> tuple[Can
     """Put all candidates side by side, the simplest first."""
     return tuple(
         CandidateFit(
-            law=one.title(run.form.law),
-            gap_map=WRITTEN.get(one.gap_map, one.gap_map),
+            law=candidate.title(run.form.law),
+            gap_map=WRITTEN.get(candidate.gap_map, candidate.gap_map),
             numbers=fits.found.theta.size,
             rms=float(np.sqrt(fits.found.cost)),
-            left_out=contest.finite_error(one) if one in contest.entrants else None,
-            note=CHOSEN if one == best else "" if one in contest.entrants else "passed over",
+            left_out=contest.finite_error(candidate) if candidate in contest.entrants else None,
+            note=CHOSEN
+            if candidate == best
+            else ""
+            if candidate in contest.entrants
+            else "passed over",
         )
-        for one, fits in sorted(contest.fits.items(), key=lambda item: item[0].rank)
+        for candidate, fits in sorted(contest.fits.items(), key=lambda item: item[0].rank)
     )
 
 
 def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
     name = best.title(run.form.law)
-    errors = {one: contest.finite_error(one) for one in contest.entrants if one != best}
+    errors = {model: contest.finite_error(model) for model in contest.entrants if model != best}
     own = contest.finite_error(best)
     if own is None:
         return f"law {name}: none has an answer to all that was left out, so the simplest"
     text = f"law {name} misses {100.0 * own:.2g} % of the largest output on what was left out"
-    others = {one: error for one, error in errors.items() if error is not None}
+    others = {candidate: error for candidate, error in errors.items() if error is not None}
     if not others:
         return text
-    least = min(others, key=lambda one: others[one])
+    least = min(others, key=lambda candidate: others[candidate])
     text += f", {least.title(run.form.law)} {100.0 * others[least]:.2g} %"
     if others[least] < own:
         text += ": not less by more than its scatter, and less simple"
@@ -333,7 +335,7 @@ def _why_law(run: SearchRun, contest: Contest, best: ModelCandidate) -> str:
 def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     """Choose; what fails the acceptance test drops out as long as anything comparable is there."""
     every = list(contest.entrants)
-    worst = _COMPARABLE * min(contest.error(one) or 0.0 for one in every)
+    worst = _COMPARABLE * min(contest.error(candidate) or 0.0 for candidate in every)
     while contest.entrants:
         best = contest.winner()
         able = _passes(contest.fits[best].found, loopset)
@@ -347,37 +349,37 @@ def _accepted(contest: Contest, loopset: Loops) -> ModelCandidate:
     return contest.winner()
 
 
-def _bends(contest: Contest, one: ModelCandidate, loopset: Loops) -> bool:
+def _bends(contest: Contest, candidate: ModelCandidate, loopset: Loops) -> bool:
     """Whether a gap map bends between the gaps, where the same law under simpler maps does not."""
-    error = contest.finite_error(one)
+    error = contest.finite_error(candidate)
     if contest.by != "gap" or not error or loopset.schedule is None:
         return False
     simpler = [
         (model_of(contest.fits[other].found, loopset), missed)
         for other in contest.fits
-        if other.gap_map != one.gap_map and other.cells == one.cells and other.rank < one.rank
+        if other.gap_map != candidate.gap_map and other.cells == candidate.cells and other.rank < candidate.rank
         and contest.is_tried(other)
         and (missed := contest.finite_error(other)) is not None
     ]  # fmt: skip
-    return bends(model_of(contest.fits[one].found, loopset), error, simpler, loopset)
+    return bends(model_of(contest.fits[candidate].found, loopset), error, simpler, loopset)
 
 
 @lru_cache(maxsize=2)  # of one fit it is asked again and again
-def _passes(found: FoundModel, loopset: Loops) -> bool:
-    model = replace(model_of(found, loopset), valid=valid_range(loopset))
+def _passes(fit: FoundModel, loopset: Loops) -> bool:
+    model = replace(model_of(fit, loopset), valid=valid_range(loopset))
     return model.acceptance().passed is not False
 
 
 def _finished(
-    run: SearchRun, loopset: Loops, found: FoundModel, why: str
+    run: SearchRun, loopset: Loops, fit: FoundModel, why: str
 ) -> tuple[FoundModel, str, str]:
     """Give the law its dead band and follow the fit to its end on every sample."""
     dead_band = "none: it was not wanted"
-    if found.space.form.cells is not None:
+    if fit.space.form.cells is not None:
         dead_band = "none: play cells need none"
     elif run.dead_band:
-        found, dead_band = _with_dead_band(run, loopset, found)
-    start = exact(found)
+        fit, dead_band = _with_dead_band(run, loopset, fit)
+    start = exact(fit)
     last = partial(follow, start.on(run.records).space, start.theta, *TO_END, start.tie)
     end = run.step("last steps", last)
     # The last steps gain little, and may not lead to where nothing would have been chosen.
@@ -385,16 +387,16 @@ def _finished(
     return start.on(run.records) if left else end, why, dead_band
 
 
-def _with_dead_band(run: SearchRun, loopset: Loops, found: FoundModel) -> tuple[FoundModel, str]:
-    def usable(one: FoundModel) -> bool:
-        return obstacle(model_of(one, loopset)) is None and _passes(one, loopset)
+def _with_dead_band(run: SearchRun, loopset: Loops, fit: FoundModel) -> tuple[FoundModel, str]:
+    def usable(fit: FoundModel) -> bool:
+        return obstacle(model_of(fit, loopset)) is None and _passes(fit, loopset)
 
     def work() -> FoundModel:
-        matters = usable(found)
-        return add_dead_band(found, lambda one: not matters or usable(one))
+        matters = usable(fit)
+        return add_dead_band(fit, lambda one: not matters or usable(one))
 
     after = run.step("dead band", work)
-    return after, why_dead_band(found, after)
+    return after, why_dead_band(fit, after)
 
 
 def _known(run: SearchRun) -> tuple[Fits, list[Local]]:
@@ -414,28 +416,28 @@ def _pair(wide: FoundModel, decide: bool = True) -> Fits:
 
 
 def _joined(
-    run: SearchRun, one: ModelCandidate, known: list[Local], plain: FoundModel | None
+    run: SearchRun, candidate: ModelCandidate, known: list[Local], plain: FoundModel | None
 ) -> Fits:
     def search() -> FoundModel:
-        if one.gap_map == "free":
-            return search_each_gap(run.form, run.searched, run.seed, one.held)
-        if one.gap_map in {"leakage", "circuit"}:
-            series = plain or join_gaps(run.form, run.searched, "reluctance", known, one.held)
-            return join_circuit(series, one.gap_map, one.common)
-        return join_gaps(run.form, run.searched, one.gap_map, known, one.held)
+        if candidate.gap_map == "free":
+            return search_each_gap(run.form, run.searched, run.seed, candidate.held)
+        if candidate.gap_map in {"leakage", "circuit"}:
+            series = plain or join_gaps(run.form, run.searched, "reluctance", known, candidate.held)
+            return join_circuit(series, candidate.gap_map, candidate.common)
+        return join_gaps(run.form, run.searched, candidate.gap_map, known, candidate.held)
 
     fits = run.step("gap maps", lambda: _pair(search()))
-    if run.best is None or (one.rank == 0 and fits.found.cost < run.best.cost):
+    if run.best is None or (candidate.rank == 0 and fits.found.cost < run.best.cost):
         run.best = fits.found
     return fits
 
 
-def _why(contest: Contest, best: ModelCandidate, wanted: str, gaps: int) -> str:
+def _why(contest: Contest, best: ModelCandidate, gap_map: str, gaps: int) -> str:
     if gaps == 1:
         return "there is one gap only, so nothing runs over it"
     errors = contest.errors_of_maps(best)
-    if wanted != "auto":
-        why = f"gap map '{wanted}' was asked for"
+    if gap_map != "auto":
+        why = f"gap map '{gap_map}' was asked for"
         if not errors:
             why += (
                 "; with two gaps none can be left out to test it, so between and beyond them it is "

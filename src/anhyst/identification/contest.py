@@ -52,36 +52,38 @@ class Contest:
     places: Sequence[int]
     by: LeftOut = "gap"
 
-    def misses(self, one: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
+    def misses(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
         """Give what a candidate missed at each place, left out besides some others."""
         return [
-            self.refits[besides | {index}][one].missed[index]
+            self.refits[besides | {index}][entrant].missed[index]
             for index in self.places
             if index not in besides
         ]
 
-    def is_tried(self, one: ModelCandidate, besides: Fold = frozenset()) -> bool:
+    def is_tried(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> bool:
         """Whether one was fitted without each place, and some others."""
-        return all(one in self.refits[besides | {index}] for index in self.places)
+        return all(entrant in self.refits[besides | {index}] for index in self.places)
 
     def near(self) -> list[ModelCandidate]:
         """Give those that would perhaps be chosen if one of the places had not been seen."""
-        squares = {one: mean_square_of(self.misses(one)) for one in self.entrants}
+        squares = {entrant: mean_square_of(self.misses(entrant)) for entrant in self.entrants}
         most = _NEAR * min(squares.values())
-        return [one for one in self.entrants if squares[one] <= most or one == self.winner()]
+        return [
+            model for model in self.entrants if squares[model] <= most or model == self.winner()
+        ]
 
     def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
         """Choose from all places, or from all but some."""
-        tried = [one for one in self.entrants if self.is_tried(one, besides)]
-        missed = {one: self.misses(one, besides) for one in tried}
+        tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
+        missed = {entrant: self.misses(entrant, besides) for entrant in tried}
         if not any(missed.values()):
-            return min(self._simplest(), key=lambda one: self._cost(one, besides))
+            return min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
         best = None
-        for rank in sorted({one.rank for one in tried}):
-            alike = [one for one in tried if one.rank == rank]
-            means = {one: mean_square_of(_compared(missed[one], alike)) for one in alike}
+        for rank in sorted({entrant.rank for entrant in tried}):
+            alike = [entrant for entrant in tried if entrant.rank == rank]
+            means = {model: mean_square_of(_compared(missed[model], alike)) for model in alike}
             enough = AS_GOOD * min(means.values())
-            first = next(one for one, mean in means.items() if mean <= enough)
+            first = next(entrant for entrant, mean in means.items() if mean <= enough)
             pair = [best, first] if best else []
             blocks = self.by == "block" and best is not None and best.cells is not None
             certain = _CERTAIN if blocks else 1.0
@@ -94,35 +96,35 @@ class Contest:
         assert best is not None
         return best
 
-    def _plainly(self, one: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
+    def _plainly(self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
         """Whether another is better by much, of what it saw and of what it did not."""
-        squares = [mean_square_of(self.misses(each, besides)) for each in (one, other)]
-        costs = [self._cost(each, besides) for each in (one, other)]
+        squares = [mean_square_of(self.misses(each, besides)) for each in (entrant, other)]
+        costs = [self._cost(each, besides) for each in (entrant, other)]
         return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
 
     def _simplest(self) -> list[ModelCandidate]:
-        least = min(one.rank for one in self.entrants)
-        return [one for one in self.entrants if one.rank == least]
+        least = min(entrant.rank for entrant in self.entrants)
+        return [entrant for entrant in self.entrants if entrant.rank == least]
 
-    def _cost(self, one: ModelCandidate, besides: Fold) -> float:
-        return self.refits[besides][one].cost if besides else self.fits[one].found.cost
+    def _cost(self, entrant: ModelCandidate, besides: Fold) -> float:
+        return self.refits[besides][entrant].cost if besides else self.fits[entrant].found.cost
 
-    def error(self, one: ModelCandidate) -> float | None:
+    def error(self, entrant: ModelCandidate) -> float | None:
         """Cross-validation error of one; None where nothing was left out."""
-        return mean_of(self.misses(one)) if self.places else None
+        return mean_of(self.misses(entrant)) if self.places else None
 
-    def finite_error(self, one: ModelCandidate) -> float | None:
+    def finite_error(self, entrant: ModelCandidate) -> float | None:
         """Cross-validation error of one; None, too, where it has no answer to what was left out."""
-        error = self.error(one)
+        error = self.error(entrant)
         return error if error is not None and np.isfinite(error) else None
 
     def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
         """Cross-validation error of each map under the law of one, of its best variant."""
         errors: dict[str, float] = {}
-        for one in self.entrants if self.places else ():
-            if (one.cells, one.polished) == (alike.cells, alike.polished):
-                error = mean_of(self.misses(one))
-                name = WRITTEN.get(one.gap_map, one.gap_map)
+        for entrant in self.entrants if self.places else ():
+            if (entrant.cells, entrant.polished) == (alike.cells, alike.polished):
+                error = mean_of(self.misses(entrant))
+                name = WRITTEN.get(entrant.gap_map, entrant.gap_map)
                 errors[name] = min(error, errors.get(name, np.inf))
         return errors
 
@@ -139,6 +141,6 @@ class Contest:
 
 def _compared(misses: Sequence[Miss], candidates: Sequence[ModelCandidate]) -> list[Miss]:
     """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
-    if any(one.cells for one in candidates):
+    if any(candidate.cells for candidate in candidates):
         return list(misses)
     return [replace(miss, outer=()) for miss in misses]

@@ -124,11 +124,11 @@ def fit_creeping(loopset: Loops) -> CreepingFit:
     problem.leave_out_strays()
     lags = problem.lags
     plain = [problem.solve(_Try(lag, middle)) for lag, middle in product(lags, problem.middles)]
-    best = min(plain, key=lambda one: one.rms)
-    still = min((one for one in plain if one.lag == 0.0), key=lambda one: one.rms)
+    best = min(plain, key=lambda attempt: attempt.rms)
+    still = min((attempt for attempt in plain if attempt.lag == 0.0), key=lambda one: one.rms)
     # Several lags do about as well where all cycles are alike: the shortest that does.
-    kept = [one for one in plain if one.rms <= best.rms / ALIKE]
-    chosen = min(kept, key=lambda one: (one.lag, one.rms))
+    kept = [attempt for attempt in plain if attempt.rms <= best.rms / ALIKE]
+    chosen = min(kept, key=lambda attempt: (attempt.lag, attempt.rms))
     if problem.times:
         chosen = _with_creep(problem, plain, chosen)
     tries = [_listed(problem, "play cells", still)]
@@ -152,15 +152,17 @@ def fit_creeping(loopset: Loops) -> CreepingFit:
 
 def _with_creep(problem: _Problem, plain: Sequence[_Try], chosen: _Try) -> _Try:
     """Give creep to those that fit best without, and keep it where it is worth it."""
-    near = sorted(plain, key=lambda one: one.rms)[:4]
+    near = sorted(plain, key=lambda attempt: attempt.rms)[:4]
     tried = []
     for one in {id(each): each for each in (*near, chosen)}.values():
         now = one
         for _ in range(ROUNDS):
             now = problem.solve(replace(now, times=problem.times))
         tried.append(now)
-    best = min(tried, key=lambda one: one.rms)
-    alike = min((one for one in tried if one.rms <= best.rms / ALIKE), key=lambda one: one.lag)
+    best = min(tried, key=lambda attempt: attempt.rms)
+    alike = min(
+        (attempt for attempt in tried if attempt.rms <= best.rms / ALIKE), key=lambda one: one.lag
+    )
     return alike if alike.rms < WORTH * chosen.rms else chosen
 
 
@@ -189,10 +191,10 @@ def held(model: Model, loopset: Loops) -> tuple[Model, str]:
     )
 
 
-def _listed(problem: _Problem, name: str, one: _Try) -> CandidateFit:
-    assert one.weights is not None
-    count = int(np.count_nonzero(one.weights))
-    return CandidateFit(law=name, gap_map="none", numbers=count, rms=one.rms / problem.height)
+def _listed(problem: _Problem, name: str, attempt: _Try) -> CandidateFit:
+    assert attempt.weights is not None
+    count = int(np.count_nonzero(attempt.weights))
+    return CandidateFit(law=name, gap_map="none", numbers=count, rms=attempt.rms / problem.height)
 
 
 def _why(chosen: _Try, still: _Try) -> str:
@@ -227,7 +229,10 @@ class _Problem:
 
     def leave_out_strays(self) -> None:
         """Leave out few samples that deviate from the best fit without a lag as no loop does."""
-        best = min((self.solve(_Try(0.0, one)) for one in self.middles), key=lambda one: one.rms)
+        best = min(
+            (self.solve(_Try(0.0, middle)) for middle in self.middles),
+            key=lambda attempt: attempt.rms,
+        )
         assert best.weights is not None
         off = []
         for loop, (places, _) in zip(
@@ -282,7 +287,7 @@ class _Problem:
             if loop.time is not None
         )
         spread = (part * longest for part in CREEP)
-        return tuple(one for one in spread if one >= SLOWEST_SAMPLE * self.step)
+        return tuple(time for time in spread if time >= SLOWEST_SAMPLE * self.step)
 
     def plays(self, lag: float, middle: float) -> list[tuple[FloatArray, FloatArray]]:
         """Places of the cells over each loop, and at rest before it, from the middle."""
@@ -308,18 +313,18 @@ class _Problem:
         columns = self.columns(places)
         return np.asarray(columns @ weights[: columns.shape[1]] + self.slope * places[:, 0])
 
-    def solve(self, one: _Try) -> _Try:
+    def solve(self, attempt: _Try) -> _Try:
         """Solve for weights; with creep, that of what the weights given so far make."""
         from scipy.optimize import nnls
 
         self.solved += 1
         rows, wanted = [], []
         for loop, counted, (places, at_rest) in zip(
-            self.loopset.loops, self.counted, self.plays(one.lag, one.middle), strict=True
+            self.loopset.loops, self.counted, self.plays(attempt.lag, attempt.middle), strict=True
         ):
             own = self.columns(places)
-            if one.times:
-                own = np.hstack([own, self._creep(one, places, at_rest, loop)])
+            if attempt.times:
+                own = np.hstack([own, self._creep(attempt, places, at_rest, loop)])
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
             rows.append(weight * np.hstack([own, ends, -ends])[counted])
@@ -331,7 +336,7 @@ class _Problem:
         factor = np.linalg.cholesky(normal)
         found, _ = nnls(factor.T, np.linalg.solve(factor, matrix.T @ target), maxiter=10000)
         off = matrix @ found - target
-        return replace(one, weights=found, rms=float(np.linalg.norm(off)) * self.height)
+        return replace(attempt, weights=found, rms=float(np.linalg.norm(off)) * self.height)
 
     def _differences(self, columns: int, size: FloatArray) -> FloatArray:
         """Second differences over the thresholds, one block a width."""
@@ -345,27 +350,29 @@ class _Problem:
             rows.append(row)
         return np.array(rows)
 
-    def _creep(self, one: _Try, places: FloatArray, at_rest: FloatArray, loop: Loop) -> FloatArray:
+    def _creep(
+        self, attempt: _Try, places: FloatArray, at_rest: FloatArray, loop: Loop
+    ) -> FloatArray:
         """Slow parts of what the weights so far make at once, a column for each time constant."""
-        assert one.weights is not None
+        assert attempt.weights is not None
         assert loop.time is not None
-        at_once = self.at_once(places, one.weights)
-        rest = float(self.at_once(at_rest[None], one.weights)[0])
+        at_once = self.at_once(places, attempt.weights)
+        rest = float(self.at_once(at_rest[None], attempt.weights)[0])
         columns = []
-        for time in one.times:
+        for time in attempt.times:
             single = Dynamics(0.0, (time,), (1.0,))
             settled = loop.history.kind == "settled"
             start = single.settled(at_once, loop.time, known=True) if settled else np.array([rest])
             columns.append(single.added(at_once, loop.time, start).found - at_once)
         return np.stack(columns, axis=1)
 
-    def model(self, one: _Try) -> Model:
+    def model(self, attempt: _Try) -> Model:
         """Return the model that a solution stands for."""
-        assert one.weights is not None
+        assert attempt.weights is not None
         cells = (PLAYS + 1) * len(WIDTHS)
-        slope, weights = self.slope, one.weights[:cells] / self.slope
-        slow = one.weights[cells:-2]
-        kept = [(t, float(w)) for t, w in zip(one.times, slow, strict=True) if w > 1e-4]
+        slope, weights = self.slope, attempt.weights[:cells] / self.slope
+        slow = attempt.weights[cells:-2]
+        kept = [(t, float(w)) for t, w in zip(attempt.times, slow, strict=True) if w > 1e-4]
         return Model(
             name="model",
             input=self.loopset.input,
@@ -374,15 +381,15 @@ class _Problem:
                 "alpha": 0.0,
                 "c_H": 1.0,
                 "c_out": slope / MU_0,
-                "in_0": one.middle,
-                "out_0": float(one.weights[-2] - one.weights[-1]),
+                "in_0": attempt.middle,
+                "out_0": float(attempt.weights[-2] - attempt.weights[-1]),
             },
             law=LAW,
             cells=CellWeights(
                 self.thresholds, self.widths, weights.reshape(PLAYS + 1, len(WIDTHS))
             ),
             dynamics=Dynamics(
-                one.lag, tuple(t for t, _ in kept), tuple(w for _, w in kept), max(self.rates)
+                attempt.lag, tuple(t for t, _ in kept), tuple(w for _, w in kept), max(self.rates)
             ),
         )
 

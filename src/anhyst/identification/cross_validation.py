@@ -70,17 +70,13 @@ _LEAST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Miss:
-    """Deviations at a gap left out, in parts of the largest output.
+    """Deviations at a gap left out, in parts of the largest output; infinite without an answer."""
 
-    ``mean`` is the mean absolute one over all samples. ``squares`` are the mean squares of its loops,
-    without what a steady drift explains: to their differences the noise of the sensor, which all
-    models miss alike, adds nothing. ``outer`` are those of the outermost gaps, which nothing surrounds
-    and which are never left out, as they were fitted. Infinite where the model has no answer.
-    """
-
-    mean: float
+    mean: float  # mean absolute one over all samples
+    # mean squares of its loops, without what a steady drift explains: to their differences the
+    # noise of the sensor, which all models miss alike, adds nothing
     squares: tuple[float, ...]
-    outer: tuple[float, ...] = ()
+    outer: tuple[float, ...] = ()  # of the outermost gaps, never left out: as they were fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,10 +133,8 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
         space, kept = replace(whole, records=records), np.arange(whole.size)
     else:
         groups = [[loop] for group in groups for loop in group]
-        space, kept = (
-            replace(whole, records=whole.records.without_loops(fold)),
-            np.arange(whole.size),
-        )
+        space = replace(whole, records=whole.records.without_loops(fold))
+        kept = np.arange(whole.size)
     tolerance, most = (_TOLERANCE, _MOST) if whole.form.cells is None else (_ROUGH, _FEW)
     try:
         followed = follow(space, wide.theta[kept], tolerance, most, wide.tie)
@@ -152,7 +146,7 @@ def refit(wide: FoundModel, loopset: Loops, fold: Fold, by: LeftOut = "gap") -> 
             every = [loop for group in groups for loop in group]
             return Refit(followed.cost, _missed_blocks(model, span, every, fold, blocks))
         seen = fold | {0, len(groups) - 1} if by == "gap" else fold
-        off = {index: [one / span for one in _off(model, groups[index])] for index in seen}
+        off = {index: [miss / span for miss in _off(model, groups[index])] for index in seen}
         squares = {index: _squares(some, clocks[index]) for index, some in off.items()}
         outer = (*squares[0], *squares[len(groups) - 1]) if by == "gap" else ()
         missed = {
@@ -193,8 +187,8 @@ def _squares(off: Sequence[FloatArray], clocks: Sequence[FloatArray]) -> tuple[f
     """Mean squares of deviations at one gap, without the drift that explains most of them."""
     clock, every = np.concatenate(clocks), np.concatenate(off)
     slope = float(clock @ every) / max(float(clock @ clock), 1e-300)
-    left = [one - slope * at for one, at in zip(off, clocks, strict=True)]
-    return tuple(float(one @ one) / one.size for one in left)
+    left = [deviation - slope * at for deviation, at in zip(off, clocks, strict=True)]
+    return tuple(float(deviation @ deviation) / deviation.size for deviation in left)
 
 
 def mean_of(misses: Sequence[Miss]) -> float:
@@ -253,7 +247,7 @@ def promise(
 
     Or of one a block of samples, the error to expect at other samples of such loops.
     """
-    plain = [_without_noise(one, of_it) for one, of_it in zip(errors, noises, strict=True)]
+    plain = [_without_noise(error, of_it) for error, of_it in zip(errors, noises, strict=True)]
     left_out = np.asarray(plain, dtype=np.float64)
     if not left_out.size or not np.isfinite(left_out).all() or left_out.min() <= 0.0:
         return None

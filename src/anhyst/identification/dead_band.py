@@ -26,15 +26,15 @@ _TOLERANCE, _MOST = 1e-8, 40
 """Of the fit with a dead band: it starts near its end."""
 
 
-def add_dead_band(found: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
+def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
     """Fit again with the widest dead band that the loops allow."""
-    form, most = found.space.form, COST**2 * found.cost
+    form, most = fit.space.form, COST**2 * fit.cost
     for part in PARTS:
-        space = replace(found.space, form=replace(form, dead_band=part))
-        tried = follow(space, found.theta, _TOLERANCE, _MOST, found.tie, goal=most)
+        space = replace(fit.space, form=replace(form, dead_band=part))
+        tried = follow(space, fit.theta, _TOLERANCE, _MOST, fit.tie, goal=most)
         if tried.cost <= most and accepts(tried):
-            return replace(tried, evaluations=found.evaluations + tried.evaluations)
-    return found
+            return replace(tried, evaluations=fit.evaluations + tried.evaluations)
+    return fit
 
 
 def why_dead_band(before: FoundModel, after: FoundModel) -> str:

@@ -92,15 +92,14 @@ def search_one_gap(
 ) -> FoundModel:
     """Fit one gap from scratch."""
     space = CoordinateSpace("none", records, form, held)
-    return _best_end(space, [space.pack([one]) for one in starts(space, SCREENED, KEPT, seed)])
+    return _best_end(space, [space.pack([local]) for local in starts(space, SCREENED, KEPT, seed)])
 
 
 def _best_end(space: CoordinateSpace, begins: list[FloatArray]) -> FoundModel:
     """Descend a little from each begin, and to the end from the best of them."""
     tried = [follow(space, theta, 1e-4, _SHORT + space.records.gaps) for theta in begins]
-    best = min(tried, key=lambda one: one.cost)
-    final = follow(space, best.theta)
-    return replace(final, evaluations=final.evaluations + sum(one.evaluations for one in tried))
+    final = follow(space, min(tried, key=lambda end: end.cost).theta)
+    return replace(final, evaluations=final.evaluations + sum(end.evaluations for end in tried))
 
 
 def search_each_gap(
@@ -120,13 +119,13 @@ def search_each_gap(
     for gap in [*range(home + 1, records.gaps), *range(home - 1, -1, -1)]:
         neighbour = carried[gap - 1 if gap > home else gap + 1]
         carried[gap] = follow(alone[gap].space, neighbour.theta, 1e-6, 30)
-    tie = TIE * sum(one.cost for one in alone)
+    tie = TIE * sum(end.cost for end in alone)
     ends = [
-        follow(space, space.pack([one.sets[0] for one in ones]), 1e-6, 60, tie)
+        follow(space, space.pack([end.sets[0] for end in ones]), 1e-6, 60, tie)
         for ones in (alone, [carried[gap] for gap in range(records.gaps)])
     ]
-    best = min(ends, key=lambda one: one.cost)
-    return replace(best, evaluations=sum(one.evaluations for one in (*alone, *ends)))
+    best = min(ends, key=lambda end: end.cost)
+    return replace(best, evaluations=sum(end.evaluations for end in (*alone, *ends)))
 
 
 def join_gaps(
@@ -150,6 +149,5 @@ def join_circuit(
     """Fit all gaps together with one iron, and a circuit around it that takes more than a gap."""
     old = plain.space
     space = CoordinateSpace(gap_map, old.records, old.form, old.held, common)
-    tie = TIE * plain.cost if gap_map in TIED else 0.0
-    end = follow(space, space.pack(plain.sets), tie=tie)
+    end = follow(space, space.pack(plain.sets), tie=TIE * plain.cost if gap_map in TIED else 0.0)
     return replace(end, evaluations=end.evaluations + plain.evaluations)

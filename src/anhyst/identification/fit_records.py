@@ -72,18 +72,13 @@ class FitRecord:
 
 @dataclass(frozen=True, eq=False)
 class FitRecords:
-    """All loops of one identification, and the scales of their quantities.
-
-    ``nodes`` are the scheduling values, ascending, empty if nothing is scheduled. ``input_span``
-    and ``output_span`` are the largest absolute input and output, SI. ``rest`` is what the sensors
-    read at rest: its offsets have been taken from every loop.
-    """
+    """All loops of one identification, and the scales of their quantities."""
 
     loops: tuple[FitRecord, ...]
-    nodes: FloatArray
-    input_span: float
-    output_span: float
-    rest: Rest = field(default_factory=Rest)
+    nodes: FloatArray  # scheduling values, ascending; empty if nothing is scheduled
+    input_span: float  # largest absolute input, SI
+    output_span: float  # largest absolute output, SI
+    rest: Rest = field(default_factory=Rest)  # readings at rest, taken from every loop
 
     @property
     def gaps(self) -> int:
@@ -112,7 +107,7 @@ class FitRecords:
 
     def without_loops(self, left_out: Collection[int]) -> FitRecords:
         """Take all loops but these, by their places."""
-        kept = tuple(one for index, one in enumerate(self.loops) if index not in left_out)
+        kept = tuple(record for index, record in enumerate(self.loops) if index not in left_out)
         return replace(self, loops=kept)
 
     def without_blocks(self, left_out: Collection[int], blocks: int) -> FitRecords:
@@ -134,13 +129,12 @@ class FitRecords:
         loops = []
         for record in self.loops:
             kept = thinned(record.input, most)
-            weight = record.weight * float(np.sqrt(record.input.size / kept.size))
             loops.append(
                 replace(
                     record,
                     input=record.input[kept],
                     output=record.output[kept],
-                    weight=weight,
+                    weight=record.weight * float(np.sqrt(record.input.size / kept.size)),
                     clock=record.clock[kept],
                 )
             )
@@ -159,8 +153,7 @@ def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
         order = sorted(times, key=lambda time: float(time[0]))
-        apart = all(one[-1] <= two[0] for one, two in pairwise(order))
-        if len(times) < len(group) or not apart:
+        if len(times) < len(group) or not all(one[-1] <= two[0] for one, two in pairwise(order)):
             return [[np.zeros(loop.n) for loop in group] for group in groups]
         clocks.append([time - order[0][0] for time in times])
     longest = max(float(clock[-1]) for group in clocks for clock in group)

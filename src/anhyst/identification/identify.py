@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
-from anhyst.data import History, Loops
+from anhyst.data import Loops
 from anhyst.data.history import SETTLED
 from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.plausibility import check_plausible
@@ -48,7 +48,6 @@ from anhyst.model.fit_record import (
 )
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
@@ -166,23 +165,22 @@ def identify(
         "dead_band": outcome.dead_band,
         **({"rate": outcome.why_rate} if outcome.why_rate else {}),
     }
+    seen = (SETTLED if loop.history.kind == "settled" else loop.history for loop in loops.loops)
     common = {
         "name": _name(loops),
-        "history": _history(loops),
+        "history": Counter(seen).most_common(1)[0][0],
         "valid": valid_range(loops),
         "provenance": Provenance(running_version(), seed, loops.sources, settings),
     }
     model = replace(outcome.model, **common, reduction=outcome.steps)  # type: ignore[arg-type]
     per_gap = outcome.per_gap and replace(outcome.per_gap, **common)  # type: ignore[arg-type]
     acceptance = model.acceptance()
-    fitted = _predicted(model, loops)
+    fitted = tuple(
+        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
+        for loop in loops.loops
+    )
     figures = fit_figures(
-        loops,
-        fitted,
-        outcome.left_out,
-        acceptance.passed,
-        outcome.promised,
-        outcome.candidates,
+        loops, fitted, outcome.left_out, acceptance.passed, outcome.promised, outcome.candidates
     )
     left = left_of(loops, fitted)
     line = left_over_text(left, loops, model)
@@ -336,20 +334,7 @@ def _any_law(
     require_gaps(records, gap_map)
     end = fit_any(loops, records.thinned(SEARCHED), law, gap_map, seed, offsets=offsets)
     return _Outcome(
-        end.model,
-        end.uncertainty,
-        len(end.uncertainty.names),
-        end.evaluations,
-        end.why,
-        False,
-    )
-
-
-def _predicted(model: Model, loops: Loops) -> tuple[FloatArray, ...]:
-    """Run the model, as it is written, along every loop: what is reported of it is what it gives."""
-    return tuple(
-        model.predict(loop.input, loop.schedule, loop.time, loop.history).output
-        for loop in loops.loops
+        end.model, end.uncertainty, len(end.uncertainty.names), end.evaluations, end.why, False
     )
 
 
@@ -377,12 +362,12 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome
             raise
         best, interrupted = run.best.on(run.records), True  # the search may have thinned them
         choice = ModelChoice(best, "the search was interrupted: this is the best so far")
-    found = choice.found
+    fit = choice.found
     return _Outcome(
-        model_of(found, loops),
-        assess(found, loops),
-        found.theta.size,
-        found.evaluations,
+        model_of(fit, loops),
+        assess(fit, loops),
+        fit.theta.size,
+        fit.evaluations,
         choice.why,
         interrupted,
         choice.dead_band,
@@ -391,7 +376,7 @@ def _search(run: SearchRun, loops: Loops, gap_map: str, search: str) -> _Outcome
         choice.candidates,
         choice.why_law,
         choice.left_open,
-        found=found,
+        found=fit,
     )
 
 
@@ -436,9 +421,3 @@ def _name(loops: Loops) -> str:
         return paths[0].stem
     folders = {path.parent.name for path in paths}
     return folders.pop() or "actuator" if len(folders) == 1 else "actuator"
-
-
-def _history(loops: Loops) -> History:
-    """Name what most loops had before them; what a settled one goes on from is its own."""
-    seen = (SETTLED if one.history.kind == "settled" else one.history for one in loops.loops)
-    return Counter(seen).most_common(1)[0][0]

@@ -40,17 +40,21 @@ _EXACT = 1e-20
 
 
 def only_demanded(
-    found: FoundModel, tolerance: float = COMPARED[0], most: int = COMPARED[1]
+    fit: FoundModel, tolerance: float = COMPARED[0], most: int = COMPARED[1]
 ) -> FoundModel:
     """Hold the offsets at what the sensors read at rest, but for those that the data demand.
 
     Those that differ from gap to gap are none of a sensor's, and not judged as such.
     """
-    free = sorted(name for name, gap in found.space.entries if name in OFFSETS and gap is None)
+    free = sorted(name for name, gap in fit.space.entries if name in OFFSETS and gap is None)
     if not free:
-        return found
-    here = Evaluation(Objective(found.space, found.tie)).at(found.theta)
-    independent = _independent(found.space, here.deviation)
+        return fit
+    here = Evaluation(Objective(fit.space, fit.tie)).at(fit.theta)
+    drives = len(fit.space.records.loops)
+    ends = np.cumsum([record.input.size for record in fit.space.records.loops])
+    shares = [_lasting(one) for one in np.split(here.deviation, ends)[:-1]]
+    alike = 1.0 + (drives - 1) * float(np.mean(shares))
+    independent = max(2.0, float(ends[-1]) / mean_memory(fit.space, here.deviation) / alike)
     ways = [frozenset(names) for n in range(1, len(free) + 1) for names in combinations(free, n)]
 
     def score(cost: float, space: CoordinateSpace, theta: FloatArray) -> float:
@@ -58,40 +62,27 @@ def only_demanded(
 
     tries = {}
     for names in ways:
-        space, kept = found.space.holding(names)
-        cost, theta = _without(found, here, names)
+        space, kept = fit.space.holding(names)
+        cost, theta = _without(fit, here, names)
         tries[names] = score(cost, space, theta[kept]), space, theta[kept]
     _, space, start = min(tries.values(), key=lambda one: one[0])
-    whole = score(found.cost, found.space, found.theta)
+    whole = score(fit.cost, fit.space, fit.theta)
     # Whatever the offsets that stay free come out at, above this cost they are not taken.
     stay = sum(name in OFFSETS for name, _ in space.entries)
     goal = math.exp(whole / independent - stay * math.log(independent) / independent)
-    held = follow(space, start, tolerance, most, found.tie, goal)
+    held = follow(space, start, tolerance, most, fit.tie, goal)
     enough = _responds(held) and score(held.cost, held.space, held.theta) <= whole
-    best = held if enough else found
-    return replace(best, evaluations=found.evaluations + held.evaluations + 1)
+    best = held if enough else fit
+    return replace(best, evaluations=fit.evaluations + held.evaluations + 1)
 
 
-def _responds(found: FoundModel) -> bool:
+def _responds(fit: FoundModel) -> bool:
     """Whether the law has an answer there at all: a fit that finds none ends at any cost."""
     try:
-        Objective(found.space).outputs(found.sets)
+        Objective(fit.space).outputs(fit.sets)
     except NoResponseError:
         return False
     return True
-
-
-def _independent(space: CoordinateSpace, deviation: FloatArray) -> float:
-    """Count the samples that say something of their own.
-
-    A law misses the same iron in the same way in every loop: of the part of the deviations that
-    runs on from sample to sample, one loop counts; noise counts everywhere.
-    """
-    drives = len(space.records.loops)
-    ends = np.cumsum([record.input.size for record in space.records.loops])
-    shares = [_lasting(one) for one in np.split(deviation, ends)[:-1]]
-    alike = 1.0 + (drives - 1) * float(np.mean(shares))
-    return max(2.0, float(ends[-1]) / mean_memory(space, deviation) / alike)
 
 
 def _lasting(deviation: FloatArray) -> float:
@@ -101,16 +92,16 @@ def _lasting(deviation: FloatArray) -> float:
     return max(0.0, float(centred[1:] @ centred[:-1]) / power) if power > 0.0 else 0.0
 
 
-def _without(found: FoundModel, here: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
+def _without(fit: FoundModel, here: Linear, names: frozenset[str]) -> tuple[float, FloatArray]:
     """Foresee the best fit with these offsets held at zero: its cost and its coordinates."""
-    out = np.array([name in names for name, _ in found.space.entries])
-    theta = np.where(out, 0.0, found.theta)
+    out = np.array([name in names for name, _ in fit.space.entries])
+    theta = np.where(out, 0.0, fit.theta)
     normal = here.normal + 1e-12 * np.trace(here.normal) * np.eye(out.size)
-    pull = normal[np.ix_(~out, out)] @ found.theta[out]
+    pull = normal[np.ix_(~out, out)] @ fit.theta[out]
     theta[~out] += np.linalg.solve(normal[np.ix_(~out, ~out)], pull)
-    theta = np.clip(theta, *found.space.bounds)
-    step = theta - found.theta
-    return found.cost + float(step @ here.normal @ step), theta
+    theta = np.clip(theta, *fit.space.bounds)
+    step = theta - fit.theta
+    return fit.cost + float(step @ here.normal @ step), theta
 
 
 def _price(space: CoordinateSpace, theta: FloatArray, independent: float) -> float:

@@ -39,7 +39,10 @@ class Criterion:
         self.evaluations += 1
         local = local_of(values, self._form.power)
         try:
-            operator = self._operator(local)
+            key = (local.kappa, local.c, local.omega if self._form.kernel.coupled else 0.0)
+            if self._built is None or self._built[0] != key:
+                self._built = (key, self._form.operator(local))
+            operator = self._built[1]
             return sum(
                 share * self._off(local, operator, record)
                 for share, record in zip(self._shares, self._loops, strict=True)
@@ -68,13 +71,6 @@ class Criterion:
             criteria += share * np.abs(output - record.output[:, None]).sum(axis=0)
         costs[sane] = criteria
         return costs
-
-    def _operator(self, local: Local) -> Operator:
-        """Build the law, unless it is the one built last: often only c_H or c_out moves."""
-        key = (local.kappa, local.c, local.omega if self._form.kernel.coupled else 0.0)
-        if self._built is None or self._built[0] != key:
-            self._built = (key, self._form.operator(local))
-        return self._built[1]
 
     def _off(self, local: Local, operator: Operator, record: FitRecord) -> float:
         output = self._responder.output(self._form, local, operator, record)

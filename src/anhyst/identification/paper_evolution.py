@@ -91,7 +91,11 @@ class EvolutionStrategy:
     def ask(self) -> FloatArray:
         """Give the individuals of the next generation, shape (children, n)."""
         if self.generation and not self._waiting:
-            self._recombine()
+            shape = (self._lambda, self._low.size)
+            couples = self._random.integers(0, self._mu, (2, self._lambda))
+            first = self._random.random(shape) < 0.5
+            self._x = np.where(first, self._parents_x[couples[0]], self._parents_x[couples[1]])
+            self._sigma = 0.5 * (self._parents_sigma[couples[0]] + self._parents_sigma[couples[1]])
             self._mutate()
         self._waiting = True
         return self._x.copy()
@@ -106,14 +110,6 @@ class EvolutionStrategy:
             self.best = self._x[ranked[0]].copy()
         self.generation += 1
         self._waiting = False
-
-    def _recombine(self) -> None:
-        """Discrete for variables: from either of two parents. Intermediate for step sizes."""
-        shape = (self._lambda, self._low.size)
-        couples = self._random.integers(0, self._mu, (2, self._lambda))
-        first = self._random.random(shape) < 0.5
-        self._x = np.where(first, self._parents_x[couples[0]], self._parents_x[couples[1]])
-        self._sigma = 0.5 * (self._parents_sigma[couples[0]] + self._parents_sigma[couples[1]])
 
     def _mutate(self) -> None:
         """Log-normal for step sizes, then normal for variables with the new step sizes."""

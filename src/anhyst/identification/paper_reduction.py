@@ -94,15 +94,14 @@ def reductions(
 def _tried(bench: SearchBench, stand: Stand, name: str) -> Stand:
     """Replace one parameter by its mean and search the others briefly, at every gap."""
     rest = [other for other in stand.varying if other != name]
-    mean = mean_over_gaps(name, [one[name] for one in stand.sets])
+    mean = mean_over_gaps(name, [values[name] for values in stand.sets])
 
     def work() -> dict[str, object]:
-        found = [
-            bench.refine(gap, one | {name: mean}, rest, bench.effort.trial)
-            for gap, one in enumerate(stand.sets)
+        results = [
+            bench.refine(gap, values | {name: mean}, rest, bench.effort.trial)
+            for gap, values in enumerate(stand.sets)
         ]
-        spent = sum(one[1] for one in found)
-        return bench.stand([one[0] for one in found], rest, spent).plain
+        return bench.stand([one[0] for one in results], rest, sum(one[1] for one in results)).plain
 
     return Stand.from_plain(bench.run.stage(_stage(stand.varying, f"without {name}"), work))
 
@@ -112,12 +111,12 @@ def _kept(bench: SearchBench, tried: Stand) -> Stand:
     candidates = [
         bench.run.stage(
             _stage(tried.varying, f"in full at gap {gap}"),
-            lambda gap=gap, one=one: bench.search(gap, one, tried.varying, one),  # type: ignore[misc]
+            lambda gap=gap, values=values: bench.search(gap, values, tried.varying, values),  # type: ignore[misc]
         )
-        for gap, one in enumerate(tried.sets)
+        for gap, values in enumerate(tried.sets)
     ]
-    spent = sum(one[1] for one in candidates)
-    return bench.stand([one[0] for one in candidates], tried.varying, spent)
+    spent = sum(candidate[1] for candidate in candidates)
+    return bench.stand([candidate[0] for candidate in candidates], tried.varying, spent)
 
 
 def _stage(varying: Sequence[str], what: str) -> str:

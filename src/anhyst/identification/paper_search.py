@@ -53,11 +53,7 @@ class SearchEffort:
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a search stands: parameters at each gap, those that may differ, and the cost.
-
-    ``cost`` is the criterion of eq. 16 over all samples of all gaps, relative to the largest
-    output. ``evaluations`` counts the parameter sets computed on the way here.
-    """
+    """Where a search stands: parameters at each gap, those that may differ, and the cost."""
 
     sets: tuple[Values, ...]
     varying: tuple[str, ...]
@@ -68,7 +64,7 @@ class Stand:
     def plain(self) -> dict[str, Any]:
         """What a checkpoint keeps."""
         return {
-            "sets": [dict(one) for one in self.sets],
+            "sets": [dict(values) for values in self.sets],
             "varying": list(self.varying),
             "cost": self.cost,
             "evaluations": self.evaluations,
@@ -180,8 +176,8 @@ def search_each_gap(bench: SearchBench) -> Stand:
     sets, spent = [one[0] for one in alone], sum(one[1] for one in alone)
     offsets = [name for name in names if name in OFFSETS]
     if offsets and bench.gaps > 1:
-        means = {name: mean_over_gaps(name, [one[name] for one in sets]) for name in offsets}
-        common = [one | means for one in sets]
+        means = {name: mean_over_gaps(name, [values[name] for values in sets]) for name in offsets}
+        common = [values | means for values in sets]
         again = [
             bench.run.stage(
                 f"gap {gap} with common offsets",
@@ -200,7 +196,7 @@ def model_at_nodes(stand: Stand, run: SearchRun, loopset: Loops) -> Model:
     """
     single = run.records.gaps == 1
     parameters = {
-        name: tuple(one[name] for one in stand.sets)
+        name: tuple(values[name] for values in stand.sets)
         if name in stand.varying and not single
         else stand.sets[0][name]
         for name in stand.sets[0]

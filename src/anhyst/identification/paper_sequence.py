@@ -47,13 +47,13 @@ class Sequence:
 
 
 def search_paper(
-    run: SearchRun, loopset: Loops, wanted: str, effort: SearchEffort | None = None
+    run: SearchRun, loopset: Loops, gap_map: str, effort: SearchEffort | None = None
 ) -> Sequence:
     """Search as the paper does."""
-    require_gaps(run.records, wanted)
+    require_gaps(run.records, gap_map)
     bench = SearchBench(run, loopset, effort or SearchEffort())
-    last = _kept_to_the_last(bench, wanted)
-    reducing = bench.gaps > 1 and wanted != "free"
+    last = _kept_to_the_last(bench, gap_map)
+    reducing = bench.gaps > 1 and gap_map != "free"
     shifted = bench.gaps > 1 and not set(OFFSETS) <= run.held
     run.total = bench.gaps * (2 if shifted else 1)
     run.total += stages_of(bench, last) if reducing else 0
@@ -69,54 +69,49 @@ def search_paper(
         if free is None:
             raise
         interrupted = True
-    model, found = _model(bench, stand, wanted)
+    model, fit = _model(bench, stand, gap_map)
     return Sequence(
         model=model,
         per_gap=model_at_nodes(free, run, loopset) if bench.gaps > 1 else None,
         steps=tuple(steps),
-        found=found,
+        found=fit,
         why=_why(stand, model, reducing, interrupted),
         interrupted=interrupted,
     )
 
 
-def _kept_to_the_last(bench: SearchBench, wanted: str) -> str | None:
-    last = LAST.get(wanted)
+def _kept_to_the_last(bench: SearchBench, gap_map: str) -> str | None:
+    last = LAST.get(gap_map)
     if last is not None and last not in bench.searched:
-        given = bench.loopset.input.name
+        quantity = bench.loopset.input.name
         raise InputError(
-            f"gap map '{wanted}' with search 'paper' keeps {last} to the last, but with a measured "
-            f"{given} {last} is known; use --gap-map auto or --search default",
+            f"gap map '{gap_map}' with search 'paper' keeps {last} to the last, but with a measured "
+            f"{quantity} {last} is known; use --gap-map auto or --search default",
             code="choices-together",
             key="gap_map",
         )
     return last
 
 
-def _model(bench: SearchBench, stand: Stand, wanted: str) -> tuple[Model, FoundModel]:
+def _model(bench: SearchBench, stand: Stand, gap_map: str) -> tuple[Model, FoundModel]:
     model = model_at_nodes(stand, bench.run, bench.loopset)
-    if stand.varying == ("alpha",) and _may_be_reluctance(bench, wanted):
-        found = _as_reluctance(bench, stand)
-        outputs = Objective(found.space).outputs(found.sets)
+    if stand.varying == ("alpha",) and _may_be_reluctance(bench, gap_map):
+        fit = _as_reluctance(bench, stand)
+        outputs = Objective(fit.space).outputs(fit.sets)
         if mean_deviation(bench.run.records, outputs) <= _ALIKE * stand.cost:
-            return model_of(found, bench.loopset), found
-    return model, _gauge_free(bench, stand, model.gap_map)
+            return model_of(fit, bench.loopset), fit
+    sets = [local_of(values, bench.run.form.power) for values in stand.sets]
+    form = replace(bench.run.form, h=float(np.mean([local.h for local in sets])))
+    space = CoordinateSpace(model.gap_map, bench.run.records, form, bench.run.held)
+    return model, FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
-def _may_be_reluctance(bench: SearchBench, wanted: str) -> bool:
+def _may_be_reluctance(bench: SearchBench, gap_map: str) -> bool:
     """Whether alpha over the schedule can be a reluctance: of a gap, and in no law of 1986."""
     schedule = bench.loopset.schedule
-    of_a_gap = wanted == "reluctance" or (schedule is not None and schedule.name == "gap")
+    of_a_gap = gap_map == "reluctance" or (schedule is not None and schedule.name == "gap")
     circuit = "c_H" in bench.searched and not bench.run.form.kernel.coupled
     return of_a_gap and circuit and bench.gaps > 1
-
-
-def _gauge_free(bench: SearchBench, stand: Stand, gap_map: str) -> FoundModel:
-    """Put the sets into gauge-free coordinates; slopes of the air core that differ become one."""
-    sets = [local_of(one, bench.run.form.power) for one in stand.sets]
-    form = replace(bench.run.form, h=float(np.mean([local.h for local in sets])))
-    space = CoordinateSpace(gap_map, bench.run.records, form, bench.run.held)
-    return FoundModel(space, space.pack(sets), stand.cost, stand.evaluations)
 
 
 def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:
@@ -125,13 +120,11 @@ def _as_reluctance(bench: SearchBench, stand: Stand) -> FoundModel:
     They are the same up to the slope of the air core, which the common gauge has made small
     (docs/theory.md). With a reluctance the gap may move during a run, with alpha it may not.
     """
-    sets = [local_of(one, bench.run.form.power) for one in stand.sets]
+    sets = [local_of(values, bench.run.form.power) for values in stand.sets]
     h = float(np.mean([local.h for local in sets]))
     unscaled = float(np.mean([local.scale * (1.0 - h * local.omega) for local in sets]))
     gain = float(np.mean([local.gain for local in sets]))
-    sets = [
-        replace(local, h=h, gain=gain, scale=unscaled / (1.0 - h * local.omega)) for local in sets
-    ]
+    sets = [replace(own, h=h, gain=gain, scale=unscaled / (1.0 - h * own.omega)) for own in sets]
     space = CoordinateSpace(
         "reluctance", bench.run.records, replace(bench.run.form, h=h), bench.run.held
     )

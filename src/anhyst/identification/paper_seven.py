@@ -88,8 +88,7 @@ class Variables:
     def outward(self, theta: FloatArray) -> dict[str, FloatArray]:
         """Give the parameters at coordinates of shape (..., n): one array of shape (...) each."""
         return {
-            name: _outward(name, theta[..., index], self.spans)
-            for index, name in enumerate(self.names)
+            name: _outward(name, theta[..., n], self.spans) for n, name in enumerate(self.names)
         }
 
 
@@ -106,13 +105,13 @@ def _outward(name: str, coordinate: FloatArray, spans: Mapping[str, float]) -> F
 
 
 def variables_of(
-    records: FitRecords, given: Quantity, answer: Quantity, held: frozenset[str]
+    records: FitRecords, drive: Quantity, answer: Quantity, held: frozenset[str]
 ) -> tuple[Variables, Values]:
     """Choose what a search may vary, between which bounds, and what is known beforehand."""
     spans = {"c": 1.0, "in_0": records.input_span, "out_0": records.output_span}
     known = dict.fromkeys(held & set(OFFSETS), 0.0)
     field, shape, pinning, saturation = _FIELD, _SHAPE, _PINNING, _SATURATION
-    if given.name == "field":
+    if drive.name == "field":
         known["c_H"] = 1.0
         shape = pinning = (1e-3 * records.input_span, 3.0 * records.input_span)
     if output_map(answer).absolute:
@@ -190,13 +189,13 @@ def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) ->
     is measured there is nothing to choose for ``a`` or ``M_s``.
     """
     chosen = chosen_by_gauge(searched)
-    saturation = mean_over_gaps("M_s", [one["M_s"] for one in sets])
+    saturation = mean_over_gaps("M_s", [values["M_s"] for values in sets])
     moved = []
-    for one in sets:
-        arrays = {name: np.asarray(value) for name, value in one.items()}
+    for values in sets:
+        arrays = {name: np.asarray(value) for name, value in values.items()}
         form = {name: float(value) for name, value in gauge_free(arrays, power).items()}
-        a = AIR_SLOPE * saturation if "a" in chosen else one["a"]
-        effective = one["M_s"] * (1.0 - one["alpha"])
+        a = AIR_SLOPE * saturation if "a" in chosen else values["a"]
+        effective = values["M_s"] * (1.0 - values["alpha"])
         m_s = saturation if "M_s" in chosen else effective - form["omega"] * a
         alpha = -form["omega"] * a / m_s
         gauge = {"M_s": m_s, "a": a, "alpha": alpha, "k": form["kappa"] * a}
@@ -204,5 +203,5 @@ def in_one_gauge(sets: Sequence[Values], searched: Sequence[str], power: int) ->
             gauge["c_H"] = a / form["scale"]
         if "c_out" in searched:
             gauge["c_out"] = form["gain"] / (MU_0 * m_s * (1.0 - alpha)) ** power
-        moved.append(one | gauge)
+        moved.append(values | gauge)
     return moved

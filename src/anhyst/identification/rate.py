@@ -126,22 +126,20 @@ class _Path:
         self.settled = loop.history.kind == "settled"
         first = 1.0 / float(np.median(steps)) if self.settled else 0.0
         self.rate = np.concatenate([[first], 1.0 / steps])
-        place = None if loop.schedule is None else loop.schedule[kept]
-        self.circuit = model.circuit(place, np.zeros(kept.size))
+        gap = None if loop.schedule is None else loop.schedule[kept]
+        self.circuit = model.circuit(gap, np.zeros(kept.size))
         self.drive = self.circuit.magnetomotive(loop.input[kept])
         self.measured = loop.output[kept]
         self.largest = largest
         self.iron = iron
         start = None if loop.schedule is None else float(loop.schedule[0])
-        past = as_history(loop.history, model)
-        self.state = initial_state(model, iron, past, start)
+        self.state = initial_state(model, iron, as_history(loop.history, model), start)
 
     def missed(self, rate: _Rate) -> FloatArray:
         """Return what is missed of the output, in parts of the largest."""
         self.iron.make_solid(rate.count, *rate.shares)
         eddy = rate.gamma * self.rate
-        memories = rate.count + 1 if rate.count > 1 else 1
-        state = np.tile(self.state, memories)
+        state = np.tile(self.state, rate.count + 1 if rate.count > 1 else 1)
         around = self.drive, self.circuit.rho, eddy
         if self.settled:
             state = self.iron.settle(*around, state, False, MOST_CYCLES, SETTLED)[0]
@@ -160,13 +158,13 @@ class _Problem:
         law = model.operator_law
 
         def path(loop: Loop) -> _Path:
-            place = loop.schedule_value if model.fixed_gap_only else None
-            if place not in irons:
-                at = model.parameters_at(place if place is not None else model.first_node)
+            gap = loop.schedule_value if model.fixed_gap_only else None
+            if gap not in irons:
+                at = model.parameters_at(gap if gap is not None else model.first_node)
                 made = law.iron(*(at[spec.name] for spec in law.parameters))
                 assert isinstance(made, AnyIron)
-                irons[place] = made
-            return _Path(model, loop, irons[place], largest)
+                irons[gap] = made
+            return _Path(model, loop, irons[gap], largest)
 
         self.groups = [[path(loop) for loop in loops] for loops in speeds.fast]
         self.gaps = [[loop.schedule_value for loop in loops] for loops in speeds.fast]
@@ -181,10 +179,9 @@ class _Problem:
         if len(self.groups) > 1:
             parts = [[group] for group in self.groups]
         else:
-            places = sorted({gap for gap in self.gaps[0] if gap is not None})
             parts = [
                 [[p for p, at in zip(self.groups[0], self.gaps[0], strict=True) if at == index]]
-                for index in places
+                for index in sorted({gap for gap in self.gaps[0] if gap is not None})
             ]
         if len(parts) < 2:
             return [(self.groups, self.groups)]
@@ -202,7 +199,7 @@ class _Problem:
         if start is None:
             shares = () if count == 1 else (_logit(1.0 / count), _logit(SHEETS))
             tried = [_Rate(count, (float(np.log(g * self.scale)), *shares)) for g in TRIED]
-            start = min(tried, key=lambda one: mean_missed(groups, one))
+            start = min(tried, key=lambda rate: mean_missed(groups, rate))
 
         def residuals(theta: FloatArray) -> FloatArray:
             rate = _Rate(count, tuple(theta.tolist()))
@@ -270,12 +267,11 @@ def fit_rate(model: Model, loops: Loops, speeds: Speeds, at_least: int = COUNTS[
             static, f"fast loops gain nothing from layers: the static model misses {of_static}"
         )
     rate, std = chosen
-    late = replace(model.dynamics or Dynamics(), fastest=speeds.fastest)
     made = replace(
         model,
         parameters={**model.parameters, "gamma": rate.gamma},
         layers=rate.layers(),
-        dynamics=late,
+        dynamics=replace(model.dynamics or Dynamics(), fastest=speeds.fastest),
     )
     what = "a lag of the flux misses" if rate.count == 1 else f"{rate.count} layers miss"
     why = (
@@ -306,10 +302,9 @@ def _in_series(model: Model) -> Model:
     kept = max(0.0, 1.0 - float(held.min()))
     by = (1.0 - alpha) / (1.0 - kept)
     parts = (*law.with_role("saturation"), *law.with_role("reversible"))
-    scaled = (*(one.name for one in parts), "c_H")
+    scaled = (*(part.name for part in parts), "c_H")
     parameters = {name: _as_written(by * np.array(model.parameters[name])) for name in scaled}
-    rho = np.maximum(held / (1.0 - kept) - 1.0, 0.0)
-    around = {"alpha": kept, "rho": _as_written(rho)}
+    around = {"alpha": kept, "rho": _as_written(np.maximum(held / (1.0 - kept) - 1.0, 0.0))}
     return replace(model, parameters={**model.parameters, **parameters, **around})
 
 
@@ -328,6 +323,4 @@ def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
         left.append(np.mean((loop.output - still) ** 2))
         done.append(np.mean((late - still) ** 2))
         mended.append(replace(loop, output=loop.output - (late - still)))
-    if np.mean(done) <= PEELED**2 * np.mean(left):
-        return None
-    return slow.with_loops(mended)
+    return None if np.mean(done) <= PEELED**2 * np.mean(left) else slow.with_loops(mended)

@@ -141,8 +141,8 @@ class Responder:
     ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
         """Yield gap and output of every drive, and its derivatives by :data:`LOCAL`, shape (n, 7)."""
         laws = _operators(form, sets)
-        for one in records:
-            yield one.gap, *self.with_derivatives(form, sets, laws[one.gap], one)
+        for record in records:
+            yield record.gap, *self.with_derivatives(form, sets, laws[record.gap], record)
 
     def output(
         self,
@@ -244,12 +244,12 @@ def _operators(form: ResponseForm, sets: Sequence[Local]) -> list[Operator]:
     return operators
 
 
-def between(sets: Sequence[Local], place: FloatArray) -> tuple[FloatArray, ...]:
+def between(sets: Sequence[Local], gap: FloatArray) -> tuple[FloatArray, ...]:
     """Return omega, scale and in_0 at places of gaps, and between them."""
     places = np.arange(len(sets))
     return tuple(
-        np.interp(place, places, values)
-        for values in zip(*((one.omega, one.scale, one.in_0) for one in sets), strict=True)
+        np.interp(gap, places, values)
+        for values in zip(*((local.omega, local.scale, local.in_0) for local in sets), strict=True)
     )
 
 
@@ -311,8 +311,7 @@ def _seeds(form: ResponseForm, local: Local, terms: _Terms, state: FloatArray) -
     kappa, c = local.law
     pull, slope = _langevin(x)
     way = 1.0 + local.omega * c * slope
-    m = (1.0 - c) * y + c * pull
-    x_t = terms.r_t[-1] - terms.omega_t[-1] * m
+    x_t = terms.r_t[-1] - terms.omega_t[-1] * ((1.0 - c) * y + c * pull)
     x_t = x_t - local.omega * (pull - y) * terms.law_t[:, 1]
     x_t[_SEED] = -local.omega * (1.0 - c)
     seeds = np.zeros((_DIRECTIONS + 1, 3))

@@ -49,15 +49,15 @@ def rest_of(loopset: Loops) -> Rest:
     """
     span = max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)
     lowest = [_lowest(loop, span) for loop in loopset.loops]
-    given = _reading([value for value in lowest if value is not None], span)
-    if given.std is None:
+    offset = _reading([value for value in lowest if value is not None], span)
+    if offset.std is None:
         return Rest()
     first = [
-        float(loop.output[_begins(loop, given.offset, span)].mean())
+        float(loop.output[_begins(loop, offset.offset, span)].mean())
         for loop in loopset.loops
-        if loop.history.kind == "demagnetised" and _begins(loop, given.offset, span).any()
+        if loop.history.kind == "demagnetised" and _begins(loop, offset.offset, span).any()
     ]
-    return Rest(given, _reading(first, largest_output(loopset)))
+    return Rest(offset, _reading(first, largest_output(loopset)))
 
 
 def _lowest(loop: Loop, span: float) -> float | None:

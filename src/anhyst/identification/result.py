@@ -106,8 +106,8 @@ class IdentifyResult(Result):
         return Path(path)
 
 
-def whole_search(found: IdentifyResult) -> IdentifyResult:
+def whole_search(result: IdentifyResult) -> IdentifyResult:
     """Return what a search found if it came to its end; after ctrl-C, whoever goes on ends too."""
-    if found.interrupted:
+    if result.interrupted:
         raise KeyboardInterrupt
-    return found
+    return result

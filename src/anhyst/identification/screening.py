@@ -48,17 +48,17 @@ _THIN = 64
 def batch_level() -> str:
     """Level of the batch: the processor's best unless the environment names one."""
     levels = batch_levels()
-    wanted = os.environ.get(VARIABLE)
-    if wanted is None:
+    level = os.environ.get(VARIABLE)
+    if level is None:
         return levels[-1]
-    if wanted not in levels:
+    if level not in levels:
         raise InputError(
-            f"{VARIABLE}: there is no level {wanted!r} on this processor; set one of "
+            f"{VARIABLE}: there is no level {level!r} on this processor; set one of "
             f"{', '.join(levels)}, or unset it for the best",
             code="unknown-level",
             key=VARIABLE,
         )
-    return wanted
+    return level
 
 
 def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
@@ -77,11 +77,7 @@ def evenly(dimensions: int, count: int, seed: int) -> FloatArray:
 
 
 def sample_sets(
-    records: FitRecords,
-    count: int,
-    seed: int,
-    interacting: bool = True,
-    biased: bool = False,
+    records: FitRecords, count: int, seed: int, interacting: bool = True, biased: bool = False
 ) -> FloatArray:
     """Draw kappa, c, omega, scale and in_0 by an additive sequence of low discrepancy (:func:`evenly`).
 
@@ -112,8 +108,7 @@ def screen(
     spread = ones * second - first**2
     gain = (ones * cross - first * mean) / np.where(spread > 0.0, spread, np.inf)
     out_0 = (mean - gain * first) / ones
-    cost = _cost(moments, total, gain, out_0)
-    return np.where(gain > 0.0, cost, np.inf), gain, out_0
+    return np.where(gain > 0.0, _cost(moments, total, gain, out_0), np.inf), gain, out_0
 
 
 def follow_sets(
@@ -125,9 +120,7 @@ def follow_sets(
     x, y = np.zeros(kappa.size), np.zeros(kappa.size)
     driven = np.ascontiguousarray(record.input[kept])
     # Up to the first sample in small steps: the linear step is not exact over long ones.
-    rise = np.concatenate(
-        [np.linspace(0.0, end, 16)[1:] for end in (*record.lead.drive, driven[0])]
-    )
+    rise = np.concatenate([np.linspace(0.0, to, 16)[1:] for to in (*record.lead.drive, driven[0])])
     follow = partial(batch, kappa, c, omega, scale, offset, x=x, y=y, level=batch_level())
     follow(drive=rise, keep=False)
     for _ in range(_WARM_UP if record.settled else 0):
@@ -143,8 +136,7 @@ def _moments(
 
     With b the output for gain 1 and y the measured one: 1, b, b^2, y, b*y; and the sum of y^2.
     """
-    count = sets.shape[1]
-    moments = np.zeros((5, count))
+    moments = np.zeros((5, sets.shape[1]))
     total = 0.0
     for record in records.loops:
         kept = thinned(record.input, _THIN)
@@ -207,7 +199,7 @@ def _best_of(space: CoordinateSpace, sets: FloatArray, keep: int) -> list[Local]
 
 def _may_be_biased(form: ResponseForm, records: FitRecords) -> bool:
     """Whether a bias would show: an output that is even in the flux, driven to both sides."""
-    ends = [(float(one.input.min()), float(one.input.max())) for one in records.loops]
+    ends = [(float(loop.input.min()), float(loop.input.max())) for loop in records.loops]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     return form.power == 2 and low < -_BOTH_SIDES * high and high > -_BOTH_SIDES * low
 

@@ -171,8 +171,8 @@ class CoordinateSpace:
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of the coordinates."""
         numbers = [self.numbers[name] for name, _ in self.entries]
-        low = [self.inward(one.name, one.low * self.unit(one.name)) for one in numbers]
-        high = [self.inward(one.name, one.high * self.unit(one.name)) for one in numbers]
+        low = [self.inward(number.name, number.low * self.unit(number.name)) for number in numbers]
+        high = [self.inward(spec.name, spec.high * self.unit(spec.name)) for spec in numbers]
         return np.array(low), np.array(high)
 
     def pack(self, sets: list[Local]) -> FloatArray:
@@ -223,7 +223,11 @@ class CoordinateSpace:
             if self.gap_map == "leakage":
                 self._leak(at_gap, jacobian, values, slopes)
             if self.gap_map in IN_SERIES:
-                self._widen(at_gap, jacobian)
+                omega_row, row, _ = self._rows
+                ratio = 1.0 / (1.0 - min(self.form.h * at_gap[omega_row], 0.99))
+                at_gap[row] *= ratio
+                jacobian[row] *= ratio
+                jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]
             unpacked.append((self.form.local(at_gap), jacobian))
         return unpacked
 
@@ -249,11 +253,3 @@ class CoordinateSpace:
             jacobian[row] -= by_part * values[leakage] / omega * jacobian[omega_row]
             jacobian[row, widest] += by_part * values[leakage] * ratio / omega * slopes[widest]
             jacobian[row, leakage] -= by_part * ratio * slopes[leakage]
-
-    def _widen(self, at_gap: list[float], jacobian: FloatArray) -> None:
-        """Take the scale to that behind a reluctance."""
-        omega_row, row, _ = self._rows
-        ratio = 1.0 / (1.0 - min(self.form.h * at_gap[omega_row], 0.99))
-        at_gap[row] *= ratio
-        jacobian[row] *= ratio
-        jacobian[row] += at_gap[row] * ratio * self.form.h * jacobian[omega_row]

@@ -48,30 +48,29 @@ def mean_memory(space: CoordinateSpace, deviation: FloatArray) -> float:
     return float(np.mean([memory(one) for one in np.split(deviation, ends)[:-1]]))
 
 
-def _covariance(found: FoundModel) -> FloatArray:
-    objective = Objective(found.space)
-    evaluation = Evaluation(objective)
-    here = evaluation.at(found.theta)
+def _covariance(fit: FoundModel) -> FloatArray:
+    evaluation = Evaluation(Objective(fit.space))
+    here = evaluation.at(fit.theta)
     deviation, normal = here.deviation, here.normal
-    freedom = max(1, deviation.size - found.theta.size)
-    variance = here.cost / freedom * mean_memory(found.space, deviation)
+    freedom = max(1, deviation.size - fit.theta.size)
+    variance = here.cost / freedom * mean_memory(fit.space, deviation)
     # A coordinate the data do not feel at all gets a huge, finite variance.
     floor = 1e-14 * max(float(np.trace(normal)), 1e-300)
     return np.asarray(variance * np.linalg.inv(normal + floor * np.eye(normal.shape[0])))
 
 
-def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
+def assess(fit: FoundModel, loopset: Loops) -> Uncertainty:
     """Give standard deviations, correlations and plain statements for a finished fit."""
-    space = found.space
-    covariance = _covariance(found)
+    space = fit.space
+    covariance = _covariance(fit)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
     units = {"input": loopset.input.unit, "output": loopset.output.unit}
     readings = {"in_0": space.records.rest.input, "out_0": space.records.rest.output}
     names, values, stds = [], [], []
-    at_gaps = [space.form.values(local) for local in found.sets]
+    at_gaps = [space.form.values(local) for local in fit.sets]
     for (name, gap), plain, slope, std in zip(
-        space.entries, *(one.tolist() for one in space.outward(found.theta)), deviation, strict=True
+        space.entries, *(one.tolist() for one in space.outward(fit.theta)), deviation, strict=True
     ):
         value = at_gaps[gap or 0].get(name, plain)
         number = space.numbers[name]
@@ -81,7 +80,7 @@ def assess(found: FoundModel, loopset: Loops) -> Uncertainty:
         names.append(label)
         stds.append(float(std * (abs(value) if number.coordinate == "log" else slope)))
         values.append(value + (readings[name].offset if name in readings else 0.0))
-    sentences = statements(names, values, stds, correlation) + _of_the_gauge(found)
+    sentences = statements(names, values, stds, correlation) + _of_the_gauge(fit)
     for name, reading in readings.items():
         if name in space.held and reading.std is not None and reading.offset != 0.0:
             names.append(_label(space.numbers[name], units))
@@ -129,10 +128,10 @@ def statements(
     return sentences
 
 
-def _of_the_gauge(found: FoundModel) -> list[str]:
+def _of_the_gauge(fit: FoundModel) -> list[str]:
     """Say what was chosen, because no output depends on it."""
     sentences = []
-    form, gap_map = found.space.form, found.space.written_map
+    form, gap_map = fit.space.form, fit.space.written_map
     if form.permeability == 0.0:
         sentences.append(
             "M_s is a choice of gauge, on which no output depends; the slope of the air core is "

@@ -58,12 +58,9 @@ class CellWeights:
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64).copy()
             values.flags.writeable = False
             object.__setattr__(self, name, values)
-        problem = self._problem()
+        problem = self._misshapen() or self._out_of_range()
         if problem:
             raise ValueError(problem)
-
-    def _problem(self) -> str | None:
-        return self._misshapen() or self._out_of_range()
 
     def _misshapen(self) -> str | None:
         r, a = self.thresholds, self.widths
@@ -135,8 +132,8 @@ class _Cut(NamedTuple):
 
 @lru_cache(maxsize=4)  # weights and their derivatives are made one after the other
 def _cut(pinned: tuple[Population, ...]) -> _Cut:
-    scales = np.array([[one.scale] for one in pinned])
-    spreads = np.array([[one.spread] for one in pinned])
+    scales = np.array([[cell.scale] for cell in pinned])
+    spreads = np.array([[cell.spread] for cell in pinned])
     low, high = LEAST_THRESHOLD * float(scales.min()), LARGEST_THRESHOLD * float(scales.max())
     places = np.zeros(PINNED + 1)  # np.geomspace takes as long as all the rest
     start, end = np.log10(low), np.log10(high)
@@ -150,25 +147,23 @@ def _cut(pinned: tuple[Population, ...]) -> _Cut:
 
 
 def populations(
-    reversible: tuple[float, float],
-    pinned: Sequence[Population],
-    shape: Shape = "tanh",
+    reversible: tuple[float, float], pinned: Sequence[Population], shape: Shape = "tanh"
 ) -> CellWeights:
     """Cut populations into cells."""
-    counting = [one for one in pinned if one.magnetisation != 0.0]
+    counting = [cell for cell in pinned if cell.magnetisation != 0.0]
     if not counting:
         raise ValueError("no population has a magnetisation above 0; nothing would be pinned")
-    for one in counting:
-        if not all(np.isfinite(one)) or min(one) <= 0.0:
+    for population in counting:
+        if not all(np.isfinite(population)) or min(population) <= 0.0:
             raise ValueError("a population needs finite numbers above 0")
     cut = _cut(tuple(counting))
     places = cut.places
     magnetisation, width = reversible
     weights = np.zeros((places.size, 1 + len(counting)))
     weights[0, 0] = magnetisation
-    for column, (one, shares) in enumerate(zip(counting, cut.shares, strict=True), start=1):
-        weights[1:, column] = one.magnetisation * shares
-    widths = np.array([width, *(one.width for one in counting)])
+    for column, (population, shares) in enumerate(zip(counting, cut.shares, strict=True), start=1):
+        weights[1:, column] = population.magnetisation * shares
+    widths = np.array([width, *(cell.width for cell in counting)])
     return CellWeights(places, widths, weights, shape)
 
 
@@ -225,7 +220,6 @@ def curve_slope(shape: Shape, part: FloatArray) -> FloatArray:
 def steepest_slope(cells: CellWeights) -> float:
     """Return the largest slope of the magnetisation over the effective field, of any path."""
     end = cells.thresholds[-1] + 3.0 * cells.widths.max()
-    field = np.linspace(-3.0 * cells.widths.max(), end, PLACES)
-    plays = field - cells.thresholds[:, None]
+    plays = np.linspace(-3.0 * cells.widths.max(), end, PLACES) - cells.thresholds[:, None]
     slope = curve_slope(cells.shape, plays[:, None, :] / cells.widths[:, None])
     return float(np.einsum("ij,ijm->m", cells.weights / cells.widths, slope).max())

@@ -45,10 +45,7 @@ PARAMETERS = (
 )
 
 
-NUMBERS = (
-    FitNumber("kappa", "k/a", 2e-3, 5e2, "log"),
-    FitNumber("c", "c", 0.0, 0.999),
-)
+NUMBERS = (FitNumber("kappa", "k/a", 2e-3, 5e2, "log"), FitNumber("c", "c", 0.0, 0.999))
 """What a fit moves of the law itself."""
 
 

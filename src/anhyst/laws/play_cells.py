@@ -88,8 +88,7 @@ def weights_of(shape: Shape, *numbers: float) -> CellWeights:
     """Return the cells of the parameters but ``alpha``, in the order of the file."""
     from anhyst.laws.cells import Population, populations
 
-    places = range(2, len(numbers), 4)
-    pinned = [Population(*numbers[place : place + 4]) for place in places]
+    pinned = [Population(*numbers[at : at + 4]) for at in range(2, len(numbers), 4)]
     return populations((numbers[0], numbers[1]), pinned, shape)
 
 

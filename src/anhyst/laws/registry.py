@@ -29,8 +29,3 @@ def law_of(name: str, cells: CellWeights | None = None) -> Law:
 
 
 DEFAULT_LAW = EFFECTIVE_FIELD.name
-
-
-def laws_with_compensator() -> str:
-    """Return the options to identify with one."""
-    return " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)

@@ -80,7 +80,7 @@ class SampledIron(ABC):
         here: State = tuple(state.tolist())
         before = self._flux(here, self.field_of(here))
         rows = zip(given.tolist(), rho.tolist(), (eddy * MU_0).tolist(), strict=True)
-        for place, (value, gap, rate) in enumerate(rows):
+        for index, (value, gap, rate) in enumerate(rows):
             weight, start = gap + rate, here
             if inverse:
                 field = self._root(start, 0.0, 1.0, value / MU_0)
@@ -88,23 +88,23 @@ class SampledIron(ABC):
                 field = self._root(start, 1.0, weight, value + rate * before)
             _, here = self.step(start, field)
             flux = self._flux(start, field)
-            found[place] = field + weight * flux - rate * before if inverse else MU_0 * flux
-            fields[place], before = field, flux
+            found[index] = field + weight * flux - rate * before if inverse else MU_0 * flux
+            fields[index], before = field, flux
         return found, fields, np.array(here)
 
     def _flux(self, state: State, field: float) -> float:
         """Return ``B/mu0`` at a field, from a state."""
         return field + self.step(state, field)[0]
 
-    def _root(self, state: State, of_field: float, of_flux: float, wanted: float) -> float:
+    def _root(self, state: State, of_field: float, of_flux: float, total: float) -> float:
         """Return the field that with its ``B/mu0`` adds up to what is wanted; the sum rises at least as it."""
 
         def missing(field: float) -> float:
-            return of_field * field + of_flux * self._flux(state, field) - wanted
+            return of_field * field + of_flux * self._flux(state, field) - total
 
         start = self.field_of(state)
         way = missing(start)
         if way == 0.0:
             return start
-        beyond = start - way - np.copysign(_ROUNDING * (abs(start) + abs(wanted)), way)
+        beyond = start - way - np.copysign(_ROUNDING * (abs(start) + abs(total)), way)
         return float(brentq(missing, start, beyond, xtol=1e-12, rtol=1e-14))

@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from types import TracebackType
 from typing import Self, TypeVar
 
 from anhyst.control.states import Command, Fault, State
@@ -39,8 +38,7 @@ from anhyst.link.frames import (
     SettingWriteRequest,
     StatusAnswer,
 )
-from anhyst.link.status import Status
-from anhyst.link.streaming import demand_request, stream
+from anhyst.link.streaming import Status, demand_request, stream
 from anhyst.link.transport import BAUD, LinkPort, Port
 from anhyst.link.wire import Frame, Receiver, encode
 from anhyst.support.errors import InputError
@@ -120,12 +118,7 @@ class ControllerLink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -176,11 +169,9 @@ class ControllerLink:
             )
         generation = row[GENERATION_AT] & 0xFFFF
         with self._lock:
-            begin = BlockBeginRequest(len(row), generation, checksum(row))
-            self.request(begin, AckAnswer)
+            self.request(BlockBeginRequest(len(row), generation, checksum(row)), AckAnswer)
             for at in range(0, len(row), _WORDS_MOST):
-                data = BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST]))
-                self.request(data, AckAnswer)
+                self.request(BlockDataRequest(at, tuple(row[at : at + _WORDS_MOST])), AckAnswer)
             try:
                 return self.request(BlockSwapRequest(generation), AckAnswer).detail
             except Refused as refused:
@@ -198,8 +189,7 @@ class ControllerLink:
         with self._lock:
             length = self._block_words(0, LENGTH_AT + 1)[LENGTH_AT]
             while len(words) < length:
-                most = min(length - len(words), _WORDS_MOST)
-                words += self._block_words(len(words), most)
+                words += self._block_words(len(words), min(length - len(words), _WORDS_MOST))
         return words
 
     def _block_in_force(self) -> list[int]:
@@ -246,10 +236,10 @@ class ControllerLink:
                 )
             time.sleep(_POLL)
             if time.monotonic() > end:
-                wanted = " or ".join(state.name.lower() for state in states)
+                names = " or ".join(state.name.lower() for state in states)
                 raise InputError(
                     f"{self.url}: the controller is in {status.state.name.lower()}, "
-                    f"not in {wanted}, after {timeout:g} s",
+                    f"not in {names}, after {timeout:g} s",
                     code="wrong-state",
                 )
 

@@ -134,14 +134,11 @@ def _compile(name: str, folder: Path, actuator: str, program: Path) -> None:
             key=name,
         )
     major, minor = (*map(int, re.findall(r"\d+", running_version())), 0, 0)[:2]
-    defines = {
-        "BOARD_FIRMWARE_VERSION": str(256 * major + minor),
-        **actuator_defines(actuator),
-    }
+    defines = {"BOARD_FIRMWARE_VERSION": str(256 * major + minor), **actuator_defines(actuator)}
     if board.port_header and (folder / "port" / board.port_header).is_file():
         include.append(folder / "port")
         defines["ANHYST_PORT_HEADER"] = f'"{board.port_header}"'
-    search = [f"-I{place}" for place in include]
+    search = [f"-I{folder}" for folder in include]
     search += [f"-D{macro}={value}" for macro, value in defines.items()]
     options = ["-std=c99", *_WARNINGS, *board.options]
     if board.cpu:
@@ -213,8 +210,6 @@ def read_sizes(program: PathLike) -> FirmwareSizes:
     from elftools.elf.elffile import ELFFile
 
     with Path(program).open("rb") as stream:
-        size = {
-            section.name: int(section["sh_size"]) for section in ELFFile(stream).iter_sections()
-        }
+        size = {entry.name: int(entry["sh_size"]) for entry in ELFFile(stream).iter_sections()}
     data = size.get(".data", 0)
     return FirmwareSizes(size[".text"] + data, size[".bss"] + data, size[".stack"])

@@ -141,8 +141,8 @@ def _q30(value: float) -> int:
     return _code(value, Q30)
 
 
-def _code(value: float, one: float) -> int:
+def _code(value: float, unit: float) -> int:
     """Halves go up, as in the simulated loop."""
     if math.isnan(value):
         return _RESERVED
-    return math.floor(min(max(value * one + 0.5, _LEAST), _MOST))
+    return math.floor(min(max(value * unit + 0.5, _LEAST), _MOST))

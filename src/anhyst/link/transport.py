@@ -49,7 +49,8 @@ class Port:
         self._serial = _open(url, baud)
         self._fd = _descriptor(self._serial)
         if url.startswith("socket://") and self._fd is not None:
-            _send_at_once(self._fd)
+            with socket.socket(fileno=os.dup(self._fd)) as same:
+                same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def close(self) -> None:
         """Let go of the port."""
@@ -145,9 +146,3 @@ def _descriptor(port: Any) -> int | None:
         return int(port.fileno()) if os.name == "posix" else None
     except (AttributeError, OSError):
         return None
-
-
-def _send_at_once(descriptor: int) -> None:
-    """Let no small frame wait for the answer to the one before it."""
-    with socket.socket(fileno=os.dup(descriptor)) as same:
-        same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

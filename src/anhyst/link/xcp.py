@@ -94,10 +94,10 @@ class XcpMaster:
         except InputError:
             self.body = Body.POSITION
         own = ("", self.body.name.lower())
-        self.signals = tuple(one.name for one in SIGNALS if one.body in own)
+        self.signals = tuple(signal.name for signal in SIGNALS if signal.body in own)
         if self._line.serial:
-            wanted = self._rate() * (_PACKET_BYTES + 4 * len(self.signals))
-            self.every = min(255, math.ceil(wanted / _CARRIED))
+            load = self._rate() * (_PACKET_BYTES + 4 * len(self.signals))
+            self.every = min(255, math.ceil(load / _CARRIED))
         self._sample()
 
     def close(self) -> None:
@@ -147,8 +147,7 @@ class XcpMaster:
 
     def write_setting(self, setting: Setting, value: int) -> int:
         """Set a setting from the next tick on."""
-        request = SettingWriteRequest(setting, value)
-        self._write(AREAS["setting"] + 4 * setting, value, request)
+        self._write(AREAS["setting"] + 4 * setting, value, SettingWriteRequest(setting, value))
         return value
 
     def command(self, command: Command) -> State:
@@ -189,8 +188,7 @@ class XcpMaster:
         samples = np.frombuffer(packets, dtype=form)
         stamps = samples["tick"].astype(np.int64)
         before = self._last if self._last >= 0 else int(stamps[0]) - 1
-        steps = np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF
-        ticks = before + np.cumsum(steps)
+        ticks = before + np.cumsum(np.diff(stamps, prepend=before & 0xFFFFFFFF) & 0xFFFFFFFF)
         self._last = int(ticks[-1])
         return np.column_stack((ticks, samples["values"].astype(np.int64)))
 
@@ -201,7 +199,7 @@ class XcpMaster:
 
     def _sample(self) -> None:
         """Sample from the next tick on."""
-        numbers = [n for n, one in enumerate(SIGNALS) if one.name in self.signals]
+        numbers = [n for n, signal in enumerate(SIGNALS) if signal.name in self.signals]
         count = len(numbers)
         commands = [b"\xd6", b"\xd5\0\1\0", b"\xd4\0\0\0\1", bytes((0xD3, 0, 0, 0, 0, count))]
         commands.append(b"\xe2\0\0\0\0\0")

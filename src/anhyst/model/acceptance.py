@@ -207,10 +207,13 @@ def check_over_gap(
     troubles: list[tuple[float, str]] = []
     for index, gap in enumerate(gaps.tolist()):
         try:
-            one, schedule = (model, gap) if at is None else (at(gap), None)
-            offset[index] = one.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
-            seen = drive - _lower(model, one, gap)
-            output[index] = predict(one, seen, schedule, _slow(drive.size), "settled").output
+            fixed, schedule = (model, gap) if at is None else (at(gap), None)
+            offset[index] = fixed.over_schedule("out_0", gap)[0] - np.min(model.parameters["out_0"])
+            largest = _largest_drive(model)
+            shares = np.atleast_1d(model.parameters["in_0"]) / largest
+            share = fixed.over_schedule("in_0", gap)[0] / largest
+            seen = drive - largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
+            output[index] = predict(fixed, seen, schedule, _slow(drive.size), "settled").output
         except (InputError, NegativeResult) as error:
             troubles.append((gap, str(error)))
     if troubles:
@@ -240,14 +243,6 @@ def _rest(model: ActuatorRecord, most: float = 0.5) -> float:
     largest = _largest_drive(model)
     shares = np.atleast_1d(model.parameters["in_0"]) / largest
     return largest * float(np.clip(shares.max(), 0.0, most))
-
-
-def _lower(model: ActuatorRecord, at_gap: ActuatorRecord, gap: float) -> float:
-    """By how much a sensor of the drive reads less at a gap than where its offset is largest."""
-    largest = _largest_drive(model)
-    shares = np.atleast_1d(model.parameters["in_0"]) / largest
-    share = at_gap.over_schedule("in_0", gap)[0] / largest
-    return largest * float(np.clip(shares.max() - share, 0.0, OFFSET))
 
 
 def _slow(size: int) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.laws.registry import laws_with_compensator
+from anhyst.laws.registry import LAWS
 from anhyst.support.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -30,10 +30,8 @@ def obstacle(model: Model) -> str | None:
     """Say why a model cannot be compiled, and what helps."""
     law = model.operator_law
     if law.least_slope is None:
-        return (
-            f"law {model.law!r} cannot be compiled: {law.obstacle}; "
-            f"identify with {laws_with_compensator()}"
-        )
+        others = " or ".join(f"--law {law.name}" for law in LAWS.values() if law.least_slope)
+        return f"law {model.law!r} cannot be compiled: {law.obstacle}; identify with {others}"
     if model.fixed_gap_only:
         return (
             "gap map 'free' cannot be compiled: the iron itself would change with the gap; "

@@ -77,9 +77,7 @@ class ModelDiff(Result):
 
     def facts(self) -> dict[str, str]:
         """Return what differs, and how far apart the loops are."""
-        facts = {
-            "different": ", ".join(change.name for change in (*self.settings, *self.parameters))
-        }
+        facts = {"different": ", ".join(item.name for item in (*self.settings, *self.parameters))}
         if self.mean is not None and self.worst is not None:
             facts |= {"mean": f"{self.mean:.3g}", "worst": f"{self.worst:.3g} in SI units"}
         return {"same": "yes"} if self.same else facts
@@ -128,7 +126,7 @@ def diff(first: Model, second: Model) -> ModelDiff:
                 code="quantities-differ",
             )
     settings = tuple(
-        Change(name, one, other) for name, one, other in _settings(first, second) if one != other
+        Change(name, old, other) for name, old, other in _settings(first, second) if old != other
     )
     parameters = tuple(
         Change(name, first.parameters.get(name), second.parameters.get(name))
@@ -142,8 +140,7 @@ def diff(first: Model, second: Model) -> ModelDiff:
         return ModelDiff(settings, parameters, None, (), None, None, str(error))
     loops = tuple(_compare(first, second, drive, gap) for gap in gaps)
     mean = float(np.mean([loop.mean for loop in loops]))
-    worst = max(loop.worst for loop in loops)
-    return ModelDiff(settings, parameters, drive, loops, mean, worst)
+    return ModelDiff(settings, parameters, drive, loops, mean, max(loop.worst for loop in loops))
 
 
 def _settings(
@@ -193,9 +190,7 @@ def _common_schedule(first: Model, second: Model) -> list[float | None]:
     if not nodes.size:
         return [None]
     ranges = [m.valid.schedule for m in (first, second) if m.valid and m.valid.schedule]
-    spans = ranges or [
-        (model.nodes[0], model.nodes[-1]) for model in (first, second) if model.nodes
-    ]
+    spans = ranges or [(m.nodes[0], m.nodes[-1]) for m in (first, second) if m.nodes]
     low, high = max(low for low, _ in spans), min(high for _, high in spans)
     within = nodes[(nodes >= low) & (nodes <= high)]
     if not within.size:

@@ -69,8 +69,7 @@ class Dynamics:
 
     def follow(self, flux: float, slow: FloatArray, step: float) -> FloatArray:
         """Return the slow parts after a flux density has held for a time, s."""
-        kept = np.exp(-step / np.array(self.times))
-        return np.asarray(flux + kept * (slow - flux))
+        return np.asarray(flux + np.exp(-step / np.array(self.times)) * (slow - flux))
 
     def added(self, flux: FloatArray, time: FloatArray, slow: FloatArray) -> Creeping:
         """Add creep to a flux density."""
@@ -103,7 +102,7 @@ class Dynamics:
             return self.follow(end.last, end.slow, step)
 
         rest = around(np.zeros(len(self.times)))
-        linear = np.stack([around(one) - rest for one in np.eye(len(self.times))], axis=1)
+        linear = np.stack([around(unit) - rest for unit in np.eye(len(self.times))], axis=1)
         return np.asarray(np.linalg.solve(np.eye(len(self.times)) - linear, rest))
 
     def delayed(self, values: FloatArray, time: FloatArray) -> FloatArray:

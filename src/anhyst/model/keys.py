@@ -21,10 +21,10 @@ def column(name: str, unit: str) -> str:
     return Quantity("", name, unit).column
 
 
-def parameter_names(law: Law | None, given: Quantity, answer: Quantity) -> Names:
+def parameter_names(law: Law | None, drive: Quantity, answer: Quantity) -> Names:
     """Return the keys of ``[parameters]`` for a law, if it is known, an input and an output."""
     power = output_map(answer).power
-    turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(given.unit, f"c_H_A_per_m_{given.unit}")
+    turns = {"A": "c_H_per_m", "A/m": "c_H"}.get(drive.unit, f"c_H_A_per_m_{drive.unit}")
     ratio = column(f"c_{answer.symbol}", answer.unit) + f"_per_T{power if power > 1 else ''}"
     return {
         **{
@@ -35,20 +35,20 @@ def parameter_names(law: Law | None, given: Quantity, answer: Quantity) -> Names
         "c_H": ("c_H", turns),
         "gamma": ("gamma", "gamma_A_s_per_m_T"),
         "c_out": (f"c_{answer.symbol}", "c_B" if answer.unit == "T" else ratio),
-        "in_0": (f"{given.symbol}_0", column(f"{given.symbol}_0", given.unit)),
+        "in_0": (f"{drive.symbol}_0", column(f"{drive.symbol}_0", drive.unit)),
         "out_0": (f"{answer.symbol}_0", column(f"{answer.symbol}_0", answer.unit)),
     }
 
 
 def section_names(
-    law: Law | None, given: Quantity, answer: Quantity, schedule: Quantity | None
+    law: Law | None, drive: Quantity, answer: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
     deviations = {
         name: (name, column(name, answer.unit))
         for name in ("largest_output", "mean_abs", "rms", "worst")
     }
-    ranges = {"input": (given.symbol, given.column), "output": (answer.symbol, answer.column)}
+    ranges = {"input": (drive.symbol, drive.column), "output": (answer.symbol, answer.column)}
     nodes: Names = {}
     if schedule is not None:
         ranges["schedule"] = (schedule.symbol, schedule.column)
@@ -56,7 +56,7 @@ def section_names(
     at = {"schedule": ranges["schedule"]} if schedule is not None else {}
     return {
         ("schedule",): nodes,
-        ("parameters",): parameter_names(law, given, answer),
+        ("parameters",): parameter_names(law, drive, answer),
         ("cells",): {
             name: (name, column(name, "A/m")) for name in ("thresholds", "widths", "weights")
         },

@@ -89,8 +89,8 @@ def _step(values: FloatArray) -> float:
 def _is_white(parts: Sequence[FloatArray]) -> bool:
     """Whether no sample goes with those before it, by signs and by products."""
     signs = [np.sign(part[part != 0.0]) for part in parts]
-    pairs = sum(max(one.size - 1, 0) for one in signs)
-    kept = sum(int(np.sum(one[1:] == one[:-1])) for one in signs)
+    pairs = sum(max(sign.size - 1, 0) for sign in signs)
+    kept = sum(int(np.sum(sign[1:] == sign[:-1])) for sign in signs)
     if pairs and kept - 0.5 * pairs > _WHITE * 0.5 * math.sqrt(pairs):
         return False
     power = sum(float(part @ part) for part in parts)
@@ -126,7 +126,7 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
     bases = [(name, basis(way)) for name, each in shapes_of(records).items() for way in each]
     whole = basis(np.hstack([way for _, way in bases]))
     sizes = [record.off.size for record in records]
-    noisy = float(np.mean([min(noise(one.measured), noise(one.off)) for one in records]))
+    noisy = float(np.mean([min(noise(record.measured), noise(record.off)) for record in records]))
     around = coloured(off, whole, sizes)
     if rms * span > max(_FINE * noisy, EXACT * span):  # no filtered noise: curves, however fine
         white = max(noisy, EXACT * span) ** 2
@@ -143,7 +143,7 @@ def _attributed(records: Sequence[Residual], rms: float, span: float) -> LeftOve
         part = way.of(rest)
         first = _faded(records, part, around.variance) if way.shape == "start" else first
         rest = rest - part
-        ways = [one for one in ways if one.shape != way.shape]
+        ways = [other for other in ways if other.shape != way.shape]
     spread = float(np.sqrt(np.mean(rest**2)))
     if spread <= max(_FINE * noisy, EXACT * span):
         noisy = spread
@@ -160,16 +160,16 @@ def _foremost(rest: FloatArray, ways: list[_Way]) -> _Way:
     worth = [way.worth(rest) for way in ways]
     enough = max(worth) - (1.0 - _AS_MUCH) * abs(max(worth))
     as_good = [way for way, one in zip(ways, worth, strict=True) if one >= enough]
-    return min(as_good, key=lambda one: one.columns.shape[1])
+    return min(as_good, key=lambda cause: cause.columns.shape[1])
 
 
 def _faded(records: Sequence[Residual], part: FloatArray, variance: float) -> int:
     """Count samples at the beginning of a record until a wrong start no longer shows."""
-    longest, place = 0, 0
+    longest, start = 0, 0
     for record in records:
-        seen = np.flatnonzero(np.abs(part[place : place + record.off.size]) > math.sqrt(variance))
+        seen = np.flatnonzero(np.abs(part[start : start + record.off.size]) > math.sqrt(variance))
         longest = max(longest, int(seen[-1]) + 1 if seen.size else 0)
-        place += record.off.size
+        start += record.off.size
     return longest
 
 
@@ -241,8 +241,8 @@ _SHORT: dict[Shape, str] = {
 
 
 def _advice(shape: Shape, loopset: Loops, model: Model) -> str:
-    asked = model.provenance.settings.get("law_wanted", "auto") != "auto"
-    other = "; try --law auto" if asked else ", nor can any that was compared"
+    named = model.provenance.settings.get("law_wanted", "auto") != "auto"
+    other = "; try --law auto" if named else ", nor can any that was compared"
     if shape == "gap":
         at = _at(loopset)
         way = f"measure another {at}"

@@ -91,8 +91,7 @@ def find_problems(
             if gap_map != "free" and name not in MAY_VARY[gap_map]:
                 text = f"may not vary with the gap map '{gap_map}'; give a single number"
                 problems.append(Problem(name, text, code="may-not-vary"))
-        texts = (spec.problem(single) for single in values)
-        wrong = next(filter(None, texts), None)
+        wrong = next(filter(None, (spec.problem(single) for single in values)), None)
         if wrong is not None:
             problems.append(Problem(name, wrong, code="out-of-range"))
     unknown = [name for name in parameters if name not in specs]

@@ -320,8 +320,7 @@ def _settle(
 ) -> tuple[FloatArray, int]:
     """Repeat a cycle until the state returns."""
     kind, circuit = record.kind, record.circuit(run)
-    core = record.core(run, circuit)
-    around = (core, circuit.rho, circuit.eddy)
+    around = (record.core(run, circuit), circuit.rho, circuit.eddy)
     state, cycles, status = iron.settle(*around, start, kind == "demand", MOST_CYCLES, CLOSED)
     if status == NOT_SETTLED:
         raise NegativeResult(

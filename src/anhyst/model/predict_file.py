@@ -187,18 +187,18 @@ def run_file(
     table = read_columns(path, columns, progress)
     past = history if history is not None else str(model.history)
     answers, valid, runs, warnings = _compute(model, direction, table, past)
-    wanted = model.output if direction == "predict" else model.input
+    answer = model.output if direction == "predict" else model.input
     return RunSummary(
         out=str(out),
-        column=_write(table, out, wanted, answers, valid),
-        unit=wanted.unit,
+        column=_write(table, out, answer, answers, valid),
+        unit=answer.unit,
         rows=len(table),
         runs=runs,
         history=past,
         low=float(answers.min()),
         high=float(answers.max()),
         outside=int((~valid).sum()),
-        deviation=_deviation(table, wanted, answers),
+        deviation=_deviation(table, answer, answers),
         warnings=warnings,
     )
 
@@ -208,8 +208,8 @@ def _compute(
 ) -> tuple[FloatArray, NDArray[np.bool_], int, tuple[str, ...]]:
     """Compute all runs of a table: what was wanted, where it is valid, how many, what to say."""
     forward = direction == "predict"
-    given = model.input if forward else model.output
-    values = table.need(_named(table, given), given.column)
+    quantity = model.input if forward else model.output
+    values = table.need(_named(table, quantity), quantity.column)
     schedule = None if model.schedule is None else table.get(model.schedule.name)
     if schedule is None and model.schedule is not None:
         try:
@@ -224,7 +224,7 @@ def _compute(
     time = table.get("time") if model.needs_time else None
     runs = _find_runs(table, schedule, settled=history.startswith("settled"))
     pasts = _pasts(model, direction, table, runs, values, schedule, history)
-    found, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
+    answers, reachable = np.empty(values.size), np.ones(values.size, dtype=np.bool_)
     notes: Counter[str] = Counter()
     for rows, past in zip(runs, pasts, strict=True):
         at, clock = (None if c is None else _part(c, rows) for c in (schedule, time))
@@ -233,24 +233,24 @@ def _compute(
             result = run_through(model, kind, _part(values, rows), at, clock, past)
         except SampleError as error:
             raise InputError(
-                f"{table.where(int(rows[error.sample]))}: {given.name.replace('_', ' ')} "
+                f"{table.where(int(rows[error.sample]))}: {quantity.name.replace('_', ' ')} "
                 f"{error.what}; stay nearer to the valid range of the model",
                 code="sample-refused",
             ) from error
         except (InputError, NegativeResult) as error:
             where = "" if rows.size == values.size else f": rows from {rows[0] + 1}"
             raise error.at(f"{table.path}{where}") from error
-        found[rows] = result.output if forward else result.drive
+        answers[rows] = result.output if forward else result.drive
         reachable[rows] = result.reachable
         notes.update(result.notes)
     if forward:
-        valid, flags = flag(model, "drive", values, found, schedule, reachable, rows=True)
+        valid, flags = flag(model, "drive", values, answers, schedule, reachable, rows=True)
     else:
-        valid, flags = flag(model, "demand", found, values, schedule, reachable, rows=True)
+        valid, flags = flag(model, "demand", answers, values, schedule, reachable, rows=True)
     count = len(runs)
     lines = [text if count == 1 else f"{text} ({n} of {count} runs)" for text, n in notes.items()]
     lines += [IN_ONE_RUN] if any(past != pasts[0] for past in pasts) else []
-    return found, valid, count, (*flags, *lines)
+    return answers, valid, count, (*flags, *lines)
 
 
 def _pasts(
@@ -284,13 +284,13 @@ def _pasts(
     return [loop.history for loop in one_after_another(loops, over_gaps=is_gap)]
 
 
-def _named(table: DataTable, wanted: Quantity) -> str:
+def _named(table: DataTable, quantity: Quantity) -> str:
     """Name of a quantity in a table, where what is magnetised has another one than what is not."""
-    names = {wanted.name} | {
-        name for name, kind in OUTPUT_MAPS.items() if kind.magnetised == wanted.name
+    names = {quantity.name} | {
+        name for name, kind in OUTPUT_MAPS.items() if kind.magnetised == quantity.name
     }
     held = {header.quantity.name for header in table.headers if header.quantity is not None}
-    return next((name for name in sorted(names) if name in held), wanted.name)
+    return next((name for name in sorted(names) if name in held), quantity.name)
 
 
 def _measured(table: DataTable, name: str) -> FloatArray | None:
@@ -331,13 +331,13 @@ def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _write(
-    table: DataTable, out: PathLike, wanted: Quantity, found: FloatArray, valid: NDArray[np.bool_]
+    table: DataTable, out: PathLike, quantity: Quantity, found: FloatArray, valid: NDArray[np.bool_]
 ) -> str:
     """Write the columns of the file and those computed; return the header of the computed one."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
-    name, flag = wanted.column, "valid"
+    name, flag = quantity.column, "valid"
     if name in columns:  # a measurement: keep it, so that the two can be compared
-        name = f"{wanted.symbol}_model{wanted.column.removeprefix(wanted.symbol)}"
+        name = f"{quantity.symbol}_model{quantity.column.removeprefix(quantity.symbol)}"
     if flag in columns:
         flag = "valid_model"
     if name in columns or flag in columns:
@@ -351,8 +351,8 @@ def _write(
     return name
 
 
-def _deviation(table: DataTable, wanted: Quantity, found: FloatArray) -> Deviation | None:
-    measured = _measured(table, _named(table, wanted))
+def _deviation(table: DataTable, quantity: Quantity, found: FloatArray) -> Deviation | None:
+    measured = _measured(table, _named(table, quantity))
     if measured is None:
         return None
     apart = np.abs(found - measured)

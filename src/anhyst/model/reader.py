@@ -160,15 +160,15 @@ class _Reader:
     def _check_unit(self, key: str, quantity: Quantity) -> Quantity:
         usual = QUANTITIES.get(quantity.name)
         unit = find_unit(quantity.unit)
-        wanted = usual.unit if usual else unit.si if unit else None
-        if wanted is None:
+        symbol = usual.unit if usual else unit.si if unit else None
+        if symbol is None:
             self.file.add(
                 (key, "unit"),
                 f"unknown unit {quantity.unit!r}; write an SI unit",
                 code="unknown-unit",
             )
-        elif quantity.unit != wanted:
-            text = f"is {quantity.unit!r}; model files are in SI, write {wanted!r}"
+        elif quantity.unit != symbol:
+            text = f"is {quantity.unit!r}; model files are in SI, write {symbol!r}"
             self.file.add((key, "unit"), text, code="unit-not-si")
         return quantity
 
@@ -274,6 +274,8 @@ class _Reader:
         late = self._dynamics(table)
         layers = self._layers(table)
         self._stop_if_wrong()
+        origin = table.provenance
+        sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
         model = kind(
             name=table.name,
             input=given,
@@ -291,7 +293,7 @@ class _Reader:
             fit=_fit(table.fit) if table.fit else None,
             uncertainty=_uncertainty(table.uncertainty) if table.uncertainty else None,
             reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
-            provenance=_provenance(table),
+            provenance=Provenance(origin.version, origin.seed, sources, origin.settings),
             cells=cells,
             dynamics=late,
             layers=layers,
@@ -307,12 +309,15 @@ class _Reader:
         return model
 
     def _dynamics(self, table: ModelTable) -> Dynamics | None:
-        given = table.dynamics
-        if given is None:
+        dynamics = table.dynamics
+        if dynamics is None:
             return None
         try:
             return Dynamics(
-                given.lag, tuple(given.creep_times), tuple(given.creep_shares), given.fastest
+                dynamics.lag,
+                tuple(dynamics.creep_times),
+                tuple(dynamics.creep_shares),
+                dynamics.fastest,
             )
         except InputError as error:
             self.file.add(
@@ -356,7 +361,7 @@ def _valid(table: ModelTable) -> ValidRange | None:
 def _fit(table: FitTable) -> FitFigures:
     plain = dict(table)
     loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
-    candidates = tuple(CandidateFit(**dict(one)) for one in plain.pop("candidate"))
+    candidates = tuple(CandidateFit(**dict(row)) for row in plain.pop("candidate"))
     validation = table.cross_validation
     if validation is not None:
         low, high = validation.interval
@@ -374,9 +379,3 @@ def _uncertainty(table: UncertaintyTable) -> Uncertainty:
         correlation=tuple(tuple(row) for row in table.correlation),
         statements=tuple(table.statements),
     )
-
-
-def _provenance(table: ModelTable) -> Provenance:
-    origin = table.provenance
-    sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
-    return Provenance(origin.version, origin.seed, sources, origin.settings)

@@ -123,7 +123,7 @@ class ActuatorRecord:
     layers: Layers | None = None
 
     def __post_init__(self) -> None:
-        given = {name: _as_parameter(value) for name, value in self.parameters.items()}
+        parameters = {name: _as_parameter(value) for name, value in self.parameters.items()}
         nodes = tuple(float(node) for node in self.nodes)
         object.__setattr__(self, "nodes", nodes)
         if self.law not in LAWS:
@@ -138,7 +138,7 @@ class ActuatorRecord:
             raise InputError(
                 f"model cells: {error}", code="cells-out-of-range", key="cells"
             ) from error
-        problems = find_problems(law, given, nodes, self.gap_map)
+        problems = find_problems(law, parameters, nodes, self.gap_map)
         if problems:
             raise InputError(
                 f"model parameter {problems[0].key}: {problems[0].text}",
@@ -152,7 +152,7 @@ class ActuatorRecord:
                 key="model",
             )
         complete = {
-            name: given.get(name, 0.0 if spec.default is None else spec.default)
+            name: parameters.get(name, 0.0 if spec.default is None else spec.default)
             for name, spec in self.specs.items()
         }
         object.__setattr__(self, "parameters", MappingProxyType(complete))
@@ -374,16 +374,16 @@ class ActuatorRecord:
     def _surroundings(self, at: FloatArray) -> tuple[FloatArray, ...]:
         """Return the parameters around the iron; a search asks for the same short rows again."""
         key, kept = at.tobytes() if at.size <= SHORT_ROW else b"", self._looked_up
-        found = kept.get(key) if key else None
-        if found is None:
-            found = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
+        rows = kept.get(key) if key else None
+        if rows is None:
+            rows = tuple(self.over_schedule(spec.name, at) for spec in CIRCUIT)
             if key:
-                for values in found:
+                for values in rows:
                     values.flags.writeable = False
                 if len(kept) >= MOST_ROWS:
                     kept.clear()
-                kept[key] = found
-        return found
+                kept[key] = rows
+        return rows
 
     @cached_property
     def _looked_up(self) -> dict[bytes, tuple[FloatArray, ...]]:

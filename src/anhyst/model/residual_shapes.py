@@ -102,10 +102,12 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     width = rising[:, None] * np.hstack([legvander(x, _WIDTH), legvander(along, 3)])
     fading = ahead[:, None] ** np.array(_DECAYS)
     common = np.hstack([curve, width])
+    within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
+    whole = np.linspace(-1.0, 1.0, sum(sizes))
     shapes: dict[Shape, list[FloatArray]] = {
         "input": [np.asarray(scale * curve) for scale in scales],
         "direction": [np.asarray(scale * width) for scale in scales],
-        "drift": _drift(sizes),
+        "drift": [np.asarray(way[:, None]) for way in (within, whole)[: len(sizes)]],
     }
     if np.any(ahead):
         shapes["start"] = [scale * fading for scale in scales]
@@ -116,20 +118,13 @@ def shapes_of(records: Sequence[Residual]) -> dict[Shape, list[FloatArray]]:
     return shapes
 
 
-def _drift(sizes: Sequence[int]) -> list[FloatArray]:
-    """Straight within each record, or from the first sample of all to the last."""
-    within = np.concatenate([np.linspace(-1.0, 1.0, size) for size in sizes])
-    whole = np.linspace(-1.0, 1.0, sum(sizes))
-    return [np.asarray(way[:, None]) for way in (within, whole)[: len(sizes)]]
-
-
 def _by_gap(records: Sequence[Residual], gap: FloatArray, x: FloatArray) -> FloatArray:
     """Level, bend and gain of each gap."""
     # Of the modelled output: the measured one has the noise in it, and would explain that.
     output = np.concatenate([record.measured + record.off for record in records])
     gain = output / max(float(np.abs(output).max()), 1e-300)
     shared = np.column_stack([legvander(x, _LEVEL), gain])
-    return np.hstack([(gap == one)[:, None] * shared for one in np.unique(gap)])
+    return np.hstack([(gap == node)[:, None] * shared for node in np.unique(gap)])
 
 
 def _by_reach(reach: FloatArray, along: FloatArray, rising: FloatArray) -> FloatArray:
@@ -196,7 +191,7 @@ def coloured(off: FloatArray, shapes: FloatArray, sizes: Sequence[int]) -> Colou
     power = max(float(left @ left), 1e-300)
     seen = float(left @ _neighbours(left, lengths)) / power
     remainder = _Remainder(shapes, lengths)
-    expected = [remainder.at(one) for one in _GRID]
+    expected = [remainder.at(at) for at in _GRID]
     ratio = np.maximum.accumulate([together / whole for whole, together in expected])
     with_last = float(np.interp(seen, ratio, _GRID))
     free = max(off.size - shapes.shape[1], 2)

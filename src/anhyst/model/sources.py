@@ -47,7 +47,7 @@ def read_sources(model: Model, folder: PathLike = ".") -> Loops:
 
 def _find(path: str, sha256: str, folder: Path) -> Path:
     places = [Path(path), folder / path, folder / Path(path).name]
-    there = [place for place in places if place.is_file()]
+    there = [path for path in places if path.is_file()]
     for place in there:
         with place.open("rb") as stream:
             if hashlib.file_digest(stream, "sha256").hexdigest() == sha256:

@@ -122,15 +122,15 @@ class Stepper:
         self, demand: float, schedule: float | None = None, dt: float | None = None
     ) -> Candidate:
         """Find the drive that gives a demanded output now. The state is not touched."""
-        wanted = as_samples([demand], "demand")
+        demands = as_samples([demand], "demand")
         at = self._at(schedule)
         circuit = self._circuit(at, dt)
-        flux, reachable = circuit.flux_density(wanted)
+        flux, reachable = circuit.flux_density(demands)
         flux = flux - self._creep(dt)[0]
         drive, _, _, status, _ = self._iron.inverse(flux, circuit.rho, circuit.eddy, self._state)
-        check(status, "demand", 0, wanted)
+        check(status, "demand", 0, demands)
         applied = circuit.drive(drive)
-        valid, _ = flag(self.model, "demand", applied, wanted, np.array([at]), reachable)
+        valid, _ = flag(self.model, "demand", applied, demands, np.array([at]), reachable)
         return Candidate(
             drive=float(applied[0]),
             output=float(demand if reachable[0] else circuit.output(flux)[0]),
@@ -142,12 +142,12 @@ class Stepper:
         self, applied: float, schedule: float | None = None, dt: float | None = None
     ) -> float:
         """Advance the state with the drive that was really applied."""
-        given = as_samples([applied], "applied drive")
+        drive = as_samples([applied], "applied drive")
         at = self._at(schedule)
         circuit = self._circuit(at, dt)
-        core = circuit.magnetomotive(given)
+        core = circuit.magnetomotive(drive)
         flux, _, state, status, _ = self._iron.forward(core, circuit.rho, circuit.eddy, self._state)
-        check(status, "applied drive", 0, given)
+        check(status, "applied drive", 0, drive)
         added, self._slow = self._creep(dt)
         self._state, self._schedule, self._flux = state, at, float(flux[0])
         self._output = float(circuit.output(flux + added)[0])
@@ -155,8 +155,8 @@ class Stepper:
 
     def follow(self, applied: FloatArray, schedule: FloatArray) -> FloatArray:
         """Advance the state along a row of drives, as :meth:`commit` does one by one."""
-        given = as_samples(applied, "applied drive")
-        at = as_samples(schedule, "schedule", given.size)
+        drive = as_samples(applied, "applied drive")
+        at = as_samples(schedule, "schedule", drive.size)
         if np.any(self.model.over_schedule("gamma", at) > 0.0):
             raise InputError(
                 "the model has eddy currents (gamma); commit one by one, with dt",
@@ -171,12 +171,11 @@ class Stepper:
             )
         for end in (at.min(), at.max()):
             self._at(float(end))
-        circuit = self.model.circuit(at, np.zeros(given.size))
-        core = circuit.magnetomotive(given)
+        circuit = self.model.circuit(at, np.zeros(drive.size))
         flux, _, state, status, index = self._iron.forward(
-            core, circuit.rho, circuit.eddy, self._state
+            circuit.magnetomotive(drive), circuit.rho, circuit.eddy, self._state
         )
-        check(status, "applied drive", index, given)
+        check(status, "applied drive", index, drive)
         output = circuit.output(flux)
         self._state, self._schedule, self._output = state, float(at[-1]), float(output[-1])
         return output

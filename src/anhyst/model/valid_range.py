@@ -118,11 +118,11 @@ def warn_if_far(
         return
     limits = model.valid.input if given is model.input else model.valid.output
     at = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
-    found = (
+    far = (
         far_outside(model.schedule, at, model.valid.schedule),
         far_outside(given, values, limits),
     )
-    text = "; ".join(filter(None, found))
+    text = "; ".join(filter(None, far))
     if text:
         warnings.warn(text, ImplausibleWarning, stacklevel=4)  # who called the model's method
 

@@ -89,9 +89,12 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
 
 def model_text(model: ActuatorRecord) -> str:
     """Return the text of the model file."""
+    known = " or ".join(f'"{law}"' for law in LAWS)
+    text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
+    lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
     sections = [
         HEAD + _keys({"format": FORMAT, "version": VERSION, "name": model.name}),
-        _law(model.law),
+        "\n" + "\n".join(lines) + "\n" + _keys({"law": model.law}),
         GAP_MAP + _keys({"gap_map": model.gap_map}),
         HISTORY + _keys({"history": str(model.history)}),
         "\n[input]\n" + _quantity(model.input),
@@ -129,13 +132,6 @@ def _keys(table: Mapping[str, object]) -> str:
         for key, value in table.items()
         if value is not None
     )
-
-
-def _law(name: str) -> str:
-    known = " or ".join(f'"{law}"' for law in LAWS)
-    text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
-    lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
-    return "\n" + "\n".join(lines) + "\n" + _keys({"law": name})
 
 
 def _quantity(quantity: Quantity) -> str:

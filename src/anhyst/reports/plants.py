@@ -27,7 +27,7 @@ def write_plants_report(
     path: PathLike, runs: MonteCarlo, files: Sequence[Path], command: str
 ) -> None:
     """Write the report of a Monte Carlo: one HTML file that needs nothing else."""
-    rows = [(one.name, hashlib.sha256(one.read_bytes()).hexdigest()) for one in files]
+    rows = [(file.name, hashlib.sha256(file.read_bytes()).hexdigest()) for file in files]
     origin = Section("origin", "Origin", (table("Files", ["file", "SHA-256"], rows, texts=2),
                                           Text(f"Made by: {command}")))  # fmt: skip
     text = render_page(
@@ -86,9 +86,13 @@ def _drift(runs: MonteCarlo) -> Section:
         for case, name in enumerate(figure.names)
     ]  # fmt: skip
     rows = [
-        [one.title, name, *(number(percentile(one.values[name].tolist(), p)) for p in PERCENTILES)]
-        for one in spreads
-        for name in ordered(one.values)
+        [
+            spread.title,
+            name,
+            *(number(percentile(spread.values[name].tolist(), p)) for p in PERCENTILES),
+        ]
+        for spread in spreads
+        for name in ordered(spread.values)
     ]
     picture = Picture(
         svg_text(figure_drift(spreads), "drift"),

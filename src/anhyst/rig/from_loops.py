@@ -106,13 +106,11 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
     found = _fit_at_rest(slow_loops(loops), table)
-    solid = table.solid and _fit_solid(loops, found, table.solid)
-    return replace(found, solid=solid)
+    return replace(found, solid=table.solid and _fit_solid(loops, found, table.solid))
 
 
 def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
-    coarse = thinned(loops, COARSE)
-    fit = _AtRest(coarse, table)
+    fit = _AtRest(thinned(loops, COARSE), table)
     found = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda one: one[0])
     fit = _AtRest(thinned(loops, FINE), table)
     _, at = fit.run(found[1])
@@ -229,8 +227,7 @@ class _AtRest:
         """Return the magnet there."""
         values = self._values(at)
         poles, steel = self._poles(values)
-        area = poles.width * poles.depth
-        resistance = COPPER * MEAN_TURN * poles.turns**2 / math.sqrt(area)
+        resistance = COPPER * MEAN_TURN * poles.turns**2 / math.sqrt(poles.width * poles.depth)
         guessed = [
             key for key in ("resistance_ohm", "iron_length_m") if getattr(given, key) is None
         ]

@@ -102,7 +102,7 @@ _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
 }
 """Keys without a use where there is one coordinate."""
 _SEVERAL_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
-    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m"),
+    SpreadTable: ("eddy_s", "conductivity_percent", "cable_N_per_m")
 }
 
 
@@ -135,11 +135,7 @@ RULES: Mapping[FileKind, KindRule] = {
             "noise_seeds": False,
         },
         needed=_BODY_NEEDS,
-        unused={
-            **_BODY_UNUSED,
-            BodyTable: ("free",),
-            SpreadTable: _no_spread(FileKind.BEARING),
-        },
+        unused={**_BODY_UNUSED, BodyTable: ("free",), SpreadTable: _no_spread(FileKind.BEARING)},
     ),
     FileKind.STAGE: KindRule(
         tables={
@@ -226,11 +222,6 @@ _TITLES: Mapping[type[Table], tuple[str, str]] = {
     DisplacementCase: ("case", 'a [[case]] of kind "displacement"'),
 }
 """Key of the list that holds a table, and what messages call it."""
-
-
-def rule_faults(file: RigFile) -> list[FileFault]:
-    """Find what is missing, superfluous, or refers to nothing."""
-    return [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
 
 
 def _count_faults(file: RigFile) -> Iterator[FileFault]:
@@ -358,7 +349,7 @@ def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[F
 def read_rig_file(path: PathLike, kinds: Collection[FileKind]) -> RigFile:
     """Read the rig file of one of some kinds; files of older formats are read with a warning."""
     file = read_toml(path, RigFile, kinds=kinds, prepare=modernise)
-    faults = rule_faults(file)
+    faults = [*_count_faults(file), *_single_faults(file), *_key_faults(file), *_name_faults(file)]
     if file.given_loops is not None:
         faults += identify_faults(file.loops)
     if faults:

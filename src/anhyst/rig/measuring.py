@@ -77,19 +77,14 @@ def take(
     return rows[:, 0], rows[:, 1]
 
 
-def _in_mm(gap: float) -> str:
-    """Return a gap with two digits behind the point, or as many as it has."""
-    short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
-    return short if float(short) == float(whole) else whole
-
-
 def measure_path(
     magnet: Pull, sensors: Sensors, gap: float, path: FloatArray, name: str, past: Sequence[float]
 ) -> Loop:
     """Measure one record of a magnet that was conditioned."""
     current, force = take(magnet, sensors, gap, path)
+    short, whole = f"{1e3 * gap:.2f}", f"{1e3 * gap:.6g}"
     return Loop(
-        label=f"{_in_mm(gap)}mm-{name}",
+        label=f"{(short if float(short) == float(whole) else whole)}mm-{name}",
         input=current,
         output=force,
         schedule=np.full(path.size, gap),

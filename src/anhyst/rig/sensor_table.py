@@ -80,11 +80,10 @@ class GapSensorTable(Table):
         """Return it with the values that its kind has where none are given."""
         usual = POSITION_SENSORS[self.kind]
         step = self.step_m or (0.0 if self.adc_bits else usual.step)
-        bits = self.adc_bits or LVDT_BITS
         return PositionSensor(
             low=self.low_m,
             high=self.high_m,
-            step=step or (self.high_m - self.low_m) / ((1 << bits) - 1),
+            step=step or (self.high_m - self.low_m) / ((1 << (self.adc_bits or LVDT_BITS)) - 1),
             noise=usual.noise if self.noise_m is None else self.noise_m,
             bandwidth=self.bandwidth_Hz or usual.bandwidth,
             delay=usual.delay if self.delay_s is None else self.delay_s,

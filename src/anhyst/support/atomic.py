@@ -44,12 +44,12 @@ def atomic_writer(
     any failure, ctrl-C included, what stood there before still stands there, and nothing else. A
     device or a pipe is written directly.
     """
-    with _draft(path) as place:
-        with place.open("w", encoding="utf-8", newline="") as stream:
+    with _draft(path) as draft:
+        with draft.open("w", encoding="utf-8", newline="") as stream:
             yield stream
             _to_disk(stream)
-        if check is not None and place.is_file():
-            check(place)
+        if check is not None and draft.is_file():
+            check(draft)
 
 
 def write_bytes(path: PathLike, content: bytes) -> None:
@@ -60,12 +60,8 @@ def write_bytes(path: PathLike, content: bytes) -> None:
 
 @contextmanager
 def binary_writer(path: PathLike) -> Iterator[IO[bytes]]:
-    """Open a binary file that appears under its name only when it is complete.
-
-    As :func:`atomic_writer`; what is written can be read again and changed, as libraries do that
-    write headers last.
-    """
-    with _draft(path) as place, place.open("w+b") as stream:
+    """Open a binary file as :func:`atomic_writer`; it can be read too, to write headers last."""
+    with _draft(path) as draft, draft.open("w+b") as stream:
         yield stream
         _to_disk(stream)
 

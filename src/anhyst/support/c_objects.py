@@ -42,13 +42,13 @@ def compile_and_link(
     identity = _identity(compiler[0])
     if identity is None:
         return [run([*compiler, *options, *search, *map(str, sources), *ending])]
-    own = [*compiler, *(one for one in options if not one.startswith("-Wl,"))]
+    own = [*compiler, *(option for option in options if not option.startswith("-Wl,"))]
     command, key = [*own, *search], "\0".join([identity, *own])
     with (
-        tempfile.TemporaryDirectory(prefix="anhyst-") as place,
+        tempfile.TemporaryDirectory(prefix="anhyst-") as scratch,
         ThreadPoolExecutor(cores()) as pool,
     ):
-        objects = [Path(place, f"{number}.o") for number in range(len(sources))]
+        objects = [Path(scratch, f"{number}.o") for number in range(len(sources))]
         messages = list(pool.map(partial(_compile, command, key, run), sources, objects))
         return [*messages, run([*compiler, *options, *map(str, objects), *ending])]
 
@@ -88,7 +88,6 @@ def _keep(kept: Path, content: bytes, messages: str) -> None:
             Path(draft, place.name).replace(place)
     # Looking through all of them takes longer than most compilations.
     if kept.name.startswith("00"):
-        known = sorted(kept.parent.glob("*.o"), key=lambda one: one.stat().st_mtime)
-        for old in known[:-MOST]:
+        for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST]:
             old.unlink(missing_ok=True)
             old.with_suffix(".txt").unlink(missing_ok=True)

@@ -50,8 +50,8 @@ def spaced(low: float, high: float, count: int) -> FloatArray:
 
 def sine(turns: ArrayLike) -> FloatArray:
     """Return the sine of angles in turns, to 1e-15."""
-    given = np.asarray(turns, dtype=np.float64)
-    rest = given - np.rint(given)
+    angles = np.asarray(turns, dtype=np.float64)
+    rest = angles - np.rint(angles)
     # Within a quarter turn of zero: a sine is the same seen from either side of its top.
     angle = 2.0 * math.pi * np.where(np.abs(rest) > 0.25, np.copysign(0.5, rest) - rest, rest)
     square, found = angle * angle, np.zeros_like(angle)
@@ -62,5 +62,5 @@ def sine(turns: ArrayLike) -> FloatArray:
 
 def triangle(turns: ArrayLike) -> FloatArray:
     """Return a triangle between -1 and 1 that rises from zero, over turns, shape (n,)."""
-    given = np.asarray(turns, dtype=np.float64) - 0.25
-    return np.asarray(4.0 * np.abs(given - np.floor(given) - 0.5) - 1.0)
+    angles = np.asarray(turns, dtype=np.float64) - 0.25
+    return np.asarray(4.0 * np.abs(angles - np.floor(angles) - 0.5) - 1.0)

@@ -59,11 +59,7 @@ def plant_folder() -> Path:
 
 @contextmanager
 def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
-    """Give a folder to work in; when all is done, what is in it appears in its place.
-
-    After any failure, ctrl-C included, what stood there before still stands there, and nothing
-    else.
-    """
+    """Give a folder to work in; what is in it appears in its place when all is done, else nothing."""
     target = Path(os.path.realpath(out))
     if target.exists() and not target.is_dir():
         raise InputError(f"{out}: is a file; name a folder", code="is-a-file")

@@ -36,15 +36,15 @@ def each(
     count = min(jobs or cores(), len(inputs))
     done = 0
     if count <= 1:
-        for place, one in enumerate(inputs):
-            result = work(one)
+        for index, item in enumerate(inputs):
+            result = work(item)
             done += 1
             if progress is not None:
                 progress(done, len(inputs))
-            yield place, result
+            yield index, result
         return
     with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
-        places: dict[Future[B], int] = {pool.submit(work, one): i for i, one in enumerate(inputs)}
+        places: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
         try:
             for ready in as_completed(places):
                 done += 1
@@ -62,8 +62,8 @@ def all_of(
     jobs: int | None = None,
 ) -> list[B]:
     """Do some work on every input; results in their order."""
-    found = dict(each(work, inputs, progress, jobs))
-    return [found[place] for place in range(len(inputs))]
+    results = dict(each(work, inputs, progress, jobs))
+    return [results[place] for place in range(len(inputs))]
 
 
 @contextmanager
@@ -94,7 +94,7 @@ def _on_cluster(
 ) -> Iterator[tuple[int, B]]:
     client = _cluster.get()
     futures = client.map(work, inputs, pure=False)
-    places = {future: place for place, future in enumerate(futures)}
+    places = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
     for done, (ready, result) in enumerate(waiting, start=1):

@@ -21,6 +21,4 @@ def plain(value: Any) -> Any:
         return value
     if isinstance(value, Sequence):
         return [plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

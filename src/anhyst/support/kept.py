@@ -41,14 +41,14 @@ def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
     """Return what `make` makes of these inputs, from the cache where it was made before."""
     digest = hashlib.sha256(computed_with())
     _take(digest, inputs)
-    place = cache_folder(kind) / digest.hexdigest()
-    found: T | None = load(place)
+    path = cache_folder(kind) / digest.hexdigest()
+    found: T | None = load(path)
     if found is None:
         found = make()
         with suppress(OSError, InputError):  # without a cache it is computed each time
-            place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            write_bytes(place, sealed(found))
-            forget(place.parent, MOST)
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            write_bytes(path, sealed(found))
+            forget(path.parent, MOST)
     return found
 
 
@@ -62,7 +62,7 @@ def load(place: Path) -> Any:
     """Return what is kept at a place, if it is there, undamaged and one's own; None otherwise."""
     try:
         if hasattr(os, "getuid"):
-            owners = {one.stat().st_uid for one in (place, place.parent)}
+            owners = {path.stat().st_uid for path in (place, place.parent)}
             if owners != {os.getuid()}:
                 return None
         content = place.read_bytes()
@@ -75,8 +75,8 @@ def load(place: Path) -> Any:
 
 def forget(folder: Path, most: int) -> None:
     """Leave those things in a folder that were used last."""
-    known = [one for one in folder.iterdir() if not one.name.startswith(".")]
-    for old in sorted(known, key=lambda one: one.stat().st_mtime)[:-most]:
+    known = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    for old in sorted(known, key=lambda path: path.stat().st_mtime)[:-most]:
         shutil.rmtree(old, ignore_errors=True) if old.is_dir() else old.unlink(missing_ok=True)
 
 
@@ -86,7 +86,7 @@ def computed_with() -> bytes:
     about = f"{platform.node()} {sys.version} {np.__version__} {scipy.__version__}"
     digest = hashlib.sha256(about.encode())
     package = Path(__file__).resolve().parents[1]
-    sources = (one for one in package.rglob("*.*") if one.suffix in {".py", ".j2", ".toml"})
+    sources = (path for path in package.rglob("*.*") if path.suffix in {".py", ".j2", ".toml"})
     for path in (Path(_native.__file__), *sorted(sources)):
         digest.update(f"\0{path}\0".encode())
         digest.update(hashlib.sha256(path.read_bytes()).digest())
@@ -103,12 +103,12 @@ def _take(digest: Any, value: object) -> None:
     elif isinstance(value, BaseModel):
         _take(digest, dict(value))
     elif is_dataclass(value):
-        _take(digest, {one.name: getattr(value, one.name) for one in fields(value)})
+        _take(digest, {field.name: getattr(value, field.name) for field in fields(value)})
     elif isinstance(value, Mapping):
         _take(digest, tuple(value.items()))
     elif isinstance(value, tuple | list):
-        for one in value:
-            _take(digest, one)
+        for item in value:
+            _take(digest, item)
         digest.update(f"\0{len(value)}".encode())
     else:
         raise TypeError(f"{type(value).__qualname__} has no contents that could be compared")

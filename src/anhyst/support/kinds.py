@@ -131,7 +131,7 @@ def refuse_other(
     if kind in wanted or kind is FileKind.UNKNOWN:
         return kind
     plural = verb != ""
-    names = _listed([NAMES[one][plural] for one in wanted], "and" if plural else "or")
+    names = _listed([NAMES[kind][plural] for kind in wanted], "and" if plural else "or")
     needed = f"{verb} is for {names}" if plural else f"{names} is needed"
     raise InputError(
         f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"

@@ -80,11 +80,7 @@ class FileProblem:
 
 
 class TomlFileError(InputError):
-    """A file that does not fit its schema.
-
-    ``problems`` holds everything found wrong with it; the message names the first one in full and
-    where the others are.
-    """
+    """A file that does not fit its schema: all problems; the message names the first in full."""
 
     def __init__(self, path: PathLike, problems: Iterable[FileProblem]) -> None:
         # Missing keys last: most are there, misspelt, and reported at their line.
@@ -178,12 +174,12 @@ def check_kind(file: TomlFile, wanted: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a file says that it is; refuse what says none of them."""
     kind = refuse_other(file.path, wanted, found=kind_in(file.content))
     if kind is FileKind.UNKNOWN:
-        names = " or ".join(NAMES[one][0] for one in wanted)
+        names = " or ".join(NAMES[kind][0] for kind in wanted)
         if file.content.get("format") == RIG_FORMAT:
-            controls = " or ".join(f'"{one}"' for one in wanted)
+            controls = " or ".join(f'"{kind}"' for kind in wanted)
             file.add(("control", "kind"), f"must be {controls}; is this {names}?", "wrong-format")
         else:
-            formats = " or ".join(sorted({f'"{format_of(one)}"' for one in wanted}))
+            formats = " or ".join(sorted({f'"{format_of(kind)}"' for kind in wanted}))
             file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
         raise file.error()
     return kind
@@ -299,9 +295,9 @@ def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
 def _tagged(annotation: Any, tag: str) -> Any:
     """Return what bears a tag inside an annotation, or None."""
     inner = get_args(annotation)
-    if any(isinstance(one, Tag) and one.tag == tag for one in inner):
+    if any(isinstance(branch, Tag) and branch.tag == tag for branch in inner):
         return annotation
-    return next((found for one in inner if (found := _tagged(one, tag)) is not None), None)
+    return next((found for branch in inner if (found := _tagged(branch, tag)) is not None), None)
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:

@@ -32,9 +32,7 @@ def toml_value(value: object) -> str:
         case str():
             return _string(value)
         case Mapping():
-            inside = ", ".join(
-                f"{toml_key(key)} = {toml_value(item)}" for key, item in value.items()
-            )
+            inside = ", ".join(f"{toml_key(k)} = {toml_value(v)}" for k, v in value.items())
             return f"{{ {inside} }}" if inside else "{}"
         case Sequence():
             return f"[{', '.join(toml_value(item) for item in value)}]"

@@ -165,9 +165,7 @@ def in_small_unit(quantity: Quantity, largest: float) -> tuple[str, float]:
     """
     if quantity.unit == "m" and largest < 1e-3:
         return "µm", 1e6
-    if quantity.unit == "1" and largest < 1e-2:
-        return "ppm", 1e6
-    return quantity.unit, 1.0
+    return ("ppm", 1e6) if quantity.unit == "1" and largest < 1e-2 else (quantity.unit, 1.0)
 
 
 INPUTS = ("current", "field", "voltage")
@@ -204,11 +202,7 @@ _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(]\s*(?P<unit>[^\[\]()]*(?:\([^(
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """A column header, understood.
-
-    ``quantity`` is ``None`` for the label column ``loop``. ``problem`` says in one clause why a
-    column of a known quantity cannot be used (its unit is missing, unknown or of another kind).
-    """
+    """A column header, understood."""
 
     text: str
     name: str

@@ -115,18 +115,18 @@ def read_bundle(folder: Path) -> Bundle:
     )
 
 
-def _text(place: Path, manifest: Mapping[str, Any], key: str) -> str:
+def _text(path: Path, manifest: Mapping[str, Any], key: str) -> str:
     value = manifest.get(key)
     if not isinstance(value, str):
         raise InputError(
-            f"{place}: key '{key}' is missing or not a text; {AGAIN}",
+            f"{path}: key '{key}' is missing or not a text; {AGAIN}",
             code="damaged-manifest",
             key=key,
         )
     return value
 
 
-def _check_stage(place: Path, stage: object) -> None:
+def _check_stage(path: Path, stage: object) -> None:
     """Check the numbers from which the form of a stage's records follows."""
     if stage is None:
         return
@@ -139,7 +139,7 @@ def _check_stage(place: Path, stage: object) -> None:
     ]
     if not all(isinstance(count, int) and 0 < count <= MOST for count in counts):
         raise InputError(
-            f"{place}: key 'stage' does not say what is free, how many heads and magnets there are; {AGAIN}",
+            f"{path}: key 'stage' does not say what is free, how many heads and magnets there are; {AGAIN}",
             code="damaged-manifest",
             key="stage",
         )

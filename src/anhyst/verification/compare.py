@@ -80,8 +80,7 @@ def run(program: HarnessProgram, vectors: GoldenVectors, steps: int, seed: int) 
     answers = [
         reply.window[: len(batch)] for reply, batch in zip(replies[1:-3], batches, strict=True)
     ]
-    empty = np.zeros((0, words), dtype=np.uint32)
-    played = np.concatenate([empty, *answers])
+    played = np.concatenate([np.zeros((0, words), dtype=np.uint32), *answers])
     return Answers(replies[0], replies[-4], replies[-2], played, replies[-1].stack_bytes)
 
 
@@ -99,10 +98,10 @@ def compare(
     """Hold a target against the host and the golden vectors."""
     host, target = outcomes
     for name in ("status", "words", "hash"):
-        wanted, found = getattr(host.start, name), getattr(target.start, name)
-        if wanted != found:
+        expected, found = getattr(host.start, name), getattr(target.start, name)
+        if expected != found:
             quantity = f"hash of the {vectors.form.start}" if name == "hash" else name
-            return Difference("start", 0, quantity, wanted, found)
+            return Difference("start", 0, quantity, expected, found)
     if (difference := _against_file(target, vectors)) is not None:
         return difference
     if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
@@ -115,13 +114,13 @@ def compare(
 def _against_file(outcome: Answers, vectors: GoldenVectors) -> Difference | None:
     places = [vectors.form.record.index(name) for name in vectors.outputs]
     answered = outcome.vectors[:, places]
-    wanted = np.stack(list(vectors.outputs.values()), axis=1)
-    wrong = _first_wrong(wanted, answered)
+    expected = np.stack(list(vectors.outputs.values()), axis=1)
+    wrong = _first_wrong(expected, answered)
     if wrong is None:
         return None
     row, column = wrong
     name = list(vectors.outputs)[column]
-    return Difference("vectors", row, name, _signed(wanted[wrong]), _signed(answered[wrong]))
+    return Difference("vectors", row, name, _signed(expected[wrong]), _signed(answered[wrong]))
 
 
 def _locate(
@@ -146,11 +145,11 @@ def _locate(
         replies = _again(programs, form.words, seed, (first, last, stride))
         if last - first <= WINDOW:
             records = [reply.window[: last - first] for reply in replies]
-            found = _first_wrong(*records)
-            if found is None:
+            difference = _first_wrong(*records)
+            if difference is None:
                 hashes = (reply.hash for reply in replies)
                 return Difference("random", first, "not repeatable: the hash", *hashes)
-            return _difference(form, "random", first, found, *records)
+            return _difference(form, "random", first, difference, *records)
 
 
 def _again(

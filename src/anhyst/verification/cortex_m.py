@@ -48,11 +48,6 @@ def build_counter(harness: Path, folder: Path, wanted_by: str) -> Path:
     return library
 
 
-def wide_instruction(halfword: int) -> bool:
-    """Return whether a Thumb instruction that begins so is 32 bits long."""
-    return halfword >= 0xE800
-
-
 def instruction_costs(image: Image, code: bytes) -> Prefix:
     """Count every instruction as one: the number of instructions before each half-word."""
     halfwords = np.frombuffer(code, dtype="<u2")
@@ -61,7 +56,7 @@ def instruction_costs(image: Image, code: bytes) -> Prefix:
         at, end = (begin - FLASH) // 2, (stop - FLASH) // 2
         while at < end:
             begins[at] = 1
-            at += 2 if wide_instruction(int(halfwords[at])) else 1
+            at += 2 if halfwords[at] >= 0xE800 else 1  # a Thumb instruction of 32 or 16 bits
     return np.concatenate(([np.uint32(0)], np.cumsum(begins, dtype=np.uint32)))
 
 
@@ -126,14 +121,13 @@ class _Machine:
         image = program.image
         code = bytes(self._uc.mem_read(FLASH, FLASH_BYTES))
         self._prefix = np.ascontiguousarray(program.costs(image, code), dtype=np.uint32)
-        result = image.address("harness_count") - RAM
         self._counter = _Counter(
             FLASH,
             FLASH + FLASH_BYTES,
             self._prefix.ctypes.data_as(ctypes.POINTER(ctypes.c_uint32)),
             image.address("harness_clock_start"),
             image.address("harness_clock_stop"),
-            ctypes.addressof(self._ram) + result,
+            ctypes.addressof(self._ram) + (image.address("harness_count") - RAM),
             0,
         )
         self._library = ctypes.CDLL(str(program.counter))
@@ -179,6 +173,5 @@ class _Machine:
         """Put a request into the box, run, and read the box."""
         for offset, content in ((0, request.pack()), (WINDOW_OFFSET, request.pack_rows())):
             ctypes.memmove(ctypes.addressof(self._ram) + self._box + offset, content, len(content))
-        back = self._uc.reg_read(self._registers.UC_ARM_REG_LR)
-        self._go(back & ~1, steps=request.steps)
+        self._go(self._uc.reg_read(self._registers.UC_ARM_REG_LR) & ~1, steps=request.steps)
         return Reply.unpack(bytes(self._ram[self._box : self._box + request.box_bytes]))

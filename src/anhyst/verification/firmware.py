@@ -110,11 +110,11 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
 
 def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
     """Return where a board first departs from the host, if it does."""
-    for tick, (wanted, found) in enumerate(zip(host.drives, board.drives, strict=True)):
-        if wanted != found:
-            return Difference("firmware", tick, "drive", wanted, found)
+    for tick, (value, found) in enumerate(zip(host.drives, board.drives, strict=True)):
+        if value != found:
+            return Difference("firmware", tick, "drive", value, found)
     for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
-        for name, wanted in expected.items():
-            if wanted != answered[name]:
-                return Difference("status", index, name, wanted, answered[name])
+        for name, value in expected.items():
+            if value != answered[name]:
+                return Difference("status", index, name, value, answered[name])
     return None

@@ -110,14 +110,14 @@ CONTROLLER = RecordForm(
 def stage_form(free: Sequence[str], heads: int, magnets: int) -> RecordForm:
     """Return the form of a stage's records."""
     inputs = (
-        *(f"head {one}" for one in range(1, heads + 1)),
+        *(f"head {n}" for n in range(1, heads + 1)),
         *(f"forward {axis}" for axis in free),
-        *(f"gap {one}" for one in range(1, magnets + 1)),
-        *(f"read {one}" for one in range(1, magnets + 1)),
+        *(f"gap {n}" for n in range(1, magnets + 1)),
+        *(f"read {n}" for n in range(1, magnets + 1)),
         "command",
     )
     outputs = (
-        *(f"current {one}" for one in range(1, magnets + 1)),
+        *(f"current {n}" for n in range(1, magnets + 1)),
         *(f"demand {axis}" for axis in free),
         "flags",
         "lost",

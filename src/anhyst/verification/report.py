@@ -51,12 +51,12 @@ def tables(verification: Verification) -> list[Rows]:
 def _missing(verification: Verification) -> Rows:
     cells = tuple(
         (
-            one.target,
-            one.tool,
-            one.install,
-            "did not run" if one.target in verification.not_run else "ran without it",
+            lack.target,
+            lack.tool,
+            lack.install,
+            "did not run" if lack.target in verification.not_run else "ran without it",
         )
-        for one in verification.missing
+        for lack in verification.missing
     )
     return Rows("missing tools", ("target", "tool", "comes with", "outcome"), cells)
 
@@ -133,7 +133,7 @@ def _or_dash(number: int | None) -> str:
 
 def _estimates(estimates: Sequence[Estimate]) -> Rows:
     parts = tuple(dict.fromkeys(estimate.part for estimate in estimates))
-    by_place = {(each.part, each.prices): each for each in estimates}
+    by_place = {(estimate.part, estimate.prices): estimate for estimate in estimates}
     cells = tuple(
         (
             part,

@@ -126,10 +126,10 @@ class Verification(Result):
     def facts(self) -> dict[str, str]:
         """Return where every bit was the same, and what a tick costs there."""
         facts = {"passed": "yes" if self.passed else "no"}
-        for one in self.results:
-            cost = one.cost("tick")
-            price = f", a tick takes {cost.mean:.0f} to {cost.most} {one.unit}" if cost else ""
-            facts[one.label] = one.verdict() + price
+        for result in self.results:
+            cost = result.cost("tick")
+            price = f", a tick takes {cost.mean:.0f} to {cost.most} {result.unit}" if cost else ""
+            facts[result.label] = result.verdict() + price
         return facts | ({"not run": ", ".join(self.not_run)} if self.not_run else {})
 
     def to_columns(self) -> dict[str, Any]:
@@ -137,22 +137,22 @@ class Verification(Result):
         return columns_of(
             [
                 {
-                    "target": one.target,
-                    "build": one.build,
-                    "passed": one.passed,
-                    "unit": one.unit,
+                    "target": result.target,
+                    "build": result.build,
+                    "passed": result.passed,
+                    "unit": result.unit,
                     **asdict(cost),
                 }
-                for one in self.results
-                for cost in one.costs
+                for result in self.results
+                for cost in result.costs
             ]
         )
 
     def draw(self, ax: Axes) -> None:
         """Draw mean and largest cost of a tick on each target that counts it."""
-        costs = [(one, cost) for one in self.results if (cost := one.cost("tick")) is not None]
+        costs = [(run, cost) for run in self.results if (cost := run.cost("tick")) is not None]
         places = range(len(costs))
         ax.barh(places, [cost.most for _, cost in costs], color="0.85", label="largest")
         ax.barh(places, [cost.mean for _, cost in costs], height=0.5, label="mean")
-        ax.set_yticks(places, [f"{one.label}, {one.unit}" for one, _ in costs])
+        ax.set_yticks(places, [f"{run.label}, {run.unit}" for run, _ in costs])
         ax.set_xlabel("cost of a tick")

@@ -37,21 +37,21 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
     functions = {symbol.address & ~1: symbol for symbol in image.functions()}
     known = {address: _read(image, symbol, functions) for address, symbol in functions.items()}
     pointed = _in_constants(image, functions)
-    pointed[ANYWHERE] = pointed[ANYWHERE].union(*(one.named for one in known.values()))
+    pointed[ANYWHERE] = pointed[ANYWHERE].union(*(function.named for function in known.values()))
 
-    def reached(place: int) -> set[int]:
-        if place == ANYWHERE:
+    def reached(address: int) -> set[int]:
+        if address == ANYWHERE:
             return set().union(*pointed.values())
-        return pointed[place] | pointed[ANYWHERE]
+        return pointed[address] | pointed[ANYWHERE]
 
     def depth(address: int, running: frozenset[int]) -> int | None:
-        one, inside = known[address], running | {address}
-        if one.callees & inside:
+        function, inside = known[address], running | {address}
+        if function.callees & inside:
             return None
-        callees = one.callees.union(*(reached(place) - inside for place in one.places))
+        callees = function.callees.union(*(reached(place) - inside for place in function.places))
         below = [depth(callee, inside) for callee in callees]
         numbers = [each for each in below if each is not None]
-        return one.frame + max(numbers, default=0) if len(numbers) == len(below) else None
+        return function.frame + max(numbers, default=0) if len(numbers) == len(below) else None
 
     depths = [depth(image.address(root), frozenset()) for root in roots]
     numbers = [each for each in depths if each is not None]
@@ -60,15 +60,15 @@ def stack_below(image: Image, roots: Iterable[str]) -> int | None:
 
 def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
     """Find functions whose address stands in a constant, by its place there, or between functions."""
-    objects = (one for one in image.symbols if one.kind == "STT_OBJECT")
-    places = {one.address + at: at for one in objects for at in range(0, one.size, WORD)}
-    found: defaultdict[int, set[int]] = defaultdict(set)
+    objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
+    places = {item.address + at: at for item in objects for at in range(0, item.size, WORD)}
+    callees: defaultdict[int, set[int]] = defaultdict(set)
     for address, content in image.segments:
         for at in range(0, len(content) - WORD + 1, WORD):
             word = int.from_bytes(content[at : at + WORD], "little")
             if word & 1 and word & ~1 in functions:
-                found[places.get(address + at, ANYWHERE)].add(word & ~1)
-    return found
+                callees[places.get(address + at, ANYWHERE)].add(word & ~1)
+    return callees
 
 
 def _instructions(image: Image, begin: int, end: int) -> Iterator[Any]:

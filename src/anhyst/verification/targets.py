@@ -259,8 +259,7 @@ def _avr(workshop: Workshop, compiler: str, host_compiler: list[str]) -> Variant
         WINDOW_OFFSET,
         BOX_BYTES,
     )
-    command = (str(runner), str(path), AVR_CPU, *map(str, numbers))
-    program = ProcessProgram("avr", command)
+    program = ProcessProgram("avr", (str(runner), str(path), AVR_CPU, *map(str, numbers)))
     return Variant("avr", "portable", program, "cycles", AVR_CPU, "avr-gcc -O2", warnings, image)
 
 
@@ -292,11 +291,10 @@ def _msp430(workshop: Workshop, simulator: str) -> Variant:
     build = workshop.build("msp430", level, "-g", "-Wl,--gc-sections")
     warnings = compile_c(compiler, build, path, "msp430")
     image = read_image(path)
-    program = Msp430Program("msp430", simulator, path, image)
     return Variant(
         "msp430",
         "portable",
-        program,
+        Msp430Program("msp430", simulator, path, image),
         "cycles",
         "MSP430, 16x16 multiplier",
         f"zig cc {level}",
@@ -319,13 +317,13 @@ FLOATING = ("host", *CORTEX)
 
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
     """Read a list such as ``host,cortex-m4``."""
-    wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
+    targets = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = (*TARGETS, FIRMWARE)
-    if not wanted:
+    if not targets:
         raise InputError(
             f"--on: no target; known are {', '.join(known)}", code="no-target", key="--on"
         )
-    for name in wanted:
+    for name in targets:
         if name not in known:
             raise InputError(
                 f"--on: unknown target {name}; known are {', '.join(known)}",
@@ -344,4 +342,4 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
                 code="target-not-for-this",
                 key="--on",
             )
-    return wanted
+    return targets

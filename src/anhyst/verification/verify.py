@@ -102,16 +102,17 @@ def verify(
         if FIRMWARE in names and not missing_tools():
             works.add(FIRMWARE)
         if not works:
-            raise InputError(f"no target can run; missing is {_listed(missing)}", code="no-target")
+            texts = "; ".join(lack.text() for lack in missing)
+            raise InputError(f"no target can run; missing is {texts}", code="no-target")
         jobs = [(_Job(workshop, vectors, *numbers), offers)]
         if bundle.has_controller:
-            controller_folder = Path(scratch) / "controller"
-            around = Workshop.set_up(bundle, controller_folder, "controller")
+            around = Workshop.set_up(bundle, Path(scratch) / "controller", "controller")
             levitation = _Job(around, read_levitation(folder / LEVITATION), *numbers)
             jobs.append((levitation, _offers(around, names)[0]))
         counted = _Counted(
             progress,
-            sum(len(one.orders) for _, some in jobs for one in some.values()) + (FIRMWARE in works),
+            sum(len(offer.orders) for _, some in jobs for offer in some.values())
+            + (FIRMWARE in works),
         )
         results: list[TargetResult] = []
         for job, some in jobs:
@@ -138,12 +139,8 @@ def _offers(
 ) -> tuple[dict[str, Offer], tuple[Missing, ...]]:
     """Return what can be built for each target, and all tools that are missing."""
     offers = {name: TARGETS[name](workshop) for name in names if name in TARGETS}
-    missing = [one for offer in offers.values() for one in offer.missing]
+    missing = [lack for offer in offers.values() for lack in offer.missing]
     return offers, (*missing, *(missing_tools() if FIRMWARE in names else ()))
-
-
-def _listed(missing: Sequence[Missing]) -> str:
-    return "; ".join(one.text() for one in missing)
 
 
 class _Counted:
@@ -191,8 +188,7 @@ class _Job:
             self._answers[steps] = run(self._reference.program, self.vectors, steps, self.seed)
         results: list[TargetResult] = []
         with ThreadPoolExecutor(cores()) as pool:
-            waiting = [pool.submit(partial(self._one, *order)) for order in orders]
-            for future in waiting:
+            for future in [pool.submit(partial(self._one, *order)) for order in orders]:
                 results.append(future.result())
                 counted.one_more()
         return results
@@ -239,11 +235,11 @@ class _Job:
 
     def _costs(self, outcome: Answers) -> tuple[Cost, ...]:
         """Return what the random steps took; of a stage also what its flight did."""
-        found = costs(outcome.random, self.vectors.form)
+        counted = costs(outcome.random, self.vectors.form)
         if self.workshop.form is not None:
             flown = costs(outcome.played, self.vectors.form)[-1]
-            found = (*found, replace(flown, part="tick, in flight"))
-        return found
+            counted = (*counted, replace(flown, part="tick, in flight"))
+        return counted
 
     def _sizes(self, image: Image, target: str) -> ProgramSizes:
         bundle = self.workshop.bundle

@@ -70,14 +70,18 @@ class Workshop:
     @classmethod
     def set_up(cls, bundle: Bundle, folder: Path, subject: Subject = "compensator") -> Workshop:
         """Copy the C of the bundle and the harness into a scratch folder."""
-        place = folder / "c"
-        place.mkdir(parents=True)
-        bundle.copy_sources(place)
+        sources = folder / "c"
+        sources.mkdir(parents=True)
+        bundle.copy_sources(sources)
         for source in HARNESS.iterdir():
-            folder_of = place / FREE_OF_LIBRARIES if source.name == "math.h" else place
+            folder_of = sources / FREE_OF_LIBRARIES if source.name == "math.h" else sources
             folder_of.mkdir(exist_ok=True)
             shutil.copyfile(source, folder_of / source.name)
-        _add_control(place)
+        for name, text in core_files(PIDD2).items():
+            path = sources / name
+            if not path.exists():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8", newline="\n")
         return cls(bundle, folder, subject)
 
     def build(self, port: str, *flags: str) -> Build:
@@ -119,17 +123,7 @@ class Workshop:
                 "HARNESS_RECORD_WORDS": str(self.form.words),
             }
         play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
-        io = FORMATS[self.bundle.io]
-        return {"HARNESS_IO": io, **play, **actuator_defines(name)}
+        return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **actuator_defines(name)}
 
 
 CONTROL_SOURCES = tuple(f"{SRC}/{name}" for name in PIDD2)
-
-
-def _add_control(place: Path) -> None:
-    """Put the core's PIDD2, in fixed point, beside a bundle without one: a whole tick is measured."""
-    for name, text in core_files(PIDD2).items():
-        path = place / name
-        if not path.exists():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8", newline="\n")

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from anhyst.data.formats.channel_table import ChannelTable
 from anhyst.data.formats.channels import ChannelGroup
+from anhyst.data.formats.columns import MemoryTable, OpenTable
 from anhyst.data.formats.excel import open_excel
 from anhyst.data.formats.hdf5 import open_hdf5, write_hdf5
 from anhyst.data.formats.mat import open_mat, write_mat
 from anhyst.data.formats.mdf import open_mdf, write_mdf
-from anhyst.data.formats.open_table import MemoryTable, OpenTable
 from anhyst.data.formats.parquet import open_parquet, write_parquet
 from anhyst.data.formats.tdms import open_tdms, write_tdms
 from anhyst.data.formats.text import open_text, write_text

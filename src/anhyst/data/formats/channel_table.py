@@ -98,10 +98,10 @@ class ChannelTable:
         """Return the place of a row."""
         return f"{self.place}: sample {row + 1}"
 
-    def channel(self, place: int) -> Channel:
+    def channel(self, index: int) -> Channel:
         """Return the channel of a column; the time is the first clock."""
         shift = len(self._time[:1])
-        return self.clocks[0] if place < shift else self.file.channels[place - shift]
+        return self.clocks[0] if index < shift else self.file.channels[index - shift]
 
     def seconds(self, clock: Channel) -> FloatArray:
         """Return the times of a clock in s."""
@@ -152,7 +152,7 @@ class ChannelTable:
     def _times(self, clock: Clock, channels: Sequence[Channel]) -> FloatArray:
         """Values of the time column, in its own unit."""
         if clock.times is None:
-            names = ", ".join(one.full_name for one in channels)
+            names = ", ".join(channel.full_name for channel in channels)
             raise InputError(
                 f"{self.place}: the time '{self.header[0]}' is not said to be that of {names}; "
                 f'leave it out: --columns "{self.header[0]}="',

@@ -27,18 +27,14 @@ MOST_CHANNELS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """What was recorded under one name.
-
-    ``length`` is the number of samples; ``clock`` is the channel of their times, ``None`` if the
-    file does not say. ``key`` is what the file's reader finds the samples by.
-    """
+    """What was recorded under one name."""
 
     name: str
-    length: int
-    key: Any
+    length: int  # samples
+    key: Any  # by which the file's reader finds the samples
     unit: str = ""
     group: str = ""
-    clock: Channel | None = None
+    clock: Channel | None = None  # the times of the samples; None if the file does not say
     is_text: bool = False
 
     @property
@@ -121,7 +117,7 @@ def sections(file: ChannelFile) -> list[ChannelGroup]:
 def _free(group: str, name: str, used: Container[tuple[str, str]]) -> str:
     """Return a name that is not used in a group: ``x``, ``x#2``, ..."""
     names = (name if n == 1 else f"{name}#{n}" for n in itertools.count(1))
-    return next(one for one in names if (group, one) not in used)
+    return next(free for free in names if (group, free) not in used)
 
 
 def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
@@ -135,7 +131,7 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         is_time = header.quantity is not None and header.quantity.name == "time"
         if channel.clock is None and not channel.is_text and is_time and header.problem is None:
             times.setdefault((channel.group, channel.length), []).append(channel)
-    clocks = {place: unique[0] for place, unique in times.items() if len(unique) == 1}
+    clocks = {index: unique[0] for index, unique in times.items() if len(unique) == 1}
     given = []
     for channel in channels:
         clock = clocks.get((channel.group, channel.length))
@@ -144,7 +140,7 @@ def clocks_by_name(channels: Sequence[Channel]) -> tuple[Channel, ...]:
         elif channel is not clock:
             given.append(replace(channel, clock=clock))
     # A clock of nothing is a channel like any other.
-    alone = [one for one in clocks.values() if all(other.clock is not one for other in given)]
+    alone = [clock for clock in clocks.values() if all(other.clock is not clock for other in given)]
     return (*alone, *given)
 
 

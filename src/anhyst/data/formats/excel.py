@@ -61,8 +61,8 @@ def open_excel(path: Path, least: int) -> ChannelTable:
     return open_channels(ChannelFile(path, clocks_by_name(channels), _read, notes), least)
 
 
-def _read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
-    return [one.key[:count] for one in wanted]
+def _read(channels: Sequence[Channel], count: int | None) -> list[Values]:
+    return [channel.key[:count] for channel in channels]
 
 
 def _find_data(rows: Rows) -> int | None:
@@ -78,10 +78,10 @@ def _find_data(rows: Rows) -> int | None:
     return None
 
 
-def _name_above(rows: Rows, start: int, place: int) -> str:
+def _name_above(rows: Rows, start: int, column: int) -> str:
     """Text above a column of values; where a cell is merged it stands one row higher."""
     for row in range(start - 1, max(-1, start - 3), -1):
-        cell = rows[row][place]
+        cell = rows[row][column]
         if cell != "":
             return cell.strip() if isinstance(cell, str) else ""
     return ""
@@ -95,7 +95,7 @@ def _columns(path: Path, sheet: str, rows: Rows, start: int) -> list[Channel]:
     # A row of units has names above it; a row of names may have a title.
     if any(stated) and all(above[column] for column in width if stated[column]):
         units = [
-            name.strip("[]() ") if one else "" for name, one in zip(names, stated, strict=True)
+            name.strip("[]() ") if unit else "" for name, unit in zip(names, stated, strict=True)
         ]
         names = [up or name for up, name in zip(above, names, strict=True)]
     last = max(column for column, row in enumerate(rows) if any(cell != "" for cell in row))

@@ -176,11 +176,11 @@ def _clocked(channel: Channel, clock: Channel | None) -> Channel:
 
 
 def _reader(path: Path) -> Any:
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
         import h5py
 
         with h5py.File(path, "r") as file:
-            return [_samples(file[one.key.name], one, count) for one in wanted]
+            return [_samples(file[channel.key.name], channel, count) for channel in channels]
 
     return read
 
@@ -197,7 +197,7 @@ def _samples(dataset: Any, channel: Channel, count: int | None) -> Values:
         values = np.ravel(dataset[()])[:count] if dataset.ndim > 1 else dataset[:count]
     if channel.is_text:
         texts = [
-            one.decode("utf-8", "replace") if isinstance(one, bytes) else one for one in values
+            text.decode("utf-8", "replace") if isinstance(text, bytes) else text for text in values
         ]
         return np.array(texts, dtype=str)
     return np.asarray(values)
@@ -221,21 +221,21 @@ def write_hdf5(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             if section.clock is not None:
                 scale = _put(group, section.clock)
                 scale.make_scale(section.clock.name)
-            for one in section.series:
-                dataset = _put(group, one)
+            for signal in section.series:
+                dataset = _put(group, signal)
                 if scale is not None:
                     dataset.dims[0].attach_scale(scale)
     return tuple(notes)
 
 
-def _put(group: Any, one: Any) -> Any:
+def _put(group: Any, signal: Any) -> Any:
     import h5py
 
-    values = one.values
+    values = signal.values
     if values.dtype.kind == "U":
-        dataset = group.create_dataset(one.name, data=values.tolist(), dtype=h5py.string_dtype())
+        dataset = group.create_dataset(signal.name, data=values.tolist(), dtype=h5py.string_dtype())
     else:
-        dataset = group.create_dataset(one.name, data=values)
-    if one.unit:
-        dataset.attrs["unit"] = one.unit
+        dataset = group.create_dataset(signal.name, data=values)
+    if signal.unit:
+        dataset.attrs["unit"] = signal.unit
     return dataset

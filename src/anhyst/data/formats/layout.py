@@ -27,22 +27,18 @@ _RUN = 8
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """What the first lines of a text table say about the rest.
-
-    ``delimiter`` is ``None`` for blanks of any number. ``units`` is the unit row, one entry a
-    column, or ``None``. Data start at byte ``offset``, which is line ``line`` (the first is 1).
-    """
+    """What the first lines of a text table say about the rest."""
 
     path: Path
     size: int
     encoding: str
     eol: bytes
-    delimiter: str | None
+    delimiter: str | None  # None: blanks of any number
     header: tuple[str, ...]
-    units: tuple[str, ...] | None
+    units: tuple[str, ...] | None  # the unit row, one entry a column
     notes: tuple[str, ...]
-    offset: int
-    line: int
+    offset: int  # byte at which the data start
+    line: int  # line at which they start; the first is 1
 
     @property
     def width(self) -> int:
@@ -126,14 +122,14 @@ def _find_layout(path: Path, head: bytes, size: int, least: int, *, last: bool) 
     )
 
 
-def _is_header(lines: list[tuple[str, int]], place: int, least: int) -> bool:
+def _is_header(lines: list[tuple[str, int]], index: int, least: int) -> bool:
     """Whether a line names what is measured, so that nothing need be looked for below it."""
-    text = lines[place][0]
+    text = lines[index][0]
     delimiter = _delimiter(text)
     fields = _drop_empty_tail(_fields(text, delimiter))
     if len(fields) < least or any(is_number(field) for field in fields):
         return False
-    _, below = _skip_comments(lines, place + 1)
+    _, below = _skip_comments(lines, index + 1)
     units = _unit_row(lines[below][0], delimiter, fields) if below < len(lines) else None
     headers = map(parse_header, fields, units or [None] * len(fields))
     return any(header.is_known and header.problem is None for header in headers)
@@ -160,7 +156,7 @@ def _skip_preamble(
             if names is not None and len(names) == len(header):
                 above = higher
         return above, sign
-    run, _ = max(signed, key=lambda one: one[0].width)
+    run, _ = max(signed, key=lambda run: run[0].width)
     above = _text_above(lines, first, run.start)
     raise InputError(
         f"{path}: line {above + 1}: '{_short(lines[above][0].strip())}' stands where the header of "
@@ -301,8 +297,7 @@ def _lines(head: bytes, eol: bytes, encoding: str, *, complete: bool) -> list[tu
     """Lines of the head with their byte offsets, without a last line that may be cut."""
     lines: list[tuple[str, int]] = []
     offset = 0
-    pieces = head.split(eol)
-    for piece in pieces:
+    for piece in head.split(eol):
         lines.append((piece.decode(encoding, "replace").rstrip("\r"), offset))
         offset += len(piece) + len(eol)
     return lines if complete or len(lines) == 1 else lines[:-1]
@@ -352,8 +347,7 @@ def _header_from_comment(
     comments = [text for text, _ in lines[:first] if text.strip().startswith("#")]
     if comments:
         text = comments[-1].strip().lstrip("# ")
-        delimiter = _delimiter(text)
-        fields = _fields(text, delimiter)
+        fields = _fields(text, _delimiter(text))
         if len(fields) == len(row) and not any(is_number(field) for field in fields):
             return fields, _delimiter(lines[first][0])
     raise InputError(f"{path}: line {first + 1}: numbers where the header should be; "
@@ -366,9 +360,7 @@ def _unit_row(line: str, delimiter: str | None, header: list[str]) -> tuple[str,
     if len(fields) < len(header) or any(is_number(field) for field in fields):
         return None
     units = [field.strip("[]() ") for field in fields[: len(header)]]
-    if not any(find_unit(unit) for unit in units if unit):
-        return None
-    return tuple(units)
+    return None if not any(find_unit(unit) for unit in units if unit) else tuple(units)
 
 
 def _short(text: str) -> str:

@@ -72,15 +72,15 @@ def _read_v5(path: Path) -> tuple[MatTree, list[tuple[str, str]]]:
 def _node(value: Any) -> Any:
     """Turn what SciPy made of a variable into trees, texts and arrays."""
     if isinstance(value, Mapping):
-        return {str(name): _node(one) for name, one in value.items()}
+        return {str(name): _node(node) for name, node in value.items()}
     if isinstance(value, str):
         return value
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
-        members = [_node(one) for one in (value if isinstance(value, list) else value.ravel())]
+        members = [_node(item) for item in (value if isinstance(value, list) else value.ravel())]
         # An empty text is an empty array.
-        if any(isinstance(one, str) for one in members):
-            members = ["" if _is_empty(one) else one for one in members]
-        if members and all(isinstance(one, str) for one in members):
+        if any(isinstance(member, str) for member in members):
+            members = ["" if _is_empty(member) else member for member in members]
+        if members and all(isinstance(member, str) for member in members):
             return ArrayInMemory(np.array(members))
         return members
     array = np.asarray(value)
@@ -103,10 +103,10 @@ def write_mat(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
         index = float(len(clocks)) if section.clock is not None else 0.0
         about = {"Path": section.group, "XIndex": index}
         channels += [
-            {"Name": one.name, "Unit": one.unit, "Data": _row(one.values)} | about
-            for one in section.series
+            {"Name": signal.name, "Unit": signal.unit, "Data": _row(signal.values)} | about
+            for signal in section.series
         ]
-    times = [{"Name": one.name, "Unit": one.unit, "Data": _row(one.values)} for one in clocks]
+    times = [{"Name": time.name, "Unit": time.unit, "Data": _row(time.values)} for time in clocks]
     recording = {
         "X": _structs(times, ("Name", "Unit", "Data")),
         "Y": _structs(channels, ("Name", "Path", "Unit", "Data", "XIndex")),

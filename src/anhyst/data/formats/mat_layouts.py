@@ -59,11 +59,11 @@ class _Column:
     place: int
 
 
-def read_arrays(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+def read_arrays(channels: Sequence[Channel], count: int | None) -> list[Values]:
     """Read channels; an array that holds several is read once."""
     read: dict[int, Values] = {}
     arrays = []
-    for channel in wanted:
+    for channel in channels:
         column: _Column = channel.key
         whole = read.get(id(column.array))
         if whole is None:
@@ -145,13 +145,13 @@ def _with_time(name: str, node: MatTree, path: str) -> list[Channel]:
         (clock,) = _columns("time", times, path, "s")
     signals = _several(node["signals"])
     channels: list[Channel] = []
-    for number, one in enumerate(signals, start=1):
-        values: Any = one.get("values")
+    for number, signal in enumerate(signals, start=1):
+        values: Any = signal.get("values")
         if not _is_array(values):
             continue
         own = f"{name}_{number}" if len(signals) > 1 else name
-        labels: Any = one.get("label")
-        block = _text(one.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
+        labels: Any = signal.get("label")
+        block = _text(signal.get("blockName")).replace("\n", " ").rsplit("/", 1)[-1]
         columns = _columns(_text(labels) or block or own, values, path, "", clock)
         if _is_array(labels) and labels.is_text and len(columns) == np.prod(labels.shape):
             texts = [str(text).strip() for text in labels.read().ravel()]
@@ -175,8 +175,8 @@ def _time_series(name: str, node: MatTree, by_case: Mapping[str, str], group: st
     clock = None
     if _is_array(times) and np.prod(times.shape) > 0:
         seconds = {"": "s", "seconds": "s", "milliseconds": "ms", "microseconds": "us"}
-        given = unit("timeinfo")
-        (clock,) = _columns("time", times, group, seconds.get(given, given))
+        stated = unit("timeinfo")
+        (clock,) = _columns("time", times, group, seconds.get(stated, stated))
     title = _text(node.get(by_case.get("name", ""))) or name
     units = unit("datainfo") or unit("units") or unit("unit")
     return _columns(title, node[by_case["data"]], group, units, clock)
@@ -191,8 +191,7 @@ def _columns(
     if count == 0 or len(shape) > 3:
         return []
     if len(shape) <= 1:
-        key = _Column(array, 0, 0)
-        return [Channel(name, count, key, unit, group, clock, array.is_text)]
+        return [Channel(name, count, _Column(array, 0, 0), unit, group, clock, array.is_text)]
     axis = int(np.argmax(shape))
     if clock is not None and clock.length in shape:
         axis = (

@@ -115,7 +115,7 @@ class _Tree:
         for number, reference in enumerate(np.ravel(item[()]), start=1):
             target = self.file[reference] if reference else None
             members.append(self.node(f"{name}_{number}", target, depth + 1) if target else None)
-        if members and all(isinstance(one, str) for one in members):
+        if members and all(isinstance(member, str) for member in members):
             return ArrayInMemory(np.array(members))
         return members
 
@@ -131,7 +131,8 @@ def _is_member(item: Any) -> bool:
 def _rows(fields: dict[str, Any]) -> list[dict[str, Any]]:
     """Turn fields, each a list of members, into a list of structures."""
     lists = [
-        one if isinstance(one, list) else [str(x) for x in one.values] for one in fields.values()
+        field if isinstance(field, list) else [str(x) for x in field.values]
+        for field in fields.values()
     ]
     return [dict(zip(fields, row, strict=True)) for row in zip(*lists, strict=False)]
 

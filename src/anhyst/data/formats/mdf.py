@@ -87,15 +87,15 @@ def _gives_text(conversion: Any) -> bool:
 
 
 def _reader(path: Path) -> Any:
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
         from asammdf import MDF
 
         values = []
         with MDF(path) as file:
-            for one in wanted:
-                group, index = one.key
+            for channel in channels:
+                group, index = channel.key
                 signal = file.get(group=group, index=index, record_offset=0, record_count=count)
-                values.append(_values(signal, one))
+                values.append(_values(signal, channel))
         return values
 
     return read
@@ -106,8 +106,10 @@ def _values(signal: Any, channel: Channel) -> Values:
     if channel.is_text:
         encoding = signal.encoding or "utf-8"
         texts = [
-            one.decode(encoding, "replace").rstrip("\0") if isinstance(one, bytes) else str(one)
-            for one in values.tolist()
+            value.decode(encoding, "replace").rstrip("\0")
+            if isinstance(value, bytes)
+            else str(value)
+            for value in values.tolist()
         ]
         return np.array(texts, dtype=str)
     return values
@@ -121,11 +123,14 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     with MDF(version="4.10") as file:
         for section in sections:
             times = section.clock
-            for part in _parts(section):
+            parts: dict[int, list[Any]] = {}
+            for signal in section.series:
+                parts.setdefault(len(signal.values), []).append(signal)
+            for part in parts.values():
                 count = len(part[0].values)
                 if times is None:
                     notes.append(
-                        f"{', '.join(one.name for one in part)}: without times, which MDF needs: "
+                        f"{', '.join(signal.name for signal in part)}: without times, which MDF needs: "
                         "the number of the sample stands for them"
                     )
                 stamps = np.arange(float(count)) if times is None else times.values
@@ -145,11 +150,3 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
         with binary_writer(path) as stream:
             file.save(stream)  # type: ignore[arg-type]
     return tuple(notes)
-
-
-def _parts(section: ChannelGroup) -> list[list[Any]]:
-    """Series that may stand in one group: as many samples each."""
-    parts: dict[int, list[Any]] = {}
-    for one in section.series:
-        parts.setdefault(len(one.values), []).append(one)
-    return list(parts.values())

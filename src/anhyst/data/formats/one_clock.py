@@ -17,26 +17,22 @@ _LONGEST_GAP = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """A clock and its times in s, of shape (length,); ``None`` where a file does not say them.
-
-    ``start`` is the first of the channel's samples that ``times`` holds, ``whole`` whether it holds
-    all of them.
-    """
+    """A clock and its times."""
 
     channel: Channel | None
     length: int
-    times: FloatArray | None
-    start: int = 0
-    whole: bool = True
+    times: FloatArray | None  # s, shape (length,); None where a file does not say them
+    start: int = 0  # first of the channel's samples that ``times`` holds
+    whole: bool = True  # whether it holds all of them
 
 
 def shared_clock(
     place: str, channels: Sequence[Channel], seconds: Callable[[Channel], FloatArray]
 ) -> tuple[Clock, tuple[str, ...]]:
     """Find the clock that channels are read on: the finest, as far as all of them reach."""
-    clocks = list(dict.fromkeys(one.clock for one in channels if one.clock is not None))
-    free = [one for one in channels if one.clock is None and one.length != 1]
-    by_length = {one.length: one for one in (*free, *clocks[:1])}
+    clocks = list(dict.fromkeys(channel.clock for channel in channels if channel.clock is not None))
+    free = [channel for channel in channels if channel.clock is None and channel.length != 1]
+    by_length = {channel.length: channel for channel in (*free, *clocks[:1])}
     if len(by_length) > 1 or (free and len(clocks) > 1):
         one, other = list(by_length.values())[:2] if len(by_length) > 1 else (free[0], clocks[1])
         raise InputError(
@@ -54,7 +50,7 @@ def shared_clock(
     finest = int(np.argmin(steps))
     begin, end = max(ticks[0] for ticks in times), min(ticks[-1] for ticks in times)
     start, stop = np.searchsorted(times[finest], [begin, np.nextafter(end, np.inf)])
-    first = [next(one.full_name for one in channels if one.clock is clock) for clock in clocks]
+    first = [next(c.full_name for c in channels if c.clock is clock) for clock in clocks]
     if stop - start < 2:
         late = first[[ticks[0] for ticks in times].index(begin)]
         early = first[[ticks[-1] for ticks in times].index(end)]
@@ -65,7 +61,7 @@ def shared_clock(
             key=late,
         )
     clock = Clock(clocks[finest], int(stop - start), times[finest][start:stop], int(start), False)
-    names = ", ".join(one.full_name for one in channels if one.clock not in {None, clock.channel})
+    names = ", ".join(c.full_name for c in channels if c.clock not in {None, clock.channel})
     note = f"{names}: interpolated linearly onto the times of {first[finest]}"
     dropped = times[finest].size - clock.length
     outside = f", {dropped} of whose samples lie outside {begin:g} to {end:g} s and are left out"

@@ -42,7 +42,7 @@ def open_parquet(path: Path, least: int) -> ChannelTable:
     return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
 
 
-def _channel(path: Path, place: int, field: Any, rows: int) -> Channel | None:
+def _channel(path: Path, index: int, field: Any, rows: int) -> Channel | None:
     from pyarrow import types
 
     kind = field.type
@@ -57,15 +57,15 @@ def _channel(path: Path, place: int, field: Any, rows: int) -> Channel | None:
     kept = field.metadata or {}
     unit = next((kept[key].decode("utf-8", "replace") for key in _UNITS if key in kept), "")
     group = kept.get(_GROUP, b"").decode("utf-8", "replace")
-    return Channel(field.name, rows, place, "s" if is_date else unit, group, None, is_text)
+    return Channel(field.name, rows, index, "s" if is_date else unit, group, None, is_text)
 
 
 def _reader(path: Path) -> Any:
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
         import pyarrow
         from pyarrow import parquet
 
-        places = sorted({one.key for one in wanted})
+        places = sorted({channel.key for channel in channels})
         with parquet.ParquetFile(path) as file:
             names = [file.schema_arrow.field(column).name for column in places]
             if count is None:
@@ -73,14 +73,14 @@ def _reader(path: Path) -> Any:
             else:
                 batches = file.iter_batches(batch_size=count, columns=names, use_threads=False)
                 table = pyarrow.Table.from_batches([next(batches)])
-        return [_samples(table.column(places.index(one.key)), one) for one in wanted]
+        return [_samples(table.column(places.index(channel.key)), channel) for channel in channels]
 
     return read
 
 
 def _samples(column: Any, channel: Channel) -> Values:
     if channel.is_text:
-        return np.array(["" if one is None else one for one in column.to_pylist()], dtype=str)
+        return np.array(["" if text is None else text for text in column.to_pylist()], dtype=str)
     values: Values = column.to_numpy()
     # What is missing has no number; Arrow gives objects for logicals with gaps.
     return values.astype(np.float64) if values.dtype == object else values

@@ -138,8 +138,7 @@ class _Reader:
             index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
             for index in self.texts
         }
-        notes = (*self.layout.notes, *self.notes)
-        return RawColumns(sha256, self.store, texts, notes)
+        return RawColumns(sha256, self.store, texts, (*self.layout.notes, *self.notes))
 
     def _append(self, values: FloatArray) -> None:
         needed = self.rows + values.shape[0]
@@ -178,14 +177,16 @@ class _Reader:
         if fields is None:
             return None
         data, starts, stops = fields
-        labels: list[Labels] = [
-            _cut(data, starts[:, index], stops[:, index]) for index in self.texts
-        ]
+        labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
         order = sorted(self.numbers)
         if sign == b"," and len(order) == layout.width:
             text = chunk.replace(b"\n", b",")
         else:
-            piece = _gather(data, starts[:, order], stops[:, order])
+            step = np.zeros(data.size + 1, np.int8)
+            step[starts[:, order].ravel()] += 1
+            step[stops[:, order].ravel() + 1] -= 1
+            wanted: NDArray[np.uint8] = data[np.cumsum(step[:-1], dtype=np.int8).astype(bool)]
+            piece = wanted.tobytes()
             text = piece.replace(sign, b" ").replace(b",", b".").replace(b" ", b",")
             text = text.replace(b"\n", b",")
         values = _convert(text, ",", starts.shape[0] * len(order))
@@ -279,15 +280,6 @@ def _find_fields(
         return None
     starts = np.concatenate((begin[:, None], stops[:, :-1] + 1), axis=1)
     return data, starts, stops
-
-
-def _gather(data: NDArray[np.uint8], starts: NDArray[np.intp], stops: NDArray[np.intp]) -> bytes:
-    """Bytes of the wanted fields only, each with the separator after it."""
-    step = np.zeros(data.size + 1, np.int8)
-    step[starts.ravel()] += 1
-    step[stops.ravel() + 1] -= 1  # adjacent wanted fields cancel here, hence += and -=
-    wanted: NDArray[np.uint8] = data[np.cumsum(step[:-1], dtype=np.int8).astype(bool)]
-    return wanted.tobytes()
 
 
 def _cut(

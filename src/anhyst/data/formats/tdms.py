@@ -49,36 +49,36 @@ def open_tdms(path: Path, least: int) -> ChannelTable:
         size = path.stat().st_size
         clocks: dict[tuple[Any, ...], Channel] = {}
         channels = [
-            _channel(path, size, one, clocks)
+            _channel(path, size, channel, clocks)
             for group in file.groups()
-            for one in group.channels()
-            if len(one) and one.dtype.kind in "biufcMO"
+            for channel in group.channels()
+            if len(channel) and channel.dtype.kind in "biufcMO"
         ]
     return open_channels(ChannelFile(path, clocks_by_name(channels), _reader(path)), least)
 
 
-def _channel(path: Path, size: int, one: Any, clocks: dict[tuple[Any, ...], Channel]) -> Channel:
-    count, width, group = len(one), max(1, one.dtype.itemsize), str(one.group_name)
-    check_size(path, f"{group}/{one.name}", count, width)
+def _channel(path: Path, size: int, item: Any, clocks: dict[tuple[Any, ...], Channel]) -> Channel:
+    count, width, group = len(item), max(1, item.dtype.itemsize), str(item.group_name)
+    check_size(path, f"{group}/{item.name}", count, width)
     if (
-        count * (1 if one.dtype.kind in "bO" else width // (2 if one.dtype.kind == "M" else 1))
+        count * (1 if item.dtype.kind in "bO" else width // (2 if item.dtype.kind == "M" else 1))
         > size
     ):
         raise InputError(
-            f"{path}: channel '{group}/{one.name}' says that it holds {count} samples, more than "
+            f"{path}: channel '{group}/{item.name}' says that it holds {count} samples, more than "
             "the file; it is damaged, record or export it again",
             code="damaged-file",
         )
     clock = None
-    if (step := _number(one.properties.get(_WAVEFORM))) is not None and step > 0.0:
-        start = _number(one.properties.get("wf_start_offset")) or 0.0
+    if (step := _number(item.properties.get(_WAVEFORM))) is not None and step > 0.0:
+        start = _number(item.properties.get("wf_start_offset")) or 0.0
         timing = (group, count, start, step)
         clock = clocks.setdefault(timing, Channel("t", count, (start, step), "s", group))
-    unit = next((str(one.properties[key]) for key in _UNITS if one.properties.get(key)), "")
-    unit = "s" if one.dtype.kind == "M" else unit
-    key = (group, str(one.name))
+    unit = next((str(item.properties[key]) for key in _UNITS if item.properties.get(key)), "")
+    unit = "s" if item.dtype.kind == "M" else unit
+    key = (group, str(item.name))
     own = "" if group == _NO_GROUP else group
-    return Channel(str(one.name), count, key, unit, own, clock, one.dtype.kind == "O")
+    return Channel(str(item.name), count, key, unit, own, clock, item.dtype.kind == "O")
 
 
 def _number(value: Any) -> float | None:
@@ -89,11 +89,11 @@ def _number(value: Any) -> float | None:
 
 
 def _reader(path: Path) -> Any:
-    def read(wanted: Sequence[Channel], count: int | None) -> list[Values]:
+    def read(channels: Sequence[Channel], count: int | None) -> list[Values]:
         from nptdms import TdmsFile
 
         with TdmsFile.open(path) as file:
-            return [_samples(file, one, count) for one in wanted]
+            return [_samples(file, channel, count) for channel in channels]
 
     return read
 
@@ -125,9 +125,11 @@ def write_tdms(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                 used.add(name)
             series = [*([section.clock] if section.clock else []), *section.series]
             objects = [RootObject(), GroupObject(name)]
-            for one in series:
-                unit = {"unit_string": one.unit} if one.unit else {}
-                values = one.values.tolist() if one.values.dtype.kind == "U" else one.values
-                objects.append(ChannelObject(name, one.name, values, unit))
+            for signal in series:
+                unit = {"unit_string": signal.unit} if signal.unit else {}
+                values = (
+                    signal.values.tolist() if signal.values.dtype.kind == "U" else signal.values
+                )
+                objects.append(ChannelObject(name, signal.name, values, unit))
             writer.write_segment(objects)
     return tuple(notes)

@@ -57,7 +57,7 @@ class TextTable:
             lines = [
                 line for line in itertools.islice(split_lines(file, layout), count) if line.strip()
             ]
-        rows = [layout.split(line) for line in lines]
+        rows = [layout.split(row) for row in lines]
         return [row[: layout.width] + [""] * (layout.width - len(row)) for row in rows]
 
     def read(
@@ -81,8 +81,8 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
     columns: dict[str, Column] = {}
     notes = []
     for section in sections:
-        for one in [*([section.clock] if section.clock else []), *section.series]:
-            header, values = join_header(one.name, one.unit), one.values
+        for signal in [*([section.clock] if section.clock else []), *section.series]:
+            header, values = join_header(signal.name, signal.unit), signal.values
             while header in columns:  # 'I' in A beside 'I_A' without a unit
                 header += "#"
             if values.dtype.kind == "U":
@@ -90,7 +90,7 @@ def write_text(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
             else:
                 columns[header] = numbers = np.asarray(values, dtype=np.float64)
                 if values.dtype.kind in "iu" and not np.array_equal(numbers, values):
-                    notes.append(f"'{one.name}' holds counts beyond 2^53, which are rounded")
+                    notes.append(f"'{signal.name}' holds counts beyond 2^53, which are rounded")
     groups = [section.group for section in sections if section.group]
     if groups:
         notes.append(f"CSV holds no groups: {', '.join(dict.fromkeys(groups))} left out")
@@ -123,8 +123,7 @@ def _texts_of(column: Column, start: int, stop: int) -> list[str]:
 
 
 def _number(value: float) -> str:
-    text = repr(value)
-    return text.removesuffix(".0")
+    return repr(value).removesuffix(".0")
 
 
 def _quote(text: str) -> str:

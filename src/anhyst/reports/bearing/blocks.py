@@ -65,11 +65,10 @@ def _controller(settings: ControllerTable) -> DiagramBlock:
 
 def _compensator(settings: ControllerTable) -> DiagramBlock:
     limits, chosen = settings.limits, settings.compensation
-    words = METHODS[chosen.variant].title.split(", ")
     return DiagramBlock(
         "force to current",
         (
-            *words,
+            *METHODS[chosen.variant].title.split(", "),
             FORMATS[chosen.format],
             f"{limits.force_low_N:g} to {limits.force_high_N:g} N",
             f"{limits.current_low_A:g} to {limits.current_high_A:g} A",

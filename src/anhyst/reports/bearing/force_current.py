@@ -86,8 +86,7 @@ def _widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | Non
     """Draw loops less the curve through those of their gap."""
     flat = []
     for gap in dict.fromkeys(loop.gap for loop in measured):
-        held = [loop for loop in measured if loop.gap == gap]
-        flat += _less_curve(held)
+        flat += _less_curve([loop for loop in measured if loop.gap == gap])
     ax.axhline(0.0, color=SHADE, lw=0.7)
     _loops(ax, flat, None if identified is None else _less_curve([identified])[0])
     ax.set_title("loops less the single-valued curve of their gap")
@@ -99,7 +98,7 @@ def _less_curve(loops: Sequence[LoopCurve]) -> list[LoopCurve]:
     curve = smooth_curve(
         *(np.concatenate(row) for row in zip(*((o.current, o.force) for o in loops), strict=True))
     )
-    return [replace(one, force=one.force - np.interp(one.current, *curve)) for one in loops]
+    return [replace(loop, force=loop.force - np.interp(loop.current, *curve)) for loop in loops]
 
 
 def _loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:

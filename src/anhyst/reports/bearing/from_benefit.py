@@ -85,7 +85,6 @@ def _cell(
 
 def _irons(benefit_map: Benefit) -> PageTable:
     """Describe every iron by what loops show of it."""
-    irons = list(dict.fromkeys(cell.iron for cell in benefit_map.cells))
     rows = [
         [
             number(iron.scale, short=True),
@@ -97,7 +96,7 @@ def _irons(benefit_map: Benefit) -> PageTable:
             number(iron.after_reversal_true, 2),
             iron.label,
         ]
-        for iron in irons
+        for iron in dict.fromkeys(cell.iron for cell in benefit_map.cells)
     ]
     return table(
         "Irons",

@@ -117,8 +117,7 @@ def _linear(
     simulation: Simulation,
 ) -> tuple[dict[MethodName, Response], dict[MethodName, Response]]:
     """Return linearised loop gain and sensitivity: own variant, as if of static slopes; the paper's."""
-    rate = simulation.rig.settings.timing.rate_Hz
-    frequency = np.geomspace(5.0, 0.4 * rate, _FREQUENCIES)
+    frequency = np.geomspace(5.0, 0.4 * simulation.rig.settings.timing.rate_Hz, _FREQUENCIES)
     gains: dict[MethodName, Response] = {}
     sensitivities: dict[MethodName, Response] = {}
     for name in ("ratio", simulation.own):
@@ -214,28 +213,31 @@ def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[FigureTable, ...
     )
 
 
-def _intervals(found: Mapping[MethodName, Any], name: str) -> Intervals:
+def _intervals(cells: Mapping[MethodName, Any], name: str) -> Intervals:
     return {
-        variant: Interval(**one[name]) if name in one else no_mean(one["lost"], one["runs"])
-        for variant, one in found.items()
+        variant: Interval(**cell[name]) if name in cell else no_mean(cell["lost"], cell["runs"])
+        for variant, cell in cells.items()
     }
 
 
-def _cycles(found: Mapping[MethodName, Any]) -> PageTable:
+def _cycles(cells: Mapping[MethodName, Any]) -> PageTable:
     """Report under which variants the armature never came to rest, and in how many runs."""
-    rows = [[name, *_cycle_row(found[name])] for name in ordered(found)]
     return table(
         "Limit cycles at a standstill",
         ("variant", "runs with one", "amplitude (nm)", "period (ms)"),
-        rows,
+        [[name, *_cycle_row(cells[name])] for name in ordered(cells)],
         "Amplitude and period: medians of the runs that have a cycle.",
     )
 
 
-def _cycle_row(one: Mapping[str, Any]) -> tuple[str, str, str]:
-    if one["lost"]:
-        return interval_text(no_mean(one["lost"], one["runs"])), NOT_KNOWN, NOT_KNOWN
-    count = f"{one['limit_cycles']} of {one['runs']}"
-    if not one["limit_cycles"]:
+def _cycle_row(figures: Mapping[str, Any]) -> tuple[str, str, str]:
+    if figures["lost"]:
+        return interval_text(no_mean(figures["lost"], figures["runs"])), NOT_KNOWN, NOT_KNOWN
+    count = f"{figures['limit_cycles']} of {figures['runs']}"
+    if not figures["limit_cycles"]:
         return count, NOT_KNOWN, NOT_KNOWN
-    return count, number(1e9 * one["limit_cycle_m"], 3), number(1e3 * one["limit_cycle_s"], 3)
+    return (
+        count,
+        number(1e9 * figures["limit_cycle_m"], 3),
+        number(1e3 * figures["limit_cycle_s"], 3),
+    )

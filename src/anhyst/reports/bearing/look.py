@@ -72,10 +72,9 @@ def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:
     every = math.ceil(2 * shape.size / MOST_POINTS)
     if every <= 2:
         return rows
-    starts = range(0, shape.size, every)
     kept = {
         start + int(extreme(shape[start : start + every]))
-        for start in starts
+        for start in range(0, shape.size, every)
         for extreme in (np.argmin, np.argmax)
     }
     index = np.array(sorted({0, *kept, shape.size - 1}))

@@ -65,7 +65,7 @@ def figure_sensitivity(measured: Responses, linear: Responses) -> Figure:
     if linear:
         ax.plot([], [], color=INK, lw=0.7, ls=":", label="linearised loop")
     ax.set_ylim(_FLOOR, top)
-    ends = [end for one in measured.values() for end in one.frequency[[0, -1]]]
+    ends = [end for curve in measured.values() for end in curve.frequency[[0, -1]]]
     ax.set_xlim(min(ends), max(ends))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("sensitivity (dB)")
@@ -79,10 +79,9 @@ def _zones(ax: Axes, top: float) -> None:
     names = [*(boundary.zone for boundary in BOUNDARIES), "D"]
     for name, fill, low, high in zip(names, _ZONES, edges[:-1], edges[1:], strict=True):
         ax.axhspan(low, high, color=fill, lw=0, zorder=0)
-        middle = 0.5 * (max(low, 0.0) + high)
         ax.text(
             0.93 if name == "B" else 0.995,
-            middle,
+            0.5 * (max(low, 0.0) + high),
             f"zone {name}",
             transform=ax.get_yaxis_transform(),
             ha="right",

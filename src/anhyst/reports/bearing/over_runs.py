@@ -156,11 +156,11 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
     """Draw what was made small against peak sensitivity: candidates, fronts, what was chosen."""
     figure = new_figure(4.6)
     ax = figure.add_subplot()
-    settled = [one for one in tuning.candidates if math.isfinite(one.reached)]
-    for name in ordered(one.variant for one in settled):
-        mine = [one for one in settled if one.variant == name]
+    settled = [candidate for candidate in tuning.candidates if math.isfinite(candidate.reached)]
+    for name in ordered(trial.variant for trial in settled):
+        mine = [trial for trial in settled if trial.variant == name]
         for kept, alpha in ((False, 0.25), (True, 0.8)):
-            some = [one for one in mine if one.kept is kept]
+            some = [trial for trial in mine if trial.kept is kept]
             ax.scatter(
                 [tuning.factor * one.reached for one in some],
                 [one.peak for one in some],
@@ -170,7 +170,7 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
                 alpha=alpha,
                 lw=0.8,
             )
-        front = pareto_front([one for one in mine if one.kept])
+        front = pareto_front([trial for trial in mine if trial.kept])
         values, peaks = [tuning.factor * one.reached for one in front], [one.peak for one in front]
         ax.plot(values, peaks, **line_of(name), drawstyle="steps-post", label=f"front, {name}")
         if (best := tuning.chosen.get(name)) is not None:
@@ -181,7 +181,7 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
         ax.axvline(tuning.factor * tuning.limit, color=ALARM, lw=0.9, ls="--", label="aims")
     if tuning.peak_limit is not None:
         ax.axhline(tuning.peak_limit, color=ALARM, lw=0.9, ls="--", label="aims")
-    peaks = [one.peak for one in settled]
+    peaks = [trial.peak for trial in settled]
     ax.set_ylim(min(0.9, *peaks), min(max(peaks), 8.0) + 0.3)
     ax.set_xlabel(f"{tuning.title} ({tuning.unit})")
     ax.set_ylabel("peak sensitivity")
@@ -192,9 +192,9 @@ def figure_pareto(tuning: TuningPicture) -> Figure:
 def pareto_front(candidates: Sequence[GainsPoint]) -> list[GainsPoint]:
     """Return those that no other one beats in both settling and peak, the fastest first."""
     front: list[GainsPoint] = []
-    for one in sorted(candidates, key=lambda each: (each.reached, each.peak)):
-        if not front or one.peak < front[-1].peak:
-            front.append(one)
+    for candidate in sorted(candidates, key=lambda each: (each.reached, each.peak)):
+        if not front or candidate.peak < front[-1].peak:
+            front.append(candidate)
     return front
 
 

@@ -216,8 +216,7 @@ def _density(recording: Recording, away: FloatArray) -> tuple[FloatArray, FloatA
     frequency, power = welch(away, rate, nperseg=min(_PIECE, away.size))
     frequency, power = frequency[1:], power[1:]
     # As many means as can be distinguished on a logarithmic axis.
-    edges = np.geomspace(frequency[0], frequency[-1] * 1.001, _BINS + 1)
-    bin_of = np.digitize(frequency, edges)
+    bin_of = np.digitize(frequency, np.geomspace(frequency[0], frequency[-1] * 1.001, _BINS + 1))
     used = np.unique(bin_of)
     means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used]
     middle, mean = np.array(means).T

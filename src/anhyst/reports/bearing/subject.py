@@ -129,8 +129,7 @@ class SimulationSubject:
     def variants(self) -> list[MethodName]:
         """All that the page speaks of."""
         shown = (*self.baselines, *self.sensitivity, *self.standstill, *self.forces)
-        baselines = (cell.baseline for cell in self.benefit)
-        return ordered({self.variant, *shown, *baselines})
+        return ordered({self.variant, *shown, *(cell.baseline for cell in self.benefit)})
 
     def situation(self, step: Steps) -> str:
         """Say in words what a step was; the load only if there are several."""

@@ -141,10 +141,9 @@ def benefit_table(subject: SimulationSubject) -> PageTable | None:
             text = NOT_KNOWN if difference is None else difference_text(difference)
             row.append(Cell(text, strong=difference is not None and difference.less))
         rows.append(row)
-    head = ["step", "overshoot", *baselines]
     return table(
         f"Overshoot of {subject.variant} against that of each baseline",
-        head,
+        ["step", "overshoot", *baselines],
         rows,
         f"Overshoot of {subject.variant} in % of the height, and what it is against each baseline: "
         f"same gains, same plant, same {subject.seeds} noise seeds. “54 % less”: that part of the "
@@ -186,10 +185,9 @@ def comparison_table(comparison: FigureTable) -> PageTable:
     counts = {one.count for row in comparison.rows.values() for one in row.values() if one.count}
     ends = " to ".join(str(end) for end in sorted({min(counts), max(counts)})) if counts else "no"
     interval = f"Mean and 95 % confidence interval over {ends} noise seeds."
-    head = ["", *variants]
     return table(
         f"{comparison.title} ({comparison.unit})" if comparison.unit else comparison.title,
-        head,
+        ["", *variants],
         rows,
         f"{comparison.caption} {interval}".strip(),
     )
@@ -261,10 +259,9 @@ def settling_sentence(subject: SimulationSubject) -> str:
         ("settling_in_noise_s", "settling time", "ms", 1e3),
         ("steady_error_m", "steady-state error", "nm", 1e9),
     ):
-        rows = [step.of(name) for step in subject.steps]
         both = [
             (abs(row[subject.variant].mean), abs(row["ratio"].mean))
-            for row in rows
+            for row in [step.of(name) for step in subject.steps]
             if subject.variant in row and "ratio" in row
         ]
         both = [pair for pair in both if not math.isnan(sum(pair))]  # lost

@@ -131,7 +131,7 @@ def _headline(result: ForceControl, verified: bool) -> Headline:
 
 def _tiles(result: ForceControl) -> tuple[Tile, ...]:
     """Return the worst errors of the fastest demand while the armature is held."""
-    demands = {one.trial.demand.name: one.trial.demand for one in result.outcomes}
+    demands = {outcome.trial.demand.name: outcome.trial.demand for outcome in result.outcomes}
     fastest = max(demands, key=lambda name: np.abs(np.diff(demands[name].force)).max())
     worst: dict[str, float] = {}
     for trial in result.figures["trials"]:
@@ -226,8 +226,7 @@ def figure_moving(rig: Rig, outcomes: Sequence[ForceOutcome]) -> Figure:
     for (above, middle, below), outcome in zip(axes.T, outcomes, strict=True):
         _forces(above, rig, outcome)
         _deviations(middle, rig, outcome, _COMPARED)
-        recording = outcome.recordings["full"]
-        time, gap = _curve(rig, outcome, 1e3 * recording["gap_m"])
+        time, gap = _curve(rig, outcome, 1e3 * outcome.recordings["full"]["gap_m"])
         below.plot(time, gap, color=MEASURED, lw=1.0)
         above.set_title(f"{outcome.trial.demand.name}, armature moving")
         below.set_xlabel("time (s)")

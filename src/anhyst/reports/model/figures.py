@@ -243,10 +243,9 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
             _percent_axis(ax, up.factor * _largest_output(loopset))
     dots: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 5.0, "mew": 0.0}
     rising = f"{name_of(loopset.input)} rising"
-    falling = f"{name_of(loopset.input)} falling"
     handles = [
         Line2D([], [], color=RISING, label=rising, **dots),
-        Line2D([], [], color=FALLING, label=falling, **dots),
+        Line2D([], [], color=FALLING, label=f"{name_of(loopset.input)} falling", **dots),
         Patch(color=FAINT, lw=0.0, label="noise, ±2σ"),
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=3)

@@ -66,29 +66,21 @@ def figure_parameters(model: Model) -> Figure | None:
         up = scale_of(parameter_unit(model, name), np.abs(nodes).tolist())
         ax.plot(across.factor * at, up.factor * curve, color=MODEL, lw=1.2)
         ax.plot(across.factor * np.array(model.nodes), up.factor * nodes, "o", color=MODEL, ms=5.5)
-        ax.set_ylabel(up.head(_formula(names[name][0])))
+        base, _, index = names[name][0].partition("_")
+        index = rf"_{{{index}}}" if index else ""
+        ax.set_ylabel(up.head(f"${GREEK.get(base, base)}{index}$"))
         ax.set_xlabel(label(model.schedule, across))
         ax.margins(y=0.12)
     return figure
 
 
-def _formula(name: str) -> str:
-    base, _, index = name.partition("_")
-    index = rf"_{{{index}}}" if index else ""
-    return f"${GREEK.get(base, base)}{index}$"
-
-
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Output over the scheduling variable, on a settled cycle from zero to the largest drive.
-
-    ``drive`` has the rising branch and then the falling one, shape (n,); ``output`` has shape
-    (g, n), NaN where the model cannot be computed.
-    """
+    """Output over the scheduling variable, on a settled cycle from zero to the largest drive."""
 
     at: FloatArray
-    drive: FloatArray
-    output: FloatArray
+    drive: FloatArray  # rising branch, then falling one; shape (n,)
+    output: FloatArray  # shape (g, n); NaN where the model cannot be computed
 
     @property
     def top(self) -> int:

@@ -140,8 +140,7 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     if fit is None or evidence is None:
         return None
     judged, scale = evidence.verdict, subject.deviation
-    pooled = np.concatenate(evidence.baseline)
-    baseline_rms = float(np.sqrt(np.mean(pooled**2)))
+    baseline_rms = float(np.sqrt(np.mean(np.concatenate(evidence.baseline) ** 2)))
     noise_rms = _RMS_OF_MEAN * judged.noise_mean
     most = max(judged.single_mean, fit.mean_abs)
     rows = [

@@ -179,8 +179,7 @@ def rate_corner(model: Model) -> float | None:
 
 
 def _panels(subject: ModelSubject, evidence: Evidence) -> str:
-    groups = len(groups_of(evidence.loops))
-    if evidence.loops.schedule is None or groups == 1:
+    if evidence.loops.schedule is None or len(groups_of(evidence.loops)) == 1:
         return "all loops in one panel"
     return f"one panel for each {subject.over}"
 
@@ -300,12 +299,11 @@ def _loop_table(subject: ModelSubject, loops: Sequence[LoopFit]) -> PageTable:
         row = [Cell(loop.label)]
         if model.schedule is not None:
             row.append(Cell(subject.schedule_scale.number(loop.schedule, 4, short=True)))
-        own = loop.mean_abs / loop.largest_output if loop.largest_output else None
         row += [
             Cell(size.number(loop.largest_output)),
             Cell(scale.number(loop.mean_abs), bar=loop.mean_abs / most if most else None),
             Cell(percent(share(subject, loop.mean_abs))),
-            Cell(percent(own)),
+            Cell(percent(loop.mean_abs / loop.largest_output if loop.largest_output else None)),
             Cell(scale.number(loop.rms)),
             Cell(scale.number(loop.worst), strong=loop.worst == worst),
         ]
@@ -375,7 +373,7 @@ def _recorded(subject: ModelSubject, inspection: Inspection) -> PageTable:
         (across.head(subject.drive), lambda one: _span(across, *_inputs(one))),
         (up.head(subject.answer), lambda one: _span(up, *_outputs(one))),
     ]
-    if any(one.step is not None for one in inspection.loops):
+    if any(loop.step is not None for loop in inspection.loops):
         columns.append(("step [ms]", lambda one: number(1e3 * (one.step or 0.0), short=True)))
     columns.append(("history", lambda one: str(one.history)))
     return _figures_table(subject, inspection, columns, "What was recorded")
@@ -383,8 +381,8 @@ def _recorded(subject: ModelSubject, inspection: Inspection) -> PageTable:
 
 def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
     loops = inspection.loops
-    across = scale_for(inspection.input, [one.width for one in loops])
-    up = scale_for(inspection.output, [one.height for one in loops])
+    across = scale_for(inspection.input, [loop.width for loop in loops])
+    up = scale_for(inspection.output, [loop.height for loop in loops])
     columns: list[Column] = [
         (across.head("width"), lambda one: across.number(one.width)),
         (up.head("height"), lambda one: up.number(one.height)),
@@ -399,7 +397,7 @@ def _dirt(subject: ModelSubject, inspection: Inspection) -> PageTable:
         ("saturation", lambda one: Scale(1.0, "").number(one.saturation, 2)),
     ]
     nothing = number(float("nan"))
-    columns += [c for c in optional if any(c[1](one) != nothing for one in loops)]
+    columns += [c for c in optional if any(c[1](loop) != nothing for loop in loops)]
     caption = (
         "Width and height: largest distance of the branches. Noise: standard deviation of the "
         "output. Drift: over the record. Closure: end minus start of a cycle. Skew: delay of the "

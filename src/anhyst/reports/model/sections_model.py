@@ -121,8 +121,7 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     if not steps:
         return None
     first, last = steps[0].cost_before, steps[-1].cost_after
-    model = subject.model
-    names = {name: GREEK.get(bare, bare) for name, (bare, _) in model.keys.items()}
+    names = {name: GREEK.get(bare, bare) for name, (bare, _) in subject.model.keys.items()}
     text = (
         f"After the best sets for each {subject.over or 'node'} were found, one parameter after "
         "the other was replaced by its mean and the rest searched again. In each round every "
@@ -200,8 +199,7 @@ def section_between(subject: ModelSubject) -> Section | None:
     blocks: list[Block] = [Picture(svg_text(figure, subject.next_prefix()), alt, caption)]
     if subject.check is not None:
         blocks.insert(0, acceptance(subject))
-    title = f"Loops at and between the {_nodes(subject)}"
-    return Section("between", title, tuple(blocks))
+    return Section("between", f"Loops at and between the {_nodes(subject)}", tuple(blocks))
 
 
 def _nodes(subject: ModelSubject) -> str:
@@ -247,19 +245,19 @@ def section_laws(subject: ModelSubject) -> Section | None:
     if fit is None or not fit.candidates:
         return None
     reason = str(subject.model.provenance.settings.get("law_reason", ""))
-    errors = [one.left_out for one in fit.candidates if one.left_out is not None]
+    errors = [candidate.left_out for candidate in fit.candidates if candidate.left_out is not None]
     most = max(errors, default=0.0)
     rows = [
         [
-            Cell(one.law, strong=one.note == "chosen"),
-            Cell(one.gap_map),
-            Cell(one.note),
-            Cell(str(one.numbers)),
-            Cell(percent(one.rms)),
-            Cell("" if one.left_out is None else percent(one.left_out),
-                 bar=one.left_out / most if one.left_out is not None and most else None),
+            Cell(candidate.law, strong=candidate.note == "chosen"),
+            Cell(candidate.gap_map),
+            Cell(candidate.note),
+            Cell(str(candidate.numbers)),
+            Cell(percent(candidate.rms)),
+            Cell("" if candidate.left_out is None else percent(candidate.left_out),
+                 bar=candidate.left_out / most if candidate.left_out is not None and most else None),
         ]
-        for one in fit.candidates
+        for candidate in fit.candidates
     ]  # fmt: skip
     caption = (
         "Numbers that were fitted; root mean square deviation from all loops; mean deviation on gaps "
@@ -382,9 +380,7 @@ def _uncertainty(subject: ModelSubject, unsure: Uncertainty) -> list[Block]:
         zip(unsure.names, unsure.values, unsure.std, strict=True), start=1
     ):
         part = deviation / abs(value) if value and "offset" not in name else None
-        meaning = next(
-            (meaning for start, meaning in GLOSSARY.items() if name.startswith(start)), ""
-        )
+        meaning = next((text for start, text in GLOSSARY.items() if name.startswith(start)), "")
         rows.append(
             [
                 Cell(str(index)),

@@ -71,8 +71,7 @@ def figure_scan(tried: Mapping[MethodName, TriedVariant], motion: SetPoint, slit
 
 def _average(run: Recording, slit: float, begin: float) -> tuple[FloatArray, FloatArray]:
     """Return the moving mean in the middle of its window, ms and nm."""
-    ticks = round(slit / run.dt)
-    mean, _ = moving(run["error_m"], ticks)
+    mean, _ = moving(run["error_m"], round(slit / run.dt))
     time = 1e3 * (run["t_s"][: mean.size] + 0.5 * slit - begin)
     shown = time >= -1e3 * _BEFORE_S
     return time[shown], 1e9 * mean[shown]
@@ -86,8 +85,7 @@ def figure_settling(tried: Mapping[MethodName, TriedVariant], cruise: float) -> 
     edges = 1e3 * np.linspace(0.0, cruise, 51)
     for row, (name, one) in zip(axes, tried.items(), strict=True):
         for ax, settled in zip(row, one.settled, strict=True):
-            look = line_of(name)
-            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=look["color"])
+            ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_of(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
     for ax, band in zip(axes[0], BANDS_M, strict=True):
         ax.set_title(f"into {1e9 * band:g} nm")
@@ -135,12 +133,17 @@ def write_tracking_report(path: PathLike, study: TrackingStudy, command: str) ->
     if study.rig.settings.several:
         sections.insert(1, _cross_talk(study))
     if study.losses:
-        rows = [one.cells() for one in study.losses]
+        rows = [loss.cells() for loss in study.losses]
         losses = table(LOSS_TITLE, [*LOSS_HEAD], rows, " ".join(LOSS_NOTES), texts=2)
         sections.append(Section("losses", "What is lost, and lift-off", (losses,)))
+    files = [
+        (path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16])
+        for path in (study.rig.path, *study.rig.measured.files)
+    ]
+    blocks = (table("Files", ["file", "sha-256, first digits"], files), Text(f"Made by: {command}"))
     text = render_page(
         _headline(study),
-        [*sections, _origin(study, command)],
+        [*sections, Section("origin", "Origin", blocks)],
         running_version(),
         kind="Short-stroke stage",
         source="a simulation",
@@ -305,12 +308,3 @@ def _learning(study: TrackingStudy) -> Section:
         Items("Peak of the first and of the last trial", tuple(lines)),
     )
     return Section("learning", "Learning control", blocks)
-
-
-def _origin(study: TrackingStudy, command: str) -> Section:
-    files = [
-        (path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16])
-        for path in (study.rig.path, *study.rig.measured.files)
-    ]
-    blocks = (table("Files", ["file", "sha-256, first digits"], files), Text(f"Made by: {command}"))
-    return Section("origin", "Origin", blocks)

@@ -53,7 +53,12 @@ def _rig_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:
         text = f'"{variant}" needs the table [hall_probe], {rig.path} has none; add it'
         faults.append(FileFault(("compensation", "variant"), text, code="no-hall-probe"))
     faults += _amplifier_faults(settings, rig)
-    lowest, highest = _visited(rig)
+    cases = rig.settings
+    gaps = [cases.gap_m, *cases.step.also_gaps_m]
+    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in cases.step.heights_m)
+    for trajectory in cases.trajectories:
+        lowest = min(lowest, cases.gap_m - trajectory.amplitude_m)
+    highest = cases.body.stop_high_m
     if not limits.gap_low_m < lowest:
         text = f"{rig.path} goes to a gap of {lowest:.5g} m; lower it"
         faults.append(FileFault(("limits", "gap_low_m"), text, code="gaps-not-covered"))
@@ -82,16 +87,6 @@ def _ramp_faults(settings: ControllerTable, rig: BearingRig, lowest: float) -> l
             text = f"{what} takes {seconds:.4g} s, at most {LONGEST_RAMP_S:g} s are simulated"
             faults.append(FileFault((table, key), f"{text}; raise it", code="too-slow"))
     return faults
-
-
-def _visited(rig: BearingRig) -> tuple[float, float]:
-    """Return the smallest gap that is referred to, and that of the armature at rest, m."""
-    cases = rig.settings
-    gaps = [cases.gap_m, *cases.step.also_gaps_m]
-    lowest = min(step_ends(gap, height)[1] for gap in gaps for height in cases.step.heights_m)
-    for trajectory in cases.trajectories:
-        lowest = min(lowest, cases.gap_m - trajectory.amplitude_m)
-    return lowest, rig.settings.body.stop_high_m
 
 
 def _amplifier_faults(settings: ControllerTable, rig: BearingRig) -> list[FileFault]:

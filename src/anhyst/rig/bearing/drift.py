@@ -100,7 +100,9 @@ def _drawn(file: RigFile, spreads: Mapping[str, str], rng: np.random.Generator) 
         if name == "conductivity" and file.magnet.solid is None:
             continue
         share = 0.01 if key.endswith("_percent") else 1.0
-        drawn[name] = share * getattr(file.spread, key) * _normal(rng)
+        while abs(value := float(rng.standard_normal())) > CUT:
+            pass
+        drawn[name] = share * getattr(file.spread, key) * value
     if "eddy" in drawn:
         drawn["eddy"] = abs(drawn["eddy"])
     return Drift(**drawn)
@@ -111,12 +113,6 @@ def draw_plant(file: RigFile, seed: int, number: int) -> tuple[Drift, int]:
     rng = np.random.default_rng([seed, number])
     noise = int(rng.integers(1 << 31))
     return draw_drift(file, rng), noise
-
-
-def _normal(rng: np.random.Generator) -> float:
-    while abs(value := float(rng.standard_normal())) > CUT:
-        pass
-    return value
 
 
 def drifted_file(file: RigFile, drift: Drift) -> RigFile:

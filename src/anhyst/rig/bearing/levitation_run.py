@@ -53,8 +53,7 @@ class LevitationRun:
         rejected = self._rejected(steps)
         if rejected is not None:
             return rejected
-        controlled = (state >= RISE) & (state <= HOVER)
-        if not controlled.any():
+        if not ((state >= RISE) & (state <= HOVER)).any():
             faults = state >= FAULT
             if faults.any():
                 force = self.setup.controller.limits.force_high_N

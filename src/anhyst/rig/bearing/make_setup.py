@@ -42,8 +42,7 @@ class IdentifiedMagnet:
 
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
     """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
-    model = identify_loops(loops, options or IdentifyTable(), "circuit")
-    return IdentifiedMagnet(loops, model)
+    return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
 
 
 def make_setup(
@@ -220,11 +219,10 @@ def check_plant(rig: BearingRig, knowledge: IdentifiedMagnet) -> PlantCheck:
     """Hold the plant of a rig, and what its controller knows, against the loops, of the slow ones."""
     magnet, fitted, loops = make_magnet(rig), rig.fitted, slow_loops(knowledge.loops)
     zeros = (0.0, 0.0) if fitted is None else (fitted.zero_current, fitted.zero_force)
-    by_law = rig.settings.magnet.kind == "law"
     return PlantCheck(
         plant=distance(loops, lambda loop: along(follower(magnet), loop, zeros[0]) + zeros[1]),
         model=model_distance(loops, knowledge.model),
-        same=by_law and _same(law_of(rig), knowledge.model),
+        same=rig.settings.magnet.kind == "law" and _same(law_of(rig), knowledge.model),
         fitted=fitted is not None,
         guessed=() if fitted is None else fitted.guessed,
     )

@@ -99,9 +99,8 @@ def _check_full(path: str, gaps: FloatArray, currents: FloatArray, numbers: Numb
 def _check_monotone(table: DataTable, made: FluxTable, numbers: Numbers) -> None:
     flat = np.add(np.argwhere(np.diff(made.psi, axis=1) <= 0.0), (0, 1))
     widens = np.add(np.argwhere(np.diff(made.psi[:, 1:], axis=0) >= 0.0), (1, 1))
-    offset = np.argwhere(made.psi[:, :1] != 0.0)
     for places, text in (
-        (offset, "psi is not 0 without current"),
+        (np.argwhere(made.psi[:, :1] != 0.0), "psi is not 0 without current"),
         (flat, "psi does not rise with the current"),
         (widens, "psi does not fall as the gap opens"),
     ):
@@ -317,10 +316,9 @@ def current_loops(rig: BearingRig) -> list[dict[str, float]]:
 def current_loop(rig: BearingRig) -> dict[str, float]:
     """Return the digital current controller that stands before amplifiers of voltage."""
     gain, reset = current_gains(rig)
-    needed = rig.settings.amplifier.mode == "voltage"
     return {
         "resistance": rig.settings.magnet.poles.resistance,
-        "gain": gain if needed else 0.0,
+        "gain": gain if rig.settings.amplifier.mode == "voltage" else 0.0,
         "reset": reset * rig.dt,
         "limit": rig.settings.amplifier.supply,
     }
@@ -420,14 +418,8 @@ def _sensors(rig: BearingRig) -> dict[str, Mapping[str, float]]:
 
 def _sensor(ends: tuple[float, float], step: float, noise: float) -> dict[str, float]:
     """Sensor without an error of gain or zero."""
-    return {
-        "low": ends[0],
-        "high": ends[1],
-        "step": step,
-        "noise": noise,
-        "gain": 1.0,
-        "offset": 0.0,
-    }
+    low, high = ends
+    return {"low": low, "high": high, "step": step, "noise": noise, "gain": 1.0, "offset": 0.0}
 
 
 def _converted(ends: tuple[float, float], bits: int, noise: float) -> dict[str, float]:

@@ -161,11 +161,7 @@ class Script:
 
 
 def lift_time(rig: BearingRig, controller: ControllerTable, gap: float) -> float:
-    """Return how long lifting off takes at most, s.
-
-    Self-test, the ramp of the force up to where the controller gives up, the way at the speed of
-    the reference, and the settling.
-    """
+    """Return how long self-test, ramp of the force, way and settling take at most, s."""
     gains, ramp = controller.pidd2_gains(), controller.lift_off
     settle = _SETTLE_S
     if gains.K_i > 0.0:

@@ -18,14 +18,7 @@ from anhyst._core import Magnet
 from anhyst.data import Loop, Loops
 from anhyst.data.speeds import slow_loops
 from anhyst.model.actuator import Model
-from anhyst.rig.distance import (
-    Follow,
-    PlantCheck,
-    along,
-    along_in_time,
-    distance,
-    model_distance,
-)
+from anhyst.rig.distance import Follow, PlantCheck, along, along_in_time, distance, model_distance
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable

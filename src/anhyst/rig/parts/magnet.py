@@ -86,7 +86,7 @@ class ActuatorKind:
 
 
 ACTUATORS: dict[str, ActuatorKind] = {
-    "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles),
+    "electromagnet": ActuatorKind("force", {}, lambda poles, _: poles)
 }
 """By the name of the kind; a further one is a record here."""
 

@@ -133,10 +133,7 @@ class Solenoid:
             if abs(left) <= _TOLERANCE:
                 break
             end = field + left / length
-            if left > 0.0:
-                low, high = field, min(high, end)
-            else:
-                low, high = max(low, end), field
+            low, high = (field, min(high, end)) if left > 0.0 else (max(low, end), field)
             field += left / (length + (slide + d_outside) * area * slope)
             if not low < field < high:
                 field = 0.5 * (low + high)
@@ -145,8 +142,7 @@ class Solenoid:
 
     def _gap(self, gap: float) -> _Gap:
         shape = self.geometry
-        side = math.sqrt(shape.face_area)
-        width = side + 2.0 * shape.fringe * gap
+        width = math.sqrt(shape.face_area) + 2.0 * shape.fringe * gap
         face = MU_0 * width * width / gap
         d_face = MU_0 * (4.0 * shape.fringe * width / gap - width * width / (gap * gap))
         dip = shape.cone_depth - gap

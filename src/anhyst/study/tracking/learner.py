@@ -250,7 +250,8 @@ class Learner:
 
     def _shown(self, rows: FloatArray) -> list[ParameterName]:
         """Return what moves anything: of others the sum of all scales would tell something."""
-        return [name for name, moves in zip(self._names, rows.any(axis=0), strict=False) if moves]
+        moves = np.any(rows[:, :-1], axis=0).tolist()
+        return [name for name, moved in zip(self._names, moves, strict=True) if moved]
 
     def _columns(self, names: Sequence[ParameterName]) -> list[int]:
         return [self._names.index(name) for name in names]

@@ -69,8 +69,7 @@ class PageTable:
     def wide(self) -> bool:
         """Whether it is wider than a page, so that it has to be set smaller and wrapped."""
         columns = zip(self.head, *([cell.text for cell in row] for row in self.rows), strict=True)
-        letters = sum(max(map(len, column)) + _BETWEEN for column in columns)
-        return letters > MOST_LETTERS
+        return sum(max(map(len, column)) + _BETWEEN for column in columns) > MOST_LETTERS
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,11 +71,11 @@ def scale_of(unit: str, values: Iterable[float | None]) -> Scale:
 
 def scale_for(quantity: Quantity, values: Iterable[float | None]) -> Scale:
     """Choose the unit for values of a quantity; displacements below 1 mm come out in µm."""
-    given = list(values)
-    largest = max((abs(value) for value in given if value is not None), default=0.0)
+    sizes = list(values)
+    largest = max((abs(value) for value in sizes if value is not None), default=0.0)
     if quantity.name == "displacement" and 0.0 < largest < 1e-3:
         return Scale(1e6, "µm")
-    return scale_of(quantity.unit, given)
+    return scale_of(quantity.unit, sizes)
 
 
 def number(value: float, digits: int = 3, *, short: bool = False) -> str:
@@ -123,8 +123,7 @@ def with_deviation(value: float, deviation: float) -> str:
         return f"{number(value)} ± {number(deviation, 2)}"
     decimals = max(0, 1 - power)
     rounded = round(value, decimals) + 0.0  # a negative zero becomes a plain one
-    text = f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}"
-    return text.replace("-", MINUS)
+    return f"{rounded:.{decimals}f} ± {deviation:.{decimals}f}".replace("-", MINUS)
 
 
 def label(quantity: Quantity, scale: Scale) -> str:
