@@ -84,15 +84,13 @@ def test_what_was_learnt_pays_on_a_set_point_that_was_never_seen() -> None:
 
 
 @pytest.mark.slow
-def test_one_estimate_finds_currents_and_probes() -> None:
-    found, by_probe = learnt("fused"), learnt("flux")
-    assert found.fits
-    assert found.value("scale_1") == pytest.approx(0.007, abs=0.0025)
-    assert found.value("scale_2") == pytest.approx(-0.005, abs=0.0025)
-    for number in (1, 2):
-        probe = found.value(f"probe_{number}")
-        assert probe == pytest.approx(-WRONG.flux_gain, abs=0.001)
-        assert probe == pytest.approx(by_probe.value(f"scale_{number}"), abs=0.001)
+def test_the_gain_of_a_probe_is_found_whatever_it_corrects() -> None:
+    for method in ("flux", "fused"):
+        found = learnt(method)
+        assert found.fits
+        for number in (1, 2):
+            probe = found.value(f"scale_{number}")
+            assert probe == pytest.approx(-WRONG.flux_gain, abs=0.001)
 
 
 @pytest.mark.slow

@@ -20,22 +20,20 @@ from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 
 ParameterName = str
-"""Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` its probe) does
-more than it says, and ``probe``, the same of a probe beside it (``fused``). Of one coordinate both
-magnets together, of several each by its number: ``gap_zero``, what the gap reads too much, ``width``,
-the part by which the loop is wider; of one, ``lag_s`` of the flux behind the current. Of the body:
-``bias_N``, a force that no magnet makes, ``payload``, the part by which it is heavier, ``centre``, by
-which its centre of mass is off, and ``cable_N_per_m``, the stiffness that pulls it back to where a
-motion begins."""
+"""Of a magnet, by its number: ``scale``, the part by which its current (with ``flux`` and ``fused`` its
+probe) does more than it says. Of one coordinate both magnets together, of several each by its number:
+``gap_zero``, what the gap reads too much, ``width``, the part by which the loop is wider; of one,
+``lag_s`` of the flux behind the current. Of the body: ``bias_N``, a force that no magnet makes,
+``payload``, the part by which it is heavier, ``centre``, by which its centre of mass is off, and
+``cable_N_per_m``, the stiffness that pulls it back to where a motion begins."""
 CENTRE: tuple[ParameterName, ...] = ("centre_x_m", "centre_y_m", "centre_z_m")
 OF_ONE: tuple[ParameterName, ...] = (
     *("scale_1", "scale_2", "gap_zero_m", "width", "lag_s"),
-    *("bias_N", "payload", "cable_N_per_m", "probe_1", "probe_2"),
+    *("bias_N", "payload", "cable_N_per_m"),
 )
 """All numbers of a stage of one coordinate, in the order of files."""
 LIMITS: Mapping[str, float] = {
     "scale": 0.3,
-    "probe": 0.3,
     "gap_zero_m": 1e-4,
     "width": 0.8,
     "lag_s": 1e-3,

@@ -15,6 +15,7 @@ from scipy.optimize import linprog
 from anhyst._core import WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
 from anhyst.rig.calibration import (
@@ -374,16 +375,13 @@ def correction(found: CalibratedMethod, compensator: ForceController, rig: Stage
     first one's is read too large.
     """
     count = range(1, len(rig.settings.placed) + 1)
-    scales, probes = (
-        np.array([1.0 + found.value(f"{kind}_{number}") for number in count])
-        for kind in ("scale", "probe")
-    )
+    scales = np.array([1.0 + found.value(f"scale_{number}") for number in count])
     zeros = [found.value(f"gap_zero_{number}_m") for number in count]
     if not rig.settings.several:
         zeros = [found.value("gap_zero_m"), -found.value("gap_zero_m")]
     ones = np.ones(scales.size)
-    rows = np.column_stack([ones, zeros, probes, 0.0 * ones])
-    if found.name == "flux":
+    rows = np.column_stack([ones, zeros, ones, 0.0 * ones])
+    if found.name in PROBED:
         rows[:, 2] = scales
     else:
         rows[:, 0] = scales

@@ -22,6 +22,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
+from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.controller_check import pair_of
 from anhyst.rig.bearing.file import BearingRig
@@ -141,7 +142,8 @@ class AxesLaw(MotionLaw):
         self._of: AxesMotion | None = None
         self._kept: dict[tuple[object, ...], FloatArray] = {}  # of single magnets along that motion
         self._count = range(1, len(rig.settings.placed) + 1)
-        without = {"flux": ("gap_zero", "width"), "full": (), "play": ()}.get(method, ("width",))
+        of_iron = ("gap_zero", "width") if method in PROBED else ("width",)
+        without = () if method in ("full", "play") else of_iron
         numbers = numbers_of(rig.settings)
         self.names: Sequence[ParameterName] = [
             name for name in numbers if not name.startswith(without)
@@ -185,7 +187,7 @@ class AxesLaw(MotionLaw):
         key = number, scale, zero, width
         if key not in self._kept:
             gap = motion.read[column("gap_read", "m", number)] - zero
-            if self.method == "flux":
+            if self.method in PROBED:
                 flux = motion.read[column("flux_read", "T", number)]
                 force, late = self.pull(scale * flux, gap), -self.probe_late
             else:

@@ -355,8 +355,6 @@ def calibrate(
         left_out.update(PROBED)
     elif not probes or not all(name in one.read for one in motions for name in probes):
         left_out.update(PROBED)
-    elif file.several:
-        left_out.add("fused")
     possible = [name for name in MOVED if name not in left_out]
     for name in methods:
         if name not in possible:

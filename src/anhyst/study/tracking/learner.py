@@ -33,7 +33,6 @@ RATE = 2.0
 """Standard deviations a second by which what is applied follows the estimate."""
 STEPS: Mapping[str, float] = {
     "scale": 0.005,
-    "probe": 0.005,
     "gap_zero_m": 2e-6,
     "width": 0.1,
     "lag_s": 25e-6,
@@ -102,7 +101,7 @@ class Learner:
         far = any(
             abs(values[name]) > 0.999 * MOST * self.priors[name] > 0.0
             for name in self._names
-            if kind_of(name) in ("scale", "probe")
+            if kind_of(name) == "scale"
         )
         if far or missed > math.hypot(FAULT * force, self.noise_N):
             self._sums = self._sums if self.seen else sums

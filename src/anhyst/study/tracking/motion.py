@@ -44,7 +44,7 @@ MOVED: Mapping[MethodName, tuple[ParameterName, ...]] = {
     "at-rest": _OF_IRON,
     "full": _OF_IRON,
     "flux": ("scale_1", "scale_2", *_OF_BODY),
-    "fused": (*_OF_IRON, "probe_1", "probe_2"),
+    "fused": ("scale_1", "scale_2", *_OF_BODY),
 }
 """What can be learnt of each method. The gap zero is frozen: on one axis it is hardly to be told from
 the difference of both scales."""
@@ -154,36 +154,6 @@ class Motion:
         return self.rig.settings.timing.delay_ticks + 0.5 + dead
 
 
-@dataclass(frozen=True)
-class ProbedMotion(Motion):
-    """The same held against two laws, one after the other: by the currents, and by the probes."""
-
-    @property
-    def rows(self) -> int:
-        """By both."""
-        return 2
-
-    @cached_property
-    def pushed(self) -> FloatArray:
-        """Mass times acceleration, filtered, N."""
-        return np.tile(self._of_one.pushed, 2)
-
-    @cached_property
-    def by_body(self) -> Mapping[ParameterName, FloatArray]:
-        """What the numbers of the body push with, for each unit of them, filtered, N."""
-        return {name: np.tile(force, 2) for name, force in self._of_one.by_body.items()}
-
-    @cached_property
-    def compared(self) -> NDArray[np.intp]:
-        """Places at which all is compared: where much is demanded."""
-        places = self._of_one.compared
-        return np.concatenate([places, places + self.ticks.size])
-
-    @cached_property
-    def _of_one(self) -> Motion:
-        return Motion(self.rig, self.read, self.begin)
-
-
 class MotionLaw:
     """A method as it is fitted to the loops, and with other numbers."""
 
@@ -216,10 +186,9 @@ class MotionLaw:
     def prior(self, name: ParameterName) -> float:
         """Return the standard deviation that the rig file states for a number."""
         spread = self.rig.settings.spread
-        of_probe = self.method == "flux"
+        of_probe = self.method in PROBED
         return {
             "scale": 0.01 * (spread.hall_percent if of_probe else spread.current_percent),
-            "probe": 0.01 * spread.hall_percent,
             "gap_zero_m": spread.gap_zero_m,
             "width": 0.01 * spread.pinning_percent,
             "lag_s": spread.eddy_s,
@@ -231,8 +200,7 @@ class MotionLaw:
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:
         """Take a motion as it was read."""
-        kind = ProbedMotion if self.method == "fused" else Motion
-        return kind(self.rig, read, begin)
+        return Motion(self.rig, read, begin)
 
     def shows(self, motion: Motion, name: ParameterName) -> bool:
         """Whether a motion can show a number."""
@@ -245,37 +213,33 @@ class MotionLaw:
 
     def net(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
         """Return the net force along a path by the law with some numbers, filtered, N."""
-        of_magnets = []
-        if self.method != "flux":
-            of_magnets += [motion.filtered(self._by_currents(motion, values), motion.late)]
-        if self.method in PROBED:
-            scale = "scale" if self.method == "flux" else "probe"
-            scales = [1.0 + values[f"{scale}_{number}"] for number in (1, 2)]
-            of_magnets += [motion.filtered(self._by_flux(motion, scales), -self.probe_late)]
-        body = (values[name] * force for name, force in motion.by_body.items())
-        return sum(body, np.concatenate(of_magnets))
-
-    def _by_currents(self, motion: Motion, values: Mapping[ParameterName, float]) -> FloatArray:
-        """Return the net force: the first magnet pulls towards smaller positions."""
-        read, rig = motion.read, self.rig
         scales = np.array([[1.0 + values["scale_1"]], [1.0 + values["scale_2"]]])
+        if self.method in PROBED:
+            forces, late = self._by_flux(motion, scales), -self.probe_late
+        else:
+            forces, late = self._by_currents(motion, scales, values), motion.late
+        # the first magnet pulls towards smaller positions
+        body = (values[name] * force for name, force in motion.by_body.items())
+        return sum(body, motion.filtered(forces[1] - forces[0], late))
+
+    def _by_currents(
+        self, motion: Motion, scales: FloatArray, values: Mapping[ParameterName, float]
+    ) -> list[FloatArray]:
+        read, rig = motion.read, self.rig
         compensator = self.compensator(on_grid("width", values["width"]))
         lead = values["lag_s"] / rig.dt * self._per_root
         flowed = scales * np.array([read[name] for name in COMMANDS]) - lead * motion.rises
         gap = np.interp(motion.ticks + motion.late, motion.ticks, read["gap_read_m"])
-        first, second = (
+        return [
             compensator.fresh().follow(current, at)
             for current, at in zip(flowed, (gap, self._total - gap), strict=True)
-        )
-        return second - first
+        ]
 
-    def _by_flux(self, motion: Motion, scales: Sequence[float]) -> FloatArray:
+    def _by_flux(self, motion: Motion, scales: FloatArray) -> list[FloatArray]:
         gap = motion.read["gap_read_m"]
-        first, second = (
-            self.pull(scale * motion.read[name], at)
-            for scale, name, at in zip(scales, PROBES, (gap, self._total - gap), strict=True)
-        )
-        return second - first
+        flux = scales * np.array([motion.read[name] for name in PROBES])
+        at = (gap, self._total - gap)
+        return [self.pull(*one) for one in zip(flux, at, strict=True)]
 
     def pull(self, flux: FloatArray, gap: FloatArray) -> FloatArray:
         """Go back the way of the method's calibration: the force goes with the flux density squared."""
