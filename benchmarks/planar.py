@@ -2,7 +2,8 @@
 
 Plant, layout, irons and the search of the gains stand in examples/planar and below; they were fixed
 before the first figure. Baselines: the constant ratio, the best curve without memory, the map with
-one play, and the measured flux, each with gains of its own from the same search.
+one play, and the measured flux, each with gains of its own from the same search; beside them the law
+and the measured flux together.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import Feedforward
 from anhyst.study.engine.verdict import Interval
 from anhyst.study.tracking.losses import Losses
-from anhyst.study.tracking.simulate import TrackingStudy, TriedVariant, explore_stage
+from anhyst.study.tracking.simulate import OF_AXES, TrackingStudy, TriedVariant, explore_stage
 from rows import ROOT, Row
 from tracking import with_iron
 
@@ -98,5 +99,5 @@ def rows() -> list[Row]:
     for name in NAMES:
         rig = with_iron(read_stage(RIG), families[name])
         magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
-        found += of_iron(name, explore_stage(rig, magnet))
+        found += of_iron(name, explore_stage(rig, magnet, (*OF_AXES, "fused")))
     return found + lost_rows() + head_rows()
