@@ -33,7 +33,8 @@ static void any_signal_is_answered_within_the_limits(void)
                                        any,
                                        {any.shift, any.shift},
                                        {(int16_t)any_within(0, 32767), 1},
-                                       {(int16_t)any_within(-32768, 0), (int16_t)(i % 2)}};
+                                       {(int16_t)any_within(-32768, 0), (int16_t)(i % 2)},
+                                       0};
     const int32_t low = any_code() / 2;
     anhyst_force_controller_q31 drive;
     CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, low,
@@ -49,7 +50,7 @@ static void invalid_drives_are_refused(void)
   const anhyst_map_q31 map = any_map(entries, 3, 2, 1000);
   const anhyst_factor one = {16384, 2};
   const anhyst_factor through = {-32768, 1};
-  const anhyst_flux_loop_q31 valid = {any_map(densities, 3, 2, 1000), one, one, one, through};
+  const anhyst_flux_loop_q31 valid = {any_map(densities, 3, 2, 1000), one, one, one, through, 0};
   anhyst_flux_loop_q31 loop = valid;
   anhyst_force_controller_q31 drive;
   CHECK(anhyst_force_controller_init_map_q31(&drive, &map, 1, 0) == ANHYST_BAD_PARAMETER);
@@ -61,6 +62,9 @@ static void invalid_drives_are_refused(void)
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
   loop = valid;
   loop.smoothing.mantissa = 1;
+  CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
+  loop = valid;
+  loop.most = -1;
   CHECK(anhyst_force_controller_init_flux_q31(&drive, &map, &loop, 0, 1) == ANHYST_BAD_PARAMETER);
   loop = valid;
   loop.wanted.entries = 0;
