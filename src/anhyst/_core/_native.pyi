@@ -20,15 +20,9 @@ class AnyIron:
     def inverse(self, b: _Array, rho: _Array, eddy: _Array, state: _Array) -> _Path:
         """Return drive (A/m), field (A/m), state after, status, index."""
     def settle(
-        self,
-        given: _Array,
-        rho: _Array,
-        eddy: _Array,
-        state: _Array,
-        inverse: bool = False,
-        max_cycles: int = 10000,
-        tol: float = 1e-12,
-    ) -> tuple[_Array, int, int]:
+        self, given: _Array, rho: _Array, eddy: _Array, state: _Array,
+        inverse: bool = False, max_cycles: int = 10000, tol: float = 1e-12,
+    ) -> tuple[_Array, int, int]:  # fmt: skip
         """Repeat a cycle till it closes; return state, cycles, status."""
     def make_solid(self, layers: int, surface: float, laminated: float) -> None:
         """Cut it into layers; its state is then theirs, the surface first, and that of sheets."""
@@ -300,7 +294,7 @@ class _RealForceController:
 
     Rows of a map stand for gaps, its columns for forces, from the lowest to the highest; `low` and
     `high` are the limits of the current. `loop` holds proportional, integral, back and smoothing of
-    ``anhyst_flux_loop``. ValueError if something is not valid.
+    ``anhyst_flux_loop``; :meth:`fuse` puts one around a compensator. ValueError if something is not valid.
     """
 
     @classmethod
@@ -321,8 +315,7 @@ class _RealForceController:
     def fuse(
         self, wanted: _Array, loop: _Array, most: float, force_low: float, force_high: float,
         gap_low: float, gap_high: float, low: float, high: float,
-    ) -> None:  # fmt: skip
-        """Correct a compensator by the measured flux, `most` A at most, before its first tick."""
+    ) -> None: ...  # fmt: skip
     def solve(self, demand: float, gap: float, flux: float) -> float:
         """Return the current for a force; `flux` is the measured density, T, or NaN."""
     def commit(self, applied: float, gap: float) -> float:
@@ -359,8 +352,7 @@ class FixedForceController:
         entries: _Words, wanted: _Words, loop: _Words, low: int, high: int
     ) -> FixedForceController:
         """Make one; a row of `loop` is mantissa and shift of a factor."""
-    def fuse(self, wanted: _Words, loop: _Words, most: int, low: int, high: int) -> None:
-        """Correct a compensator by the measured flux, before its first tick."""
+    def fuse(self, wanted: _Words, loop: _Words, most: int, low: int, high: int) -> None: ...
     def solve(self, demand: int, gap: int, flux: int) -> int:
         """Return the current for a force; `flux` is the measured density, or -2^31 for none."""
     def commit(self, applied: int, gap: int) -> int:
