@@ -19,6 +19,7 @@ READING = frozenset({"columns", "sidecar", "schedule", "loop", "constants", "his
 """How files are read: of `read_loops`, where a function takes loops."""
 
 OWN = {
+    "excite": {"calibrate"},  # another function's: excite_to_calibrate
     "identify": {"out", "clean", *READING},  # its result has save, loops are cleaned before
     "inspect": {"plot", "clean", *READING},  # its result has plot
     "simulate": {"out"},  # without it nothing is written, and the result has save

@@ -521,7 +521,7 @@ def test_six_axes_lift_off_and_land_at_a_command_as_the_simulation_does_bit_for_
     frame, forward = np.zeros((count + 1, len(free))), fed_wrench(setup.believed, still)
     commands = np.zeros(count, dtype=np.uint32)
     commands[[0, up, down]] = Command.IDLE, Command.LIFT, Command.LAND
-    run = fly(setup, 0, still, frame, forward, commands)
+    run = fly(setup, 0, frame[:count], frame, forward, commands)
     held = np.repeat([Command.IDLE, Command.LIFT, Command.LAND], [up, down - up, count - down])
     inputs = {"command": held.astype(np.float64).tolist()} | {
         f"feedforward_{axis}_N{'_m' * axis.startswith('r')}": forward[:, place].tolist()

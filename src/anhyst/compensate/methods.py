@@ -49,7 +49,7 @@ METHODS: Mapping[MethodName, Method] = {
     "full": Method("full hysteresis compensator", "model", full_inverse),
     "flux": Method("measured flux density", "sensor", flux_feedback, probed=True),
     "fused": Method(
-        "full hysteresis compensator and measured flux density",
+        "full, and measured flux density",
         "model",
         fused_inverse,
         probed=True,
