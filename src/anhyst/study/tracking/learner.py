@@ -85,7 +85,7 @@ class Learner:
         if self.seen and (off := self._missed(motion, values)) > known:
             fresh = self._rows_of(motion, values, exact=True)
             # along one coordinate, every motion shows the same
-            unsure = self._unsure(before, fresh) if self.law.rig.settings.several else 0.0
+            unsure = self._unsure(before, fresh) if motion.rows > 1 else 0.0
             if off > math.hypot(known, GROWN * unsure):
                 return self._refuse(motion, before, fresh)
         for turn in range(PASSES):
@@ -344,5 +344,5 @@ def fit(law: MotionLaw, motions: Sequence[Motion]) -> CalibratedMethod:
     """Find the numbers with which a law explains motions best; what is not seen stays where it was."""
     learner = Learner(law)
     for motion in motions:
-        learner.learn(law.motion(motion.read, motion.begin))
+        learner.learn(motion)
     return learner.found
