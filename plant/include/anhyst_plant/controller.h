@@ -41,6 +41,16 @@ typedef struct {
   void (*tick)(void *self, const anhyst_loop_sample *sample, anhyst_loop_answer *answer);
 } anhyst_loop_controller;
 
+/* One of the product's controllers, in one format, and what its signals stand for. The tick is that
+   of an anhyst_loop_controller whose self is the adapter. */
+#define ANHYST_PLANT_ADAPTER(kind, f)                                                              \
+  typedef struct {                                                                                 \
+    anhyst_##kind##_##f *kind;                                                                     \
+    anhyst_##kind##_scales scales;                                                                 \
+  } anhyst_##kind##_adapter_##f;                                                                   \
+  void anhyst_##kind##_adapter_tick_##f(void *self, const anhyst_loop_sample *sample,              \
+                                        anhyst_loop_answer *answer)
+
 #ifdef __cplusplus
 }
 #endif

@@ -23,18 +23,9 @@ typedef struct {
   double flux;       /* density, T */
 } anhyst_position_scales;
 
-/* The tick is that of an anhyst_loop_controller whose self is the adapter. */
-#define ANHYST_POSITION_ADAPTER(f)                                                                 \
-  typedef struct {                                                                                 \
-    anhyst_position_##f *position;                                                                 \
-    anhyst_position_scales scales;                                                                 \
-  } anhyst_position_adapter_##f;                                                                   \
-  void anhyst_position_adapter_tick_##f(void *self, const anhyst_loop_sample *sample,              \
-                                        anhyst_loop_answer *answer)
-ANHYST_POSITION_ADAPTER(q31);
-ANHYST_POSITION_ADAPTER(f64);
-ANHYST_POSITION_ADAPTER(f32);
-#undef ANHYST_POSITION_ADAPTER
+ANHYST_PLANT_ADAPTER(position, q31);
+ANHYST_PLANT_ADAPTER(position, f64);
+ANHYST_PLANT_ADAPTER(position, f32);
 
 #ifdef __cplusplus
 }

@@ -19,13 +19,14 @@ extern "C" {
 
 /* Which SI quantities the signals of fixed point stand for. */
 typedef struct {
-  double error;    /* full scales: m */
-  double forward;  /* N */
-  double demand;   /* N */
-  double current;  /* A */
-  double flux;     /* density, T */
-  double gap_low;  /* range of the gap, m */
-  double gap_high; /* m */
+  double error;     /* full scales: m */
+  double forward;   /* N */
+  double demand;    /* N */
+  double current;   /* A */
+  double flux;      /* density, T */
+  double gap_low;   /* range of the gap, m */
+  double gap_high;  /* m */
+  double gap_total; /* in every format: of both gaps, m */
 } anhyst_tracking_scales;
 
 /* Makes a force controller in double precision that asks one in single precision, which must live
@@ -33,20 +34,10 @@ typedef struct {
 void anhyst_tracking_drive_init_f32(anhyst_force_controller_f64 *c,
                                     anhyst_force_controller_f32 *force);
 
-/* The tick is that of an anhyst_loop_controller whose self is the adapter. target is the wanted
-   position, load the net force that is fed forward, N. */
-#define ANHYST_TRACKING_ADAPTER(f)                                                                 \
-  typedef struct {                                                                                 \
-    anhyst_tracking_##f *tracking;                                                                 \
-    anhyst_tracking_scales scales;                                                                 \
-    double gap_total; /* of both gaps, m */                                                        \
-  } anhyst_tracking_adapter_##f;                                                                   \
-  void anhyst_tracking_adapter_tick_##f(void *self, const anhyst_loop_sample *sample,              \
-                                        anhyst_loop_answer *answer)
-ANHYST_TRACKING_ADAPTER(q31);
-ANHYST_TRACKING_ADAPTER(f64);
-ANHYST_TRACKING_ADAPTER(f32);
-#undef ANHYST_TRACKING_ADAPTER
+/* target is the wanted position, load the net force that is fed forward, N. */
+ANHYST_PLANT_ADAPTER(tracking, q31);
+ANHYST_PLANT_ADAPTER(tracking, f64);
+ANHYST_PLANT_ADAPTER(tracking, f32);
 
 /* The state of a controller of several coordinates, and what it has lost, as an answer has them. */
 uint16_t anhyst_axes_word(uint16_t state, uint32_t lost);

@@ -11,7 +11,7 @@ void ANHYST_NAME(anhyst_tracking_adapter_tick)(void *self, const anhyst_loop_sam
   ANHYST_NAME(anhyst_tracking_sample) in;
   ANHYST_NAME(anhyst_tracking_answer) out;
   for (int i = 0; i < adapter->tracking->drives; i++) {
-    const double at = i % 2 == 0 ? sample->head[0] : adapter->gap_total - sample->head[0];
+    const double at = i % 2 == 0 ? sample->head[0] : scales->gap_total - sample->head[0];
     gap[i] = ANHYST_NAME(gap_code)(at, scales->gap_low, scales->gap_high);
     flux[i] = ANHYST_NAME(flux)(sample->flux[i], scales->flux);
   }

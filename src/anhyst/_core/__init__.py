@@ -1,6 +1,7 @@
 """The C core, bound: what every computation of the package runs on."""
 
 from anhyst._core._native import (
+    AXES_ODD,
     POSITION_MAGNETS,
     AnyIron,
     BusController,
@@ -49,6 +50,7 @@ from anhyst._core._native import (
 )
 
 __all__ = [
+    "AXES_ODD",
     "POSITION_MAGNETS",
     "AnyIron",
     "BusController",

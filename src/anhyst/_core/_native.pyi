@@ -10,6 +10,7 @@ _Array = NDArray[np.float64]
 _Reals = Sequence[float]
 _Numbers = Mapping[str, float]
 _Path = tuple[_Array, _Array, _Array, int, int]
+AXES_ODD: int  # how much longer a head may say the very same than no number
 POSITION_MAGNETS: int  # of a position controller, at most
 
 class AnyIron:

@@ -19,7 +19,7 @@ public:
   {
     Settings given(settings);
     adapter_.scales = take_scales(given);
-    adapter_.gap_total = given.take<double>("gap_total");
+    adapter_.scales.gap_total = given.take<double>("gap_total");
     if (magnets.empty() || magnets.size() > ANHYST_TRACKING_MOST_DRIVES) {
       throw std::invalid_argument("a controller has 1 to 16 magnets");
     }
@@ -254,5 +254,6 @@ void bind_tracking(nb::module_ &m)
       .def("share", &Layout::share, "wrench"_a);
   bind_axes<TrackingF64>(m, "TrackingAxes");
   bind_axes<TrackingF32>(m, "TrackingAxesF32");
+  m.attr("AXES_ODD") = ANHYST_AXES_ODD;
   m.def("allocate", allocate, "net"_a, "idle"_a);
 }

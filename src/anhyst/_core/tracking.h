@@ -18,7 +18,7 @@ inline anhyst_tracking_scales take_scales(Settings &given)
       given.take<double>("error_full"),  given.take<double>("forward_full"),
       given.take<double>("demand_full"), given.take<double>("current_full"),
       given.take<double>("flux_full"),   given.take<double>("gap_low"),
-      given.take<double>("gap_high")};
+      given.take<double>("gap_high"),    0.0};
   if (!(scales.error > 0.0 && scales.forward > 0.0 && scales.demand > 0.0 && scales.current > 0.0 &&
         scales.flux > 0.0 && scales.gap_low < scales.gap_high)) {
     throw std::invalid_argument("a scale of the controller is not valid");

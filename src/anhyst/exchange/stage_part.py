@@ -149,6 +149,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
         corrections = setup.correction.tolist()
     file, numbers = setup.rig.settings, {key: repr(float(value)) for key, value in settings.items()}
     scales = ("error_full", "forward_full", "demand_full", "current_full", "flux_full")
+    gaps = ("gap_low", "gap_high", "gap_total")
     pair = {"idle": numbers["idle"], "kind": int(settings["allocation"])}
     law: dict[str, object] = {"pid": _biquad([*pid(setup.rig).values()]), "allocation": pair}
     rows: Mapping[str, FloatArray] = {"see": np.zeros(1), "at": np.zeros(1)}
@@ -164,8 +165,7 @@ def _controller_numbers(setup: StageSetup, compensators: Mapping[str, object]) -
             **compensators,
             "STAGE_CORRECTIONS": fields([*map(row, corrections)]),
             **{f"STAGE_{name.upper()}": row(rows[name].ravel()) for name in ("see", "at")},
-            "STAGE_GAP_TOTAL": numbers["gap_total"],
-            "STAGE_SCALES": fields([numbers[name] for name in (*scales, "gap_low", "gap_high")]),
+            "STAGE_SCALES": fields([numbers[name] for name in (*scales, *gaps)]),
             "STAGE_SETTINGS": fields(law),
         },
     )

@@ -115,7 +115,7 @@ static void run_law(law_of *law, anhyst_force_controller_f64 *const *drive,
                     const anhyst_loop_sample *sample, anhyst_loop_answer *answer)
 {
   anhyst_tracking_f64 tracking = {&settings, drive, NULL, *law, STAGE_DRIVES};
-  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES, STAGE_GAP_TOTAL};
+  anhyst_tracking_adapter_f64 adapter = {&tracking, STAGE_SCALES};
   anhyst_tracking_adapter_tick_f64(&adapter, sample, answer);
   *law = tracking.state;
 }

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linprog
 
-from anhyst._core import WrenchLayout
+from anhyst._core import AXES_ODD, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.compensate.methods import PROBED
@@ -51,8 +51,6 @@ _SURE = 0.5
 """Part of what supply and inductance let a current change by that it does change by at least."""
 MOST_TICKS = 65535
 """Of a landing."""
-HEADS_ODD = 8
-"""``ANHYST_AXES_ODD``: how much longer a head may say the very same than no number."""
 HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
@@ -419,7 +417,7 @@ def watch_settings(rig: StageRig) -> dict[str, float]:
         "spare": spare(rig.settings) if table.lost_A else 0,
         "land_ticks": min(math.ceil(down), MOST_TICKS),
         "jump": (table.head_m_per_s or 0.0) * rig.dt,
-        "doubt": HEADS_ODD * max(1, round(table.head_s / rig.dt)),
+        "doubt": AXES_ODD * max(1, round(table.head_s / rig.dt)),
         "noisy": int(all(one.noise_m > one.step_m for one in rig.settings.position_sensors)),
         "spare_heads": sum(
             1 << one for one, rows in enumerate(without(rig.settings)) if rows.any()
