@@ -41,8 +41,9 @@ def built(folder: Path) -> Path:
     assert script.stem == f"build_{name}"
     program = folder / name
     warnings = ("-Wall", "-Wextra", "-Wno-unused-parameter", "-Werror")
+    stops = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error")
     quietly(
-        *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *SAME_BITS, *warnings),
+        *(tool("cc", "gcc", "clang"), "-std=c99", "-O2", *SAME_BITS, *warnings, *stops),
         *("-DMATLAB_MEX_FILE", f"-DS_FUNCTION_NAME={name}", "-o", str(program)),
         *(f"-I{place}" for place in (INTERFACE, folder / "src", folder / "src" / "include")),
         *(str(folder / "src" / file) for file in files),
@@ -145,6 +146,10 @@ def test_a_rig_moves_as_its_fmu_does(
         rows = np.array(made.run(given, shown, float(head.split()[2])))
     assert head.split()[:2] == [str(len(ports)), str(len(shown))]
     assert np.array_equal(found[1:], rows[:-1])
+    if "command" in ports:
+        given["command"][-1] = 1e300
+        text = "\n".join(" ".join(map(repr, row)) for row in beside(*given.values()).tolist())
+        assert "a command is a number from 0 to" in complaint(program, text)
 
 
 @pytest.mark.slow

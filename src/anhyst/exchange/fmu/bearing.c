@@ -48,8 +48,9 @@ static const char *tick(const void *tables, void *state, double *values, double 
 {
   state_of *now = (state_of *)state;
   const double nothing = 0.0;
-  const uint32_t command =
-      values[COMMAND] != now->command ? (uint32_t)fmax(0.0, values[COMMAND]) : 0U;
+  const double asked = values[COMMAND];
+  const int is_known = asked >= 0.0 && asked <= 6.0;
+  const uint32_t command = is_known && asked != now->command ? (uint32_t)asked : 0U;
   const anhyst_plant_events events = {&values[TARGET], &values[LOAD], &nothing,
                                       &nothing,        &command,      NULL};
   const anhyst_loop_controller controller = {&now->controller.position,
@@ -57,11 +58,11 @@ static const char *tick(const void *tables, void *state, double *values, double 
   const double *record;
   (void)tables;
   (void)seconds;
-  if (!(values[COMMAND] >= 0.0 && values[COMMAND] <= 6.0)) {
+  if (!is_known) {
     return "a command is a number from 0 to 6";
   }
   record = run_plant(&now->plant, controller, &events);
-  now->command = values[COMMAND];
+  now->command = asked;
   values[REFERENCE] = *recorded(record, ANHYST_LOOP_REFERENCE);
   values[GAP_READ] = *recorded(record, ANHYST_LOOP_GAP_READ);
   values[DEMAND] = *recorded(record, ANHYST_LOOP_DEMAND);

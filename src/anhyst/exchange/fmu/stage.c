@@ -90,7 +90,8 @@ static const char *tick(const void *tables, void *state, double *values, double 
   double frame[2 * AXES];
   double forward[AXES];
   const double asked = STAGE_HEADS > 0 ? values[COMMAND] : 0.0;
-  const uint32_t command = asked >= 0.0 && asked != now->command ? (uint32_t)asked : 0U;
+  const int is_known = asked >= 0.0 && asked <= 7.0;
+  const uint32_t command = is_known && asked != now->command ? (uint32_t)asked : 0U;
   const anhyst_plant_events events = {values + REFERENCE, values + LOAD, values + NOISE, forward,
                                       &command,           frame};
   const anhyst_loop_controller controller = {now->controller, anhyst_stage_controller_tick};
@@ -99,7 +100,7 @@ static const char *tick(const void *tables, void *state, double *values, double 
   int i;
   (void)tables;
   (void)seconds;
-  if (!(asked >= 0.0 && asked <= 7.0)) {
+  if (!is_known) {
     return "a command is a number from 0 to 7";
   }
   now->command = asked;
