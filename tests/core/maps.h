@@ -4,6 +4,7 @@
 #define TEST_MAPS_H
 
 #include "anhyst/compensator/map.h"
+#include "anhyst/numeric/factor.h"
 
 #include "truth.h"
 
@@ -16,6 +17,12 @@ static inline int32_t any_code(void) { return (int32_t)(uint32_t)(random_bits(&s
 static inline int32_t any_within(int32_t low, int32_t high)
 {
   return (int32_t)(low + (int64_t)(random_bits(&seed) % (uint64_t)((int64_t)high - low + 1)));
+}
+
+static inline anhyst_factor any_factor(void)
+{
+  const anhyst_factor factor = {(int16_t)any_within(-32768, 32767), (int16_t)any_within(-15, 16)};
+  return factor;
 }
 
 static inline void fill(const anhyst_map_q31 *map, int16_t *table, int32_t step)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Claims of the drive in fixed point, of the kinds map and flux. */
+/* Claims of the drive in fixed point, of the methods map and flux, and of a compensator fused with
+   the measured flux. */
 #include "anhyst/compensator/force_controller.h"
 
 #include "check.h"
@@ -28,7 +29,7 @@ static void any_signal_is_answered_within_the_limits(void)
 {
   for (int i = 0; i < 200; i++) {
     const anhyst_map_q31 map = any_map(entries, (uint16_t)(i % 9), (uint16_t)(i % 5), 8000);
-    const anhyst_factor any = {(int16_t)any_within(-32768, 32767), (int16_t)any_within(-15, 16)};
+    const anhyst_factor any = any_factor();
     const anhyst_flux_loop_q31 loop = {any_map(densities, 4, 2, 9000),
                                        any,
                                        {any.shift, any.shift},
@@ -42,6 +43,82 @@ static void any_signal_is_answered_within_the_limits(void)
     for (int tick = 0; tick < SIGNALS; tick++) {
       check_tick(&drive, tick);
     }
+  }
+}
+
+/* An iron whose field goes with its flux, and says nothing of where it has been. */
+static int32_t straight_field(anhyst_compensator *c) { return c->flux - (c->flux >> 2); }
+
+static int32_t straight_flux(anhyst_compensator *c, int32_t current)
+{
+  return anhyst_clamp(anhyst_sub_q31(current, c->arms.bias), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+}
+
+static const anhyst_kernel straight = {.field = straight_field, .flux = straight_flux};
+
+/* A compensator of that iron with any valid numbers of its head. */
+static anhyst_force_controller_q31 any_compensated(int16_t *words)
+{
+  static const int tables[] = {ANHYST_WORD_GAP_GAIN, ANHYST_WORD_GAP_OFFSET, ANHYST_WORD_GAP_BIAS,
+                               ANHYST_WORD_GAP_FLUX_ARM, ANHYST_WORD_GAP_FIELD_ARM};
+  anhyst_force_controller_q31 drive = {.method = &anhyst_force_by_compensator_q31};
+  words[ANHYST_WORD_POWER] = (int16_t)any_within(1, 2);
+  words[ANHYST_WORD_DEMAND_LOW] = (int16_t)any_within(-32768, 0);
+  words[ANHYST_WORD_DEMAND_HIGH] = (int16_t)any_within(0, 32767);
+  words[ANHYST_WORD_CURRENT_LOW] = (int16_t)any_within(-32768, 0);
+  words[ANHYST_WORD_CURRENT_HIGH] = (int16_t)any_within(0, 32767);
+  words[ANHYST_WORD_CURRENT_SHIFT] = (int16_t)any_within(0, 8);
+  words[ANHYST_WORD_FLUX_LIMIT] = (int16_t)any_within(1, 16384);
+  words[ANHYST_WORD_FLUX_SHIFT] = (int16_t)any_within(0, 6);
+  words[ANHYST_WORD_GAP_SEGMENTS] = 0;
+  words[ANHYST_WORD_ROOT_KNEE] = (int16_t)any_within(2, 8);
+  for (int i = 0; i < 5; i++) {
+    const int first = ANHYST_BLOCK_LEAST_WORDS + 2 * i;
+    const int least = tables[i] == ANHYST_WORD_GAP_GAIN || tables[i] == ANHYST_WORD_GAP_FIELD_ARM;
+    words[tables[i]] = (int16_t)first;
+    words[first] = (int16_t)any_within(least ? 1 : -16383, 16384);
+    words[first + 1] = (int16_t)any_within(least ? 1 : -16383, 16384);
+  }
+  drive.compensator.kernel = &straight;
+  drive.compensator.words = words;
+  return drive;
+}
+
+static void check_fused_tick(anhyst_force_controller_q31 *drive, int tick)
+{
+  const int32_t most = drive->loop->most;
+  const int32_t gap = any_code();
+  const int32_t demand = any_code();
+  const int32_t flux = tick % 5 == 0 ? ANHYST_NO_FLUX : any_code();
+  const int32_t current = anhyst_force_controller_solve_q31(drive, demand, gap, flux);
+  const int64_t added = (int64_t)drive->wanted - drive->compensator.current;
+  CHECK(current >= drive->low && current <= drive->high);
+  CHECK(added >= -(int64_t)most && added <= most);
+  CHECK(current == anhyst_force_controller_solve_q31(drive, demand, gap, flux));
+  (void)anhyst_force_controller_commit_q31(drive, tick % 3 == 0 ? any_code() : current, gap);
+  CHECK(drive->integral >= -(most >> 1) && drive->integral <= most >> 1);
+}
+
+/* Under sanitizers, likewise. */
+static void what_a_probe_adds_to_a_compensator_is_bounded(void)
+{
+  for (int i = 0; i < 200; i++) {
+    int16_t words[ANHYST_BLOCK_LEAST_WORDS + 10] = {0};
+    const anhyst_flux_loop_q31 loop = {any_map(densities, 4, 2, 9000),
+                                       any_factor(),
+                                       any_factor(),
+                                       {(int16_t)any_within(0, 32767), 1},
+                                       {(int16_t)any_within(-32768, 0), (int16_t)(i % 2)},
+                                       any_within(0, i % 3 == 0 ? ANHYST_Q31_MAX : 1 << 28)};
+    const int32_t low = any_code() / 2;
+    const int32_t high = any_within(low, ANHYST_Q31_MAX);
+    anhyst_force_controller_q31 drive = any_compensated(words);
+    CHECK(anhyst_force_controller_fuse_q31(&drive, &loop, low, high) == ANHYST_OK);
+    for (int tick = 0; tick < SIGNALS; tick++) {
+      check_fused_tick(&drive, tick);
+    }
+    CHECK(anhyst_force_controller_fuse_q31(&drive, &loop, 1, 0) == ANHYST_BAD_PARAMETER);
+    CHECK(drive.low == low && drive.high == high);
   }
 }
 
@@ -76,6 +153,7 @@ static void invalid_drives_are_refused(void)
 int main(void)
 {
   any_signal_is_answered_within_the_limits();
+  what_a_probe_adds_to_a_compensator_is_bounded();
   invalid_drives_are_refused();
   return verdict();
 }

@@ -13,12 +13,6 @@
 
 static int16_t entries[MOST_COLUMNS * MOST_ROWS];
 
-static anhyst_factor any_factor(void)
-{
-  const anhyst_factor factor = {(int16_t)any_within(-32768, 32767), (int16_t)any_within(-15, 16)};
-  return factor;
-}
-
 static anhyst_factor to_factor(double value)
 {
   int exponent;

@@ -279,6 +279,20 @@ FAULTS = [
         "return settings->current_step < 0\n",
         "test_fixed_tracking",
     ),
+    Fault(
+        "a probe that adds to a compensator what it likes",
+        "src/compensator/force_controller.c",
+        "anhyst_clamp(c->correction, -c->loop->most, c->loop->most)",
+        "c->correction",
+        "test_fixed_force_controller",
+    ),
+    Fault(
+        "an integral without end",
+        "src/compensator/force_controller.c",
+        "anhyst_clamp(c->integral, -(c->loop->most >> 1), c->loop->most >> 1)",
+        "c->integral",
+        "test_fixed_force_controller",
+    ),
 ]
 
 
@@ -291,7 +305,10 @@ BESIDE = {
         *(f"compensator/{name}" for name in ("force_controller", "force_controller_real", "map")),
         *(f"compensator/{name}" for name in ("map_real", "compensator", "block")),
         *(f"compensator/compensator_{name}" for name in ("f32", "f64")),
-    )
+    ),
+    "test_fixed_force_controller": tuple(
+        f"compensator/{name}" for name in ("force_controller", "map", "compensator", "block")
+    ),
 }
 """Sources of a test that does not."""
 
