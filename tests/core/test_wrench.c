@@ -201,6 +201,61 @@ static void what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number(voi
   CHECK(fabs(force[0]) < 1e-300 && fabs(force[1]) < 1e-300);
 }
 
+/* How far forces are from those of drives that lose the same and are asked nothing else, of the
+   largest. */
+static double off_fresh(const anhyst_wrench_layout_f64 *layout, const int *lost, int losses,
+                        const double *wrench, const double *force)
+{
+  static anhyst_wrench_f64 fresh;
+  double found[ANHYST_WRENCH_DRIVES];
+  double worst = 0.0;
+  double size = 1.0;
+  CHECK(anhyst_wrench_init_f64(&fresh, layout) == ANHYST_OK);
+  for (int i = 0; i < losses; i++) {
+    anhyst_wrench_lose_f64(&fresh, lost[i]);
+  }
+  (void)anhyst_wrench_share_f64(&fresh, wrench, found);
+  for (int j = 0; j < (int)layout->drives; j++) {
+    keep_worst(&size, fabs(found[j]));
+    keep_worst(&worst, fabs(found[j] - force[j]));
+  }
+  return worst / size;
+}
+
+static void what_is_given_up_depends_on_what_is_asked_alone(void)
+{
+  double worst = 0.0;
+  int given_up = 0;
+  for (int i = 0; i < 3000; i++) {
+    const anhyst_wrench_layout_f64 layout = any_layout();
+    double wrench[ANHYST_WRENCH_AXES] = {0};
+    double force[ANHYST_WRENCH_DRIVES];
+    int lost[3];
+    if (anhyst_wrench_init_f64(&drives, &layout) != ANHYST_OK) {
+      continue;
+    }
+    for (int tick = 0; tick < 60; tick++) {
+      const double walk = tick % 7 == 0 ? 100.0 : 1.0;
+      if (tick % 20 == 0) {
+        lost[tick / 20] = any_within(0, layout.drives - 1);
+        anhyst_wrench_lose_f64(&drives, lost[tick / 20]);
+      }
+      for (int k = 0; k < (int)layout.axes; k++) {
+        wrench[k] += walk * any_part();
+      }
+      given_up += !anhyst_wrench_share_f64(&drives, wrench, force);
+      for (int j = 0; j < (int)layout.drives; j++) {
+        const double least = drives.alone >> j & 1 ? 0.5 : 0.0;
+        CHECK(force[j] >= least * (1.0 - 1e-9) && force[j] < 241.0);
+        CHECK(!(drives.lost >> j & 1) || !(force[j] > 0.0));
+      }
+      keep_worst(&worst, off_fresh(&layout, lost, tick / 20 + 1, wrench, force));
+    }
+  }
+  CHECK(given_up > 50000);
+  CHECK_BELOW("difference from drives that were asked nothing before, of the force", worst, 1e-9);
+}
+
 static void bad_layouts_are_refused(void)
 {
   const double one[2] = {1.0, -1.0};
@@ -226,6 +281,7 @@ int main(void)
   no_number_makes_nothing();
   drives_that_go_both_ways_share_by_least_squares();
   what_pushes_too_ends_at_its_least_and_makes_nothing_of_no_number();
+  what_is_given_up_depends_on_what_is_asked_alone();
   bad_layouts_are_refused();
   return verdict();
 }

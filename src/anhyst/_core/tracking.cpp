@@ -72,7 +72,7 @@ public:
 
   void lose(int drive) { anhyst_wrench_lose_f64(&wrench_, drive); }
   // Forces, and whether they make the wrench.
-  nb::tuple share(const std::vector<double> &wrench) const
+  nb::tuple share(const std::vector<double> &wrench)
   {
     same_length(wrench.size(), layout_.axes, "wrench");
     std::vector<double> force(layout_.drives);

@@ -15,19 +15,27 @@ typedef struct {
   const ANHYST_REAL *yields; /* > 0, of 1 */
 } ANHYST_NAME(anhyst_wrench_layout);
 
+/* What drives make along one axis for what they make along another, as U'DU, U with ones on its
+   diagonal. */
 typedef struct {
-  ANHYST_REAL lower[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES];
+  uint16_t free;                       /* the drives, bit by bit; of a pair the first */
+  ANHYST_REAL row[ANHYST_WRENCH_AXES]; /* the diagonal of the product */
+  ANHYST_REAL upper[ANHYST_WRENCH_AXES][ANHYST_WRENCH_AXES]; /* U, and 1 over D on its diagonal */
 } ANHYST_NAME(anhyst_wrench_factor);
 
-/* What every search begins with. */
+/* What every search begins with, and what the last one found on its way: a tick mostly gives up
+   what the one before did. */
 typedef struct {
   const ANHYST_NAME(anhyst_wrench_layout) *layout;
   uint16_t against[ANHYST_WRENCH_DRIVES]; /* as in the layout, without what is lost */
   uint16_t lost;                          /* drives, bit by bit */
+  uint16_t open;  /* those whose force is to be found; of a pair the first */
+  uint16_t alone; /* those that stand alone, but what is lost */
   int whole; /* whether the others can still push along every axis, if those alone could push too */
   ANHYST_REAL scale[ANHYST_WRENCH_AXES]; /* of each axis, so that all weigh alike */
-  ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES]; /* scaled */
-  ANHYST_NAME(anhyst_wrench_factor) factor;                   /* with all drives free */
+  ANHYST_REAL pull[ANHYST_WRENCH_DRIVES][ANHYST_WRENCH_AXES];           /* scaled */
+  ANHYST_NAME(anhyst_wrench_factor) factor;                             /* of all of them */
+  ANHYST_NAME(anhyst_wrench_factor) given_up[ANHYST_WRENCH_PASSES + 1]; /* with yields, by pass */
 } ANHYST_NAME(anhyst_wrench);
 
 /* ANHYST_OK where numbers, pairs and idle force are valid and the drives can push along every axis,
@@ -40,5 +48,5 @@ void ANHYST_NAME(anhyst_wrench_lose)(ANHYST_NAME(anhyst_wrench) *w, int drive);
 
 /* Forces of the drives, N, for a wrench. 1 where they make it; else 0, and each drive alone still
    pulls its least; what is no number counts as no force. Lost drives pull nothing. */
-int ANHYST_NAME(anhyst_wrench_share)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
+int ANHYST_NAME(anhyst_wrench_share)(ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
                                      ANHYST_REAL *force);
