@@ -496,7 +496,6 @@ int32_t anhyst_cells_flux_of(const int16_t *words, const anhyst_candidate *at)
 int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
-  /* Where a step ends at its bound, what reach gives is of the target, not of the bound. */
   (void)reach(words, from, plays, arms, target, to);
   return anhyst_cells_flux_of(words, to);
 }
