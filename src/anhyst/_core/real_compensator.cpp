@@ -41,7 +41,12 @@ public:
     for (size_t i = 0; i < memories(); i++, to += stride()) {
       const typename F::Memory &now = i == 0 ? state_.memory : state_.deeper[i - 1].memory;
       const Real *plays = i == 0 ? state_.plays : state_.deeper[i - 1].plays;
-      const Real values[] = {now.x, now.y, now.p, now.turn, now.level};
+      Real values[5];
+      std::copy(std::begin(now.number), std::end(now.number), values);
+      if (stride() > 5U) {
+        values[3] = static_cast<Real>(now.cells.risen);
+        values[4] = 0;
+      }
       std::copy(plays, plays + stride() - 5, std::copy(std::begin(values), std::end(values), to));
     }
     return out;
@@ -60,7 +65,11 @@ public:
       const size_t at = i * stride();
       Real *plays = i == 0 ? state_.plays : state_.deeper[i - 1].plays;
       typename F::Memory &now = i == 0 ? state_.memory : state_.deeper[i - 1].memory;
-      now = {real(at), real(at + 1), real(at + 2), real(at + 3), real(at + 4)};
+      now = {{real(at), real(at + 1), real(at + 2), real(at + 3), real(at + 4)}};
+      if (stride() > 5U) {
+        const double bits = values(at + 3); // of plays; those beyond them say nothing
+        now.cells.risen = bits > 0.0 ? static_cast<uint32_t>(std::min(bits, 1e9)) : 0U;
+      }
       for (size_t play = 0; play < stride() - 5; play++) {
         plays[play] = real(at + 5 + play);
       }

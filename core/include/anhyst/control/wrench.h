@@ -12,7 +12,8 @@
    A drive that is lost pulls nothing; one that it pulled against stands alone from then on. What
    the others do not make within their bounds is then given up along the axes that yield most: the
    forces are those of least squares of what is missing, each axis by what it yields, and of the
-   forces, in so many passes too.
+   forces, in so many passes too. What a pass has to solve is kept for the next wrench, which mostly
+   asks for the same again: only time depends on what was asked before.
 
    Nothing here allocates memory; loops are bounded by the numbers of axes and drives. Declarations
    are in generic/wrench.h. */

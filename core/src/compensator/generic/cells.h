@@ -10,7 +10,7 @@
    side where its path has left it: between their entries rows are not quite odd, so that counted on
    the other side the iron would jump as the path turns. */
 
-/* Bits of all cells: they came to rest while the field rose. Exact in either format. */
+/* Bits of all cells: they came to rest while the field rose. */
 #define ALL_RISEN (((uint32_t)2 << (uint16_t)ANHYST_CELLS) - 1U)
 
 /* A rising path. Cell 0 has no width, and moves always. */
@@ -23,25 +23,25 @@ typedef struct {
   uint16_t moved;   /* those below this one moved the other way until here */
   uint32_t risen;   /* bit i: cell i came to rest while the field rose */
   int falling;      /* all is mirrored */
-} ANHYST_NAME(cell_path);
+} cell_path;
 
 /* What is solved for, in the direction of the path. */
 typedef struct {
   ANHYST_REAL flux_arm;
   ANHYST_REAL field_arm;
   ANHYST_REAL target;
-} ANHYST_NAME(equation);
+} equation;
 
-static ANHYST_REAL ANHYST_NAME(facing)(ANHYST_REAL a, int falling) { return falling ? -a : a; }
+static ANHYST_REAL facing(ANHYST_REAL a, int falling) { return falling ? -a : a; }
 
 /* Half-width of the play of a cell. */
-static ANHYST_REAL ANHYST_NAME(width)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
+static ANHYST_REAL width(const cell_path *along, uint16_t cell)
 {
   return along->law->thresholds[cell - 1U];
 }
 
 /* A field counted in segments: of a row, narrow ones around zero and wide ones beyond. */
-static ANHYST_REAL ANHYST_NAME(place_of)(const ANHYST_NAME(anhyst_cells_law) *law, ANHYST_REAL x)
+static ANHYST_REAL place_of(const ANHYST_NAME(anhyst_cells_law) *law, ANHYST_REAL x)
 {
   const ANHYST_REAL beyond = ANHYST_NAME(anhyst_size)(x) - law->inner;
   ANHYST_REAL place = x * (ANHYST_REAL)law->narrow / law->inner;
@@ -53,112 +53,105 @@ static ANHYST_REAL ANHYST_NAME(place_of)(const ANHYST_NAME(anhyst_cells_law) *la
 }
 
 /* How many segments a row has. */
-static uint16_t ANHYST_NAME(segments_of)(const ANHYST_NAME(anhyst_cells_law) *law)
+static uint16_t segments_of(const ANHYST_NAME(anhyst_cells_law) *law)
 {
   return (uint16_t)(2U * (law->narrow + law->wide));
 }
 
-static const ANHYST_REAL *ANHYST_NAME(row_of)(const ANHYST_NAME(anhyst_cells_law) *law,
-                                              uint16_t cells)
+static const ANHYST_REAL *row_of(const ANHYST_NAME(anhyst_cells_law) *law, uint16_t cells)
 {
-  const uint32_t entries = (cells - 1U) * (ANHYST_NAME(segments_of)(law) + 1U);
+  const uint32_t entries = (cells - 1U) * (segments_of(law) + 1U);
   return law->rows + entries;
 }
 
 /* The magnetisation of so many moving cells. */
-static ANHYST_REAL ANHYST_NAME(moving)(const ANHYST_NAME(cell_path) *along, uint16_t cells,
-                                       ANHYST_REAL x)
+static ANHYST_REAL moving(const cell_path *along, uint16_t cells, ANHYST_REAL x)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
   return ANHYST_NAME(anhyst_value_at)(
-      ANHYST_NAME(row_of)(law, cells),
-      ANHYST_NAME(anhyst_spot_of)(ANHYST_NAME(segments_of)(law), ANHYST_NAME(place_of)(law, x)));
+      row_of(law, cells), ANHYST_NAME(anhyst_spot_of)(segments_of(law), place_of(law, x)));
 }
 
 /* The play of a cell that rests, as the field has left it at most. */
-static ANHYST_REAL ANHYST_NAME(at_rest)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
+static ANHYST_REAL at_rest(const cell_path *along, uint16_t cell)
 {
-  const ANHYST_REAL r = ANHYST_NAME(width)(along, cell);
+  const ANHYST_REAL r = width(along, cell);
   if (cell < along->moved) {
     return along->x + r;
   }
-  return ANHYST_NAME(anhyst_limited)(ANHYST_NAME(facing)(along->plays[cell - 1U], along->falling),
-                                     along->x - r, along->x + r);
+  return ANHYST_NAME(anhyst_limited)(facing(along->plays[cell - 1U], along->falling), along->x - r,
+                                     along->x + r);
 }
 
 /* Whether a cell came to rest on a path of the opposite direction. */
-static int ANHYST_NAME(opposes)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
+static int opposes(const cell_path *along, uint16_t cell)
 {
   const uint32_t rises = along->falling ? 0U : 1U;
   return ((along->risen >> cell) & 1U) != rises;
 }
 
 /* What a cell that rests gives, where the field had brought it: on the side on which it did. */
-static ANHYST_REAL ANHYST_NAME(alone)(const ANHYST_NAME(cell_path) *along, uint16_t cell)
+static ANHYST_REAL alone(const cell_path *along, uint16_t cell)
 {
-  const int against = ANHYST_NAME(opposes)(along, cell);
-  const ANHYST_REAL play = ANHYST_NAME(facing)(ANHYST_NAME(at_rest)(along, cell), against);
-  const ANHYST_REAL x = play + ANHYST_NAME(width)(along, cell);
-  const ANHYST_REAL m =
-      ANHYST_NAME(moving)(along, (uint16_t)(cell + 1U), x) - ANHYST_NAME(moving)(along, cell, x);
-  return ANHYST_NAME(facing)(m, against);
+  const int against = opposes(along, cell);
+  const ANHYST_REAL play = facing(at_rest(along, cell), against);
+  const ANHYST_REAL x = play + width(along, cell);
+  const ANHYST_REAL m = moving(along, (uint16_t)(cell + 1U), x) - moving(along, cell, x);
+  return facing(m, against);
 }
 
 /* Lets all cells rest but cell 0. */
-static void ANHYST_NAME(rest_all)(ANHYST_NAME(cell_path) *along)
+static void rest_all(cell_path *along)
 {
   along->active = 1;
   along->rest = R(0.0);
   for (uint16_t cell = 1; cell <= along->law->cells; cell++) {
-    along->rest += ANHYST_NAME(alone)(along, cell);
+    along->rest += alone(along, cell);
   }
 }
 
 /* Leaves a path for the opposite one. */
-static void ANHYST_NAME(turn)(ANHYST_NAME(cell_path) *along)
+static void turn(cell_path *along)
 {
   const uint32_t moved = ((uint32_t)1 << along->active) - 1U;
   along->risen = along->falling ? (along->risen & ~moved) : (along->risen | moved);
   along->falling = !along->falling;
   along->x = -along->x;
   along->moved = along->active;
-  ANHYST_NAME(rest_all)(along);
+  rest_all(along);
 }
 
 /* A path that goes on from a memory, in the direction which that had. */
-static ANHYST_NAME(cell_path)
-    ANHYST_NAME(begin)(const ANHYST_NAME(anhyst_cells_law) *law,
-                       const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays)
+static cell_path begin(const ANHYST_NAME(anhyst_cells_law) *law,
+                       const ANHYST_NAME(anhyst_cells_memory) *from, const ANHYST_REAL *plays)
 {
-  ANHYST_NAME(cell_path) along;
-  const ANHYST_REAL count = ANHYST_NAME(anhyst_size)(from->p);
+  cell_path along;
+  const ANHYST_REAL count = ANHYST_NAME(anhyst_size)(from->active);
   along.law = law;
   along.plays = plays;
   along.moved = 0;
-  along.risen = (uint32_t)ANHYST_NAME(anhyst_limited)(from->turn, R(0.0), (ANHYST_REAL)ALL_RISEN);
-  along.falling = from->p < R(0.0);
-  along.x = ANHYST_NAME(facing)(ANHYST_NAME(anhyst_limited)(from->x, -law->reach, law->reach),
-                                along.falling);
+  along.risen = from->risen & ALL_RISEN;
+  along.falling = from->active < R(0.0);
+  along.x = facing(ANHYST_NAME(anhyst_limited)(from->x, -law->reach, law->reach), along.falling);
   if (count >= R(1.0) && count <= (ANHYST_REAL)law->cells + R(1.0)) {
     along.active = (uint16_t)count;
-    along.rest = ANHYST_NAME(facing)(from->y, along.falling);
+    along.rest = facing(from->rest, along.falling);
   } else { /* not known: as if they had risen */
     along.risen = ALL_RISEN;
-    ANHYST_NAME(rest_all)(&along);
+    rest_all(&along);
   }
   return along;
 }
 
 /* What is missing of the target where the field is x. */
-static ANHYST_REAL ANHYST_NAME(missing)(const ANHYST_NAME(cell_path) *along,
-                                        const ANHYST_NAME(equation) *solve, ANHYST_REAL x)
+static ANHYST_REAL missing_at(const cell_path *along, const equation *solve, ANHYST_REAL x)
 {
-  const ANHYST_REAL m = ANHYST_NAME(moving)(along, along->active, x) + along->rest;
+  const ANHYST_REAL m = moving(along, along->active, x) + along->rest;
   return solve->target - (solve->flux_arm * (m + along->law->air * x) + solve->field_arm * x);
 }
 
 /* The field at the lower end of a segment. */
-static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(cell_path) *along, uint16_t segment)
+static ANHYST_REAL node(const cell_path *along, uint16_t segment)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
   const ANHYST_REAL from_middle = (ANHYST_REAL)segment - (ANHYST_REAL)(law->narrow + law->wide);
@@ -170,122 +163,115 @@ static ANHYST_REAL ANHYST_NAME(node)(const ANHYST_NAME(cell_path) *along, uint16
   return from_middle < R(0.0) ? -x : x;
 }
 
-static uint16_t ANHYST_NAME(segment_of)(const ANHYST_NAME(cell_path) *along, ANHYST_REAL x)
+static uint16_t segment_of(const cell_path *along, ANHYST_REAL x)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
-  return ANHYST_NAME(anhyst_spot_of)(ANHYST_NAME(segments_of)(law), ANHYST_NAME(place_of)(law, x))
-      .index;
+  return ANHYST_NAME(anhyst_spot_of)(segments_of(law), place_of(law, x)).index;
 }
 
 /* Goes to the target between two places, on the row of the cells that move. */
-static void ANHYST_NAME(go)(ANHYST_NAME(cell_path) *along, const ANHYST_NAME(equation) *solve,
-                            ANHYST_REAL low, ANHYST_REAL high)
+static void go(cell_path *along, const equation *solve, ANHYST_REAL low, ANHYST_REAL high)
 {
-  uint16_t first = ANHYST_NAME(segment_of)(along, low);
-  uint16_t end = ANHYST_NAME(segment_of)(along, high);
+  uint16_t first = segment_of(along, low);
+  uint16_t end = segment_of(along, high);
   while (first < end) {
     const uint16_t middle = (uint16_t)((first + end + 1U) / 2U);
-    if (ANHYST_NAME(missing)(along, solve, ANHYST_NAME(node)(along, middle)) > R(0.0)) {
+    if (missing_at(along, solve, node(along, middle)) > R(0.0)) {
       first = middle;
     } else {
       end = (uint16_t)(middle - 1U);
     }
   }
-  const ANHYST_REAL begin = ANHYST_NAME(node)(along, first);
-  const ANHYST_REAL beyond = ANHYST_NAME(node)(along, (uint16_t)(first + 1U));
-  const ANHYST_REAL missing = ANHYST_NAME(missing)(along, solve, begin);
-  const ANHYST_REAL rise = missing - ANHYST_NAME(missing)(along, solve, beyond);
+  const ANHYST_REAL begin = node(along, first);
+  const ANHYST_REAL beyond = node(along, (uint16_t)(first + 1U));
+  const ANHYST_REAL missing = missing_at(along, solve, begin);
+  const ANHYST_REAL rise = missing - missing_at(along, solve, beyond);
   const ANHYST_REAL part = rise > R(0.0) ? missing / rise : R(0.0);
   along->x = ANHYST_NAME(anhyst_limited)(begin + part * (beyond - begin), low, high);
 }
 
 /* Lets cells join till the target is met. */
-static void ANHYST_NAME(advance)(ANHYST_NAME(cell_path) *along, const ANHYST_NAME(equation) *solve)
+static void advance(cell_path *along, const equation *solve)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = along->law;
   ANHYST_REAL low = along->x;
   ANHYST_REAL high = law->reach;
   while (along->active <= law->cells) {
     const uint16_t cell = along->active;
-    const ANHYST_REAL joins = ANHYST_NAME(anhyst_limited)(
-        ANHYST_NAME(at_rest)(along, cell) + ANHYST_NAME(width)(along, cell), low, law->reach);
-    if (!(ANHYST_NAME(missing)(along, solve, joins) > R(0.0))) {
+    const ANHYST_REAL joins =
+        ANHYST_NAME(anhyst_limited)(at_rest(along, cell) + width(along, cell), low, law->reach);
+    if (!(missing_at(along, solve, joins) > R(0.0))) {
       high = joins;
       break;
     }
-    along->rest -= ANHYST_NAME(alone)(along, cell);
+    along->rest -= alone(along, cell);
     along->active = (uint16_t)(cell + 1U);
     low = joins;
   }
   if (along->active > law->cells) {
     along->rest = R(0.0); /* none rests */
   }
-  ANHYST_NAME(go)(along, solve, low, high);
+  go(along, solve, low, high);
 }
 
 /* Solves from a memory on; returns m. */
-static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_cells_law) *law,
-                                     const ANHYST_NAME(anhyst_memory) *from,
-                                     const ANHYST_REAL *plays, ANHYST_NAME(equation) solve,
-                                     ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL meet(const ANHYST_NAME(anhyst_cells_law) *law,
+                        const ANHYST_NAME(anhyst_cells_memory) *from, const ANHYST_REAL *plays,
+                        equation solve, ANHYST_NAME(anhyst_cells_memory) *to)
 {
-  ANHYST_NAME(cell_path) along = ANHYST_NAME(begin)(law, from, plays);
-  solve.target = ANHYST_NAME(facing)(solve.target, along.falling);
-  const ANHYST_REAL missing = ANHYST_NAME(missing)(&along, &solve, along.x);
+  cell_path along = begin(law, from, plays);
+  solve.target = facing(solve.target, along.falling);
+  const ANHYST_REAL missing = missing_at(&along, &solve, along.x);
   const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(solve.target) +
                            ANHYST_NAME(anhyst_size)(solve.flux_arm) +
                            ANHYST_NAME(anhyst_size)(solve.field_arm * along.x);
   /* Unless it is there already, or the target is no number. */
   if (ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size)) {
     if (missing < R(0.0)) {
-      ANHYST_NAME(turn)(&along);
+      turn(&along);
       solve.target = -solve.target;
     }
-    ANHYST_NAME(advance)(&along, &solve);
+    advance(&along, &solve);
   }
   const ANHYST_REAL active = (ANHYST_REAL)along.active;
-  to->x = ANHYST_NAME(facing)(along.x, along.falling);
-  to->y = ANHYST_NAME(facing)(along.rest, along.falling);
-  to->p = ANHYST_NAME(facing)(active, along.falling);
-  to->turn = (ANHYST_REAL)along.risen;
-  to->level = R(0.0);
-  const ANHYST_REAL m = ANHYST_NAME(moving)(&along, along.active, along.x) + along.rest;
-  return ANHYST_NAME(facing)(m, along.falling);
+  to->x = facing(along.x, along.falling);
+  to->rest = facing(along.rest, along.falling);
+  to->active = facing(active, along.falling);
+  to->risen = along.risen;
+  const ANHYST_REAL m = moving(&along, along.active, along.x) + along.rest;
+  return facing(m, along.falling);
 }
 
-static ANHYST_REAL ANHYST_NAME(cells_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                            const ANHYST_NAME(anhyst_memory) *from,
-                                            const ANHYST_REAL *plays, ANHYST_REAL flux,
-                                            ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL cells_field(const ANHYST_NAME(anhyst_parameters) *parameters,
+                               const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
+                               ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
 {
-  const ANHYST_NAME(equation) solve = {R(1.0), R(0.0), flux};
-  (void)ANHYST_NAME(meet)(parameters->cells, from, plays, solve, to);
-  return to->x;
+  const equation solve = {R(1.0), R(0.0), flux};
+  (void)meet(parameters->cells, &from->cells, plays, solve, &to->cells);
+  return to->cells.x;
 }
 
-static ANHYST_REAL ANHYST_NAME(cells_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                           const ANHYST_NAME(anhyst_memory) *from,
-                                           const ANHYST_REAL *plays,
-                                           const ANHYST_NAME(anhyst_at_gap) *arms,
-                                           ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL cells_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
+                              const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
+                              const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
+                              ANHYST_NAME(anhyst_memory) *to)
 {
-  const ANHYST_NAME(equation) solve = {arms->flux_arm, arms->field_arm, current - arms->bias};
-  const ANHYST_REAL m = ANHYST_NAME(meet)(parameters->cells, from, plays, solve, to);
-  return m + parameters->cells->air * to->x;
+  const equation solve = {arms->flux_arm, arms->field_arm, current - arms->bias};
+  const ANHYST_REAL m = meet(parameters->cells, &from->cells, plays, solve, &to->cells);
+  return m + parameters->cells->air * to->cells.x;
 }
 
 /* Whether more field needs more current at every gap, on the steepest segment of any row. */
-static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
-  ANHYST_NAME(cell_path) along;
+  cell_path along;
   ANHYST_REAL steepest = R(0.0);
   along.law = law;
   for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
-    const ANHYST_REAL *row = ANHYST_NAME(row_of)(law, cells);
-    for (uint16_t i = 0; i < ANHYST_NAME(segments_of)(law); i++) {
-      const ANHYST_REAL x =
-          ANHYST_NAME(node)(&along, (uint16_t)(i + 1U)) - ANHYST_NAME(node)(&along, i);
+    const ANHYST_REAL *row = row_of(law, cells);
+    for (uint16_t i = 0; i < segments_of(law); i++) {
+      const ANHYST_REAL x = node(&along, (uint16_t)(i + 1U)) - node(&along, i);
       const ANHYST_REAL slope = (row[i + 1U] - row[i]) / x;
       steepest = slope > steepest ? slope : steepest;
     }
@@ -299,18 +285,17 @@ static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *para
   return 1;
 }
 
-static int ANHYST_NAME(rows_rise)(const ANHYST_NAME(anhyst_cells_law) *law)
+static int rows_rise(const ANHYST_NAME(anhyst_cells_law) *law)
 {
   for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
-    if (!ANHYST_NAME(anhyst_rises)(ANHYST_NAME(row_of)(law, cells), ANHYST_NAME(segments_of)(law),
-                                   R(-1.0), R(1.0))) {
+    if (!ANHYST_NAME(anhyst_rises)(row_of(law, cells), segments_of(law), R(-1.0), R(1.0))) {
       return 0;
     }
   }
   return 1;
 }
 
-static int ANHYST_NAME(cells_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int cells_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
   const ANHYST_REAL largest = R(1e12);
@@ -321,31 +306,30 @@ static int ANHYST_NAME(cells_is_valid)(const ANHYST_NAME(anhyst_parameters) *par
          law->thresholds[0] > R(0.0) &&
          ANHYST_NAME(anhyst_rises)(law->thresholds, (uint16_t)(law->cells - 1U), R(0.0),
                                    law->reach) &&
-         ANHYST_NAME(rows_rise)(law) && ANHYST_NAME(current_rises)(parameters);
+         rows_rise(law) && current_rises(parameters);
 }
 
-static void ANHYST_NAME(cells_keep)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                    const ANHYST_NAME(anhyst_memory) *from,
-                                    const ANHYST_NAME(anhyst_memory) *to, ANHYST_REAL *plays)
+static void cells_keep(const ANHYST_NAME(anhyst_parameters) *parameters,
+                       const ANHYST_NAME(anhyst_memory) *from, const ANHYST_NAME(anhyst_memory) *to,
+                       ANHYST_REAL *plays)
 {
-  const ANHYST_NAME(cell_path) along = ANHYST_NAME(begin)(parameters->cells, from, plays);
-  if (from->p * to->p < R(0.0)) {
+  const cell_path along = begin(parameters->cells, &from->cells, plays);
+  if (from->cells.active * to->cells.active < R(0.0)) {
     for (uint16_t cell = 1; cell < along.active; cell++) {
-      plays[cell - 1U] =
-          ANHYST_NAME(facing)(along.x - ANHYST_NAME(width)(&along, cell), along.falling);
+      plays[cell - 1U] = facing(along.x - width(&along, cell), along.falling);
     }
   }
 }
 
 /* All cells come to rest where they are; under the other parameters they are clipped to widths of
    those, and what they give is summed up by the next step. */
-static void ANHYST_NAME(cells_carry)(const ANHYST_NAME(anhyst_parameters) *before,
-                                     ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+static void cells_carry(const ANHYST_NAME(anhyst_parameters) *before,
+                        ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
 {
-  const ANHYST_NAME(anhyst_memory) back = {R(0.0), R(0.0), -memory->p, R(0.0), R(0.0)};
-  ANHYST_NAME(cells_keep)(before, memory, &back, plays);
-  memory->p = R(0.0);
-  memory->y = R(0.0);
+  const ANHYST_NAME(anhyst_memory) back = {{R(0.0), R(0.0), -memory->cells.active, R(0.0), R(0.0)}};
+  cells_keep(before, memory, &back, plays);
+  memory->cells.active = R(0.0);
+  memory->cells.rest = R(0.0);
 }
 
 #if ANHYST_MEMORIES > 1
@@ -354,17 +338,15 @@ ANHYST_REAL ANHYST_NAME(anhyst_cells_stand)(const ANHYST_NAME(anhyst_parameters)
                                             const ANHYST_REAL *plays, ANHYST_REAL *slope)
 {
   const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
-  const ANHYST_NAME(cell_path) along = ANHYST_NAME(begin)(law, memory, plays);
-  const uint16_t segment = ANHYST_NAME(segment_of)(&along, along.x);
-  const ANHYST_REAL *row = ANHYST_NAME(row_of)(law, along.active) + segment;
-  const ANHYST_REAL width =
-      ANHYST_NAME(node)(&along, (uint16_t)(segment + 1U)) - ANHYST_NAME(node)(&along, segment);
+  const cell_path along = begin(law, &memory->cells, plays);
+  const uint16_t segment = segment_of(&along, along.x);
+  const ANHYST_REAL *row = row_of(law, along.active) + segment;
+  const ANHYST_REAL width = node(&along, (uint16_t)(segment + 1U)) - node(&along, segment);
   *slope = width / (row[1] - row[0] + law->air * width);
-  const ANHYST_REAL m = ANHYST_NAME(moving)(&along, along.active, along.x) + along.rest;
-  return ANHYST_NAME(facing)(m + law->air * along.x, along.falling);
+  const ANHYST_REAL m = moving(&along, along.active, along.x) + along.rest;
+  return facing(m + law->air * along.x, along.falling);
 }
 #endif
 
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells) = {
-    ANHYST_NAME(cells_field), ANHYST_NAME(cells_flux), ANHYST_NAME(cells_is_valid),
-    ANHYST_NAME(cells_carry), ANHYST_NAME(cells_keep)};
+    cells_field, cells_flux, cells_is_valid, cells_carry, cells_keep};

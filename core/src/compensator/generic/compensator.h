@@ -8,8 +8,8 @@ typedef char ANHYST_NAME(anhyst_state_is_small)
     [sizeof(ANHYST_NAME(anhyst_compensator)) <= 224U + (ANHYST_MEMORIES - 1U) * 176U ? 1 : -1];
 
 /* The row of this gap, interpolated. */
-static ANHYST_NAME(anhyst_at_gap)
-    ANHYST_NAME(at_gap)(const ANHYST_NAME(anhyst_parameters) *parameters, ANHYST_REAL gap)
+static ANHYST_NAME(anhyst_at_gap) at_gap(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                         ANHYST_REAL gap)
 {
   const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
       parameters->gap_segments, (gap - parameters->gap_low) * parameters->gap_rows);
@@ -27,7 +27,7 @@ static ANHYST_NAME(anhyst_at_gap)
 /* Root of a number that is not negative, meant for 0..1. Below the knee a straight line; from
    there to 1 a relative error below one unit in the last place of a float and 1e-14 in double
    precision. */
-static ANHYST_REAL ANHYST_NAME(root)(ANHYST_REAL a, ANHYST_REAL knee)
+static ANHYST_REAL root(ANHYST_REAL a, ANHYST_REAL knee)
 {
   if (a < knee * knee) {
     return a / knee;
@@ -54,8 +54,8 @@ static ANHYST_REAL ANHYST_NAME(root)(ANHYST_REAL a, ANHYST_REAL knee)
 }
 
 /* The demand as a flux. */
-static ANHYST_REAL ANHYST_NAME(flux_of)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL demand,
-                                        const ANHYST_NAME(anhyst_at_gap) *row)
+static ANHYST_REAL flux_of(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL demand,
+                           const ANHYST_NAME(anhyst_at_gap) *row)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
   const ANHYST_REAL wanted =
@@ -69,7 +69,7 @@ static ANHYST_REAL ANHYST_NAME(flux_of)(ANHYST_NAME(anhyst_compensator) *c, ANHY
       part = R(0.0);
       c->flags |= ANHYST_DEMAND_LIMITED;
     }
-    part = ANHYST_NAME(root)(part, parameters->knee);
+    part = root(part, parameters->knee);
   }
   const ANHYST_REAL flux = part * row->gain;
   const ANHYST_REAL reached =
@@ -81,22 +81,19 @@ static ANHYST_REAL ANHYST_NAME(flux_of)(ANHYST_NAME(anhyst_compensator) *c, ANHY
 }
 
 /* Whether limits are in order and finite. */
-static int ANHYST_NAME(is_range)(ANHYST_REAL low, ANHYST_REAL high)
+static int is_range(ANHYST_REAL low, ANHYST_REAL high)
 {
   const ANHYST_REAL largest = R(1e30);
   return low <= high && low >= -largest && high <= largest;
 }
 
-static int ANHYST_NAME(rows_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int rows_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
     const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
-    if (!(row->gain > R(0.0) && row->field_arm > R(0.0) &&
-          ANHYST_NAME(is_range)(row->gain, row->gain) &&
-          ANHYST_NAME(is_range)(row->offset, row->offset) &&
-          ANHYST_NAME(is_range)(row->bias, row->bias) &&
-          ANHYST_NAME(is_range)(row->flux_arm, row->flux_arm) &&
-          ANHYST_NAME(is_range)(row->field_arm, row->field_arm))) {
+    if (!(row->gain > R(0.0) && row->field_arm > R(0.0) && is_range(row->gain, row->gain) &&
+          is_range(row->offset, row->offset) && is_range(row->bias, row->bias) &&
+          is_range(row->flux_arm, row->flux_arm) && is_range(row->field_arm, row->field_arm))) {
       return 0;
     }
   }
@@ -104,35 +101,34 @@ static int ANHYST_NAME(rows_is_valid)(const ANHYST_NAME(anhyst_parameters) *para
 }
 
 /* What stands for the field in the current: that of the law, unless the iron is solid. */
-static ANHYST_REAL ANHYST_NAME(field_for)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
+static ANHYST_REAL field_for(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
 #if ANHYST_MEMORIES > 1
   if (parameters->solid != 0) {
-    return ANHYST_NAME(solid_field)(c, flux);
+    return solid_field(c, flux);
   }
 #endif
   return parameters->kernel->field(parameters, &c->memory, c->plays, flux, &c->next);
 }
 
 /* The flux to which a current leads. */
-static ANHYST_REAL ANHYST_NAME(flux_under)(ANHYST_NAME(anhyst_compensator) *c,
-                                           const ANHYST_NAME(anhyst_at_gap) *row,
-                                           ANHYST_REAL current)
+static ANHYST_REAL flux_under(ANHYST_NAME(anhyst_compensator) *c,
+                              const ANHYST_NAME(anhyst_at_gap) *row, ANHYST_REAL current)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
 #if ANHYST_MEMORIES > 1
   if (parameters->solid != 0) {
-    return ANHYST_NAME(solid_flux)(c, row, current);
+    return solid_flux(c, row, current);
   }
 #endif
   return parameters->kernel->flux(parameters, &c->memory, c->plays, row, current, &c->next);
 }
 
 /* Goes on with the memory after a step. */
-static void ANHYST_NAME(keep)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                              ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays,
-                              const ANHYST_NAME(anhyst_memory) *next)
+static void keep(const ANHYST_NAME(anhyst_parameters) *parameters,
+                 ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays,
+                 const ANHYST_NAME(anhyst_memory) *next)
 {
   if (parameters->kernel->keep != 0) {
     parameters->kernel->keep(parameters, memory, next, plays);
@@ -144,20 +140,20 @@ anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_para
 {
   const int valid = parameters->kernel != 0 && parameters->gaps != 0 &&
                     (parameters->power == 1U || parameters->power == 2U) &&
-                    ANHYST_NAME(is_range)(parameters->demand_low, parameters->demand_high) &&
-                    ANHYST_NAME(is_range)(parameters->current_low, parameters->current_high) &&
-                    ANHYST_NAME(is_range)(parameters->gap_low, parameters->gap_low) &&
-                    ANHYST_NAME(is_range)(R(0.0), parameters->gap_rows) &&
-                    parameters->full_scale > R(0.0) && parameters->knee >= R(0.00390625) &&
-                    parameters->knee <= R(0.25) && parameters->flux_limit > R(0.0) &&
-                    parameters->flux_limit <= R(1e6) && parameters->gap_segments >= 1U &&
-                    parameters->gap_segments <= 64U && parameters->condition_cycles <= 64U &&
-                    parameters->condition_ticks >= 2U && parameters->condition_ticks <= 32767U;
-  if (!valid || !ANHYST_NAME(rows_is_valid)(parameters) || !parameters->kernel->valid(parameters)) {
+                    is_range(parameters->demand_low, parameters->demand_high) &&
+                    is_range(parameters->current_low, parameters->current_high) &&
+                    is_range(parameters->gap_low, parameters->gap_low) &&
+                    is_range(R(0.0), parameters->gap_rows) && parameters->full_scale > R(0.0) &&
+                    parameters->knee >= R(0.00390625) && parameters->knee <= R(0.25) &&
+                    parameters->flux_limit > R(0.0) && parameters->flux_limit <= R(1e6) &&
+                    parameters->gap_segments >= 1U && parameters->gap_segments <= 64U &&
+                    parameters->condition_cycles <= 64U && parameters->condition_ticks >= 2U &&
+                    parameters->condition_ticks <= 32767U;
+  if (!valid || !rows_is_valid(parameters) || !parameters->kernel->valid(parameters)) {
     return ANHYST_BAD_PARAMETER;
   }
 #if ANHYST_MEMORIES > 1
-  if (parameters->solid != 0 && !ANHYST_NAME(solid_is_valid)(parameters)) {
+  if (parameters->solid != 0 && !solid_is_valid(parameters)) {
     return ANHYST_BAD_PARAMETER;
   }
 #endif
@@ -194,11 +190,11 @@ ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator
                                                   ANHYST_REAL demand, ANHYST_REAL gap)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
-  const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
+  const ANHYST_NAME(anhyst_at_gap) row = at_gap(parameters, gap);
   c->flags = 0;
   c->gap = gap;
-  c->flux = ANHYST_NAME(flux_of)(c, demand, &row);
-  const ANHYST_REAL field = ANHYST_NAME(field_for)(c, c->flux);
+  c->flux = flux_of(c, demand, &row);
+  const ANHYST_REAL field = field_for(c, c->flux);
   const ANHYST_REAL wanted = row.bias + row.flux_arm * c->flux + row.field_arm * field;
   c->current =
       ANHYST_NAME(anhyst_limited)(wanted, parameters->current_low, parameters->current_high);
@@ -217,15 +213,15 @@ void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, 
   if (c->solved != 0U && applied == c->current && gap == c->gap) {
     c->flux_applied = c->flux;
   } else {
-    const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, gap);
-    c->flux_applied = ANHYST_NAME(flux_under)(c, &row, applied);
+    const ANHYST_NAME(anhyst_at_gap) row = at_gap(parameters, gap);
+    c->flux_applied = flux_under(c, &row, applied);
     c->gap = gap;
   }
-  ANHYST_NAME(keep)(parameters, &c->memory, c->plays, &c->next);
+  keep(parameters, &c->memory, c->plays, &c->next);
 #if ANHYST_MEMORIES > 1
-  for (int i = 0; parameters->solid != 0 && i < ANHYST_NAME(memories_of)(parameters) - 1; i++) {
+  for (int i = 0; parameters->solid != 0 && i < memories_of(parameters) - 1; i++) {
     ANHYST_NAME(anhyst_deeper) *deeper = &c->deeper[i];
-    ANHYST_NAME(keep)(parameters, &deeper->memory, deeper->plays, &deeper->next);
+    keep(parameters, &deeper->memory, deeper->plays, &deeper->next);
   }
 #endif
   c->solved = 0;
@@ -235,7 +231,7 @@ ANHYST_REAL
 ANHYST_NAME(anhyst_compensator_output)(const ANHYST_NAME(anhyst_compensator) *c)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
-  const ANHYST_NAME(anhyst_at_gap) row = ANHYST_NAME(at_gap)(parameters, c->gap);
+  const ANHYST_NAME(anhyst_at_gap) row = at_gap(parameters, c->gap);
   ANHYST_REAL part = c->flux_applied / row.gain;
   if (parameters->power == 2U) {
     const ANHYST_REAL magnitude = ANHYST_NAME(anhyst_size)(part);

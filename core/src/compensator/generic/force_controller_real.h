@@ -50,7 +50,7 @@ static int32_t ANHYST_NAME(conditioning_length)(const ANHYST_NAME(anhyst_compens
 
 static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *c)
 {
-  const ANHYST_NAME(anhyst_memory) demagnetised = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
+  const ANHYST_NAME(anhyst_memory) demagnetised = {{R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)}};
   c->compensator.memory = demagnetised;
   for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
     c->compensator.plays[i] = R(0.0);

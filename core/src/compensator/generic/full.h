@@ -18,14 +18,14 @@
 /* A rising path, prepared for evaluation at many places. */
 typedef struct {
   const ANHYST_NAME(anhyst_full_law) *law;
-  ANHYST_NAME(anhyst_memory) from;
+  ANHYST_NAME(anhyst_full_memory) from;
   ANHYST_REAL scale;     /* segments for a unit of field */
   ANHYST_REAL short_way; /* a step too short to matter, about what the tables leave unsure */
   ANHYST_REAL long_way;  /* an interval too long for a tangent to be trusted at its ends */
   ANHYST_REAL departure; /* of the irreversible part */
   ANHYST_REAL level;     /* irreversible part there */
   ANHYST_REAL branch;    /* A there */
-} ANHYST_NAME(path);
+} path;
 
 /* What the law answers at one place of it. */
 typedef struct {
@@ -35,11 +35,10 @@ typedef struct {
   ANHYST_REAL m;
   ANHYST_REAL y_slope; /* dy/dx */
   ANHYST_REAL m_slope; /* dm/dx */
-} ANHYST_NAME(answer);
+} answer;
 
 /* L(x) and its slope. */
-static ANHYST_REAL ANHYST_NAME(curve)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
-                                      ANHYST_REAL *slope)
+static ANHYST_REAL curve(const path *along, ANHYST_REAL x, ANHYST_REAL *slope)
 {
   const ANHYST_REAL *table = along->law->curve;
   const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
@@ -50,8 +49,7 @@ static ANHYST_REAL ANHYST_NAME(curve)(const ANHYST_NAME(path) *along, ANHYST_REA
 }
 
 /* A(x) and its slope. */
-static ANHYST_REAL ANHYST_NAME(branch)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
-                                       ANHYST_REAL *slope)
+static ANHYST_REAL branch(const path *along, ANHYST_REAL x, ANHYST_REAL *slope)
 {
   const ANHYST_REAL *table = along->law->branch;
   const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
@@ -61,8 +59,7 @@ static ANHYST_REAL ANHYST_NAME(branch)(const ANHYST_NAME(path) *along, ANHYST_RE
 }
 
 /* The field at which L reaches y. */
-static ANHYST_REAL ANHYST_NAME(inverse_curve)(const ANHYST_NAME(anhyst_full_law) *law,
-                                              ANHYST_REAL y)
+static ANHYST_REAL inverse_curve(const ANHYST_NAME(anhyst_full_law) *law, ANHYST_REAL y)
 {
   const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
       law->inverse_segments, ANHYST_NAME(anhyst_size)(y) * (ANHYST_REAL)law->inverse_segments);
@@ -73,7 +70,7 @@ static ANHYST_REAL ANHYST_NAME(inverse_curve)(const ANHYST_NAME(anhyst_full_law)
 /* 1 - 2^(-t) for a way of t octaves, t >= 0. Below one octave a polynomial for (1 - 2^-f)/f, whole
    octaves by an exact power of two. Error below 1e-9 before rounding, relative to t where t is
    small. */
-static ANHYST_REAL ANHYST_NAME(forgotten)(ANHYST_REAL t)
+static ANHYST_REAL forgotten(ANHYST_REAL t)
 {
   if (t >= R(31.0)) {
     return R(1.0);
@@ -86,57 +83,54 @@ static ANHYST_REAL ANHYST_NAME(forgotten)(ANHYST_REAL t)
   return R(1.0) - (R(1.0) - f * ratio) / (ANHYST_REAL)((uint32_t)1 << whole);
 }
 
-static ANHYST_REAL ANHYST_NAME(magnetisation)(const ANHYST_NAME(path) *along, ANHYST_REAL y,
-                                              ANHYST_REAL anhysteretic)
+static ANHYST_REAL magnetisation(const path *along, ANHYST_REAL y, ANHYST_REAL anhysteretic)
 {
   return y + along->law->reversible * (anhysteretic - y);
 }
 
 /* dy/dp where what pulls stands so far above y. */
-static ANHYST_REAL ANHYST_NAME(pulled)(const ANHYST_NAME(path) *along, ANHYST_REAL above)
+static ANHYST_REAL pulled(const path *along, ANHYST_REAL above)
 {
   return R(0.6931471805599453) * along->law->octaves * above;
 }
 
 /* The irreversible part where the play stands at p; *slope is dy/dp. */
-static ANHYST_REAL ANHYST_NAME(irreversible)(const ANHYST_NAME(path) *along, ANHYST_REAL p,
-                                             ANHYST_REAL *slope)
+static ANHYST_REAL irreversible(const path *along, ANHYST_REAL p, ANHYST_REAL *slope)
 {
   *slope = R(0.0);
   if (p <= along->departure) {
     return along->from.y;
   }
   ANHYST_REAL rise;
-  const ANHYST_REAL here = ANHYST_NAME(branch)(along, p, &rise);
-  const ANHYST_REAL gone = ANHYST_NAME(forgotten)((p - along->departure) * along->law->octaves);
+  const ANHYST_REAL here = branch(along, p, &rise);
+  const ANHYST_REAL gone = forgotten((p - along->departure) * along->law->octaves);
   const ANHYST_REAL risen = (along->branch - along->level) * gone + (here - along->branch);
   const ANHYST_REAL y = ANHYST_NAME(anhyst_limited)(along->level + risen, along->from.y, R(1.0));
-  const ANHYST_REAL steep = rise + ANHYST_NAME(pulled)(along, here - y);
+  const ANHYST_REAL steep = rise + pulled(along, here - y);
   *slope = steep > R(0.0) ? steep : R(0.0);
   return y;
 }
 
-static void ANHYST_NAME(evaluate)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
-                                  ANHYST_NAME(answer) *at)
+static void evaluate(const path *along, ANHYST_REAL x, answer *at)
 {
   const ANHYST_NAME(anhyst_full_law) *law = along->law;
   ANHYST_REAL x_slope;
-  const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(along, x, &x_slope);
+  const ANHYST_REAL anhysteretic = curve(along, x, &x_slope);
   at->x = x;
   at->p = x - law->play > along->from.p ? x - law->play : along->from.p;
-  at->y = ANHYST_NAME(irreversible)(along, at->p, &at->y_slope);
-  at->m = ANHYST_NAME(magnetisation)(along, at->y, anhysteretic);
-  at->m_slope = ANHYST_NAME(magnetisation)(along, at->y_slope, x_slope);
+  at->y = irreversible(along, at->p, &at->y_slope);
+  at->m = magnetisation(along, at->y, anhysteretic);
+  at->m_slope = magnetisation(along, at->y_slope, x_slope);
 }
 
 /* Finds where the irreversible part departs, and the answer at the start. */
-static void ANHYST_NAME(depart)(ANHYST_NAME(path) *along, ANHYST_NAME(answer) *at)
+static void depart(path *along, answer *at)
 {
-  const ANHYST_NAME(anhyst_memory) *from = &along->from;
+  const ANHYST_NAME(anhyst_full_memory) *from = &along->from;
   ANHYST_REAL slope;
   ANHYST_REAL x_slope;
-  const ANHYST_REAL anhysteretic = ANHYST_NAME(curve)(along, from->x, &x_slope);
-  const ANHYST_REAL pull = ANHYST_NAME(curve)(along, from->p, &slope);
+  const ANHYST_REAL anhysteretic = curve(along, from->x, &x_slope);
+  const ANHYST_REAL pull = curve(along, from->p, &slope);
   at->x = from->x;
   at->p = from->p;
   at->y = from->y;
@@ -146,18 +140,18 @@ static void ANHYST_NAME(depart)(ANHYST_NAME(path) *along, ANHYST_NAME(answer) *a
   if (pull < from->y) {
     /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y
        leaves with slope zero. */
-    const ANHYST_REAL crossing = ANHYST_NAME(inverse_curve)(along->law, from->y);
+    const ANHYST_REAL crossing = inverse_curve(along->law, from->y);
     along->departure = crossing > from->p ? crossing : from->p;
   } else if (from->p + along->law->play - from->x <= along->short_way) { /* play taken up */
-    at->y_slope = ANHYST_NAME(pulled)(along, pull - from->y);
+    at->y_slope = pulled(along, pull - from->y);
   }
   if (from->turn < from->p) { /* still on the way on which it set out there */
     along->departure = from->turn;
     along->level = from->level;
   }
-  along->branch = ANHYST_NAME(branch)(along, along->departure, &slope);
-  at->m = ANHYST_NAME(magnetisation)(along, at->y, anhysteretic);
-  at->m_slope = ANHYST_NAME(magnetisation)(along, at->y_slope, x_slope);
+  along->branch = branch(along, along->departure, &slope);
+  at->m = magnetisation(along, at->y, anhysteretic);
+  at->m_slope = magnetisation(along, at->y_slope, x_slope);
 }
 
 /* air*x + iron*m = target along a rising path, and the interval known to hold the solution. */
@@ -168,34 +162,32 @@ typedef struct {
   ANHYST_REAL low;
   ANHYST_REAL high;
   ANHYST_REAL residual; /* at the last place looked at */
-} ANHYST_NAME(search);
+} search;
 
 /* Where the path would meet its target if m rose like the anhysteretic curve: a guess that holds
    over long ways, where a tangent does not. */
-static ANHYST_REAL ANHYST_NAME(follow_curve)(const ANHYST_NAME(path) *along,
-                                             const ANHYST_NAME(search) *find, ANHYST_REAL x)
+static ANHYST_REAL follow_curve(const path *along, const search *find, ANHYST_REAL x)
 {
   ANHYST_REAL slope;
-  const ANHYST_REAL start = ANHYST_NAME(curve)(along, x, &slope);
+  const ANHYST_REAL start = curve(along, x, &slope);
   if (find->iron >= R(0.0)) {
     /* The air hardly counts; iron that does not count at all must not be divided by. */
     const ANHYST_REAL least = R(1e-6) * find->air;
     const ANHYST_REAL level = start - find->residual / (find->iron > least ? find->iron : least);
-    return ANHYST_NAME(inverse_curve)(along->law,
-                                      ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
+    return inverse_curve(along->law, ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
   }
   /* Iron that counts against the air: as far as the air alone would go, and on with what the iron
      has risen by then, which never goes too far. */
   ANHYST_REAL next = x - find->residual / find->air;
   for (uint16_t i = 1; i < CHORDS; i++) {
-    const ANHYST_REAL risen = ANHYST_NAME(curve)(along, next, &slope) - start;
+    const ANHYST_REAL risen = curve(along, next, &slope) - start;
     next = x - (find->residual + find->iron * risen) / find->air;
   }
   return next;
 }
 
 /* Looks at a place: narrows the interval, and gives where the tangent would meet the target. */
-static ANHYST_REAL ANHYST_NAME(look)(ANHYST_NAME(search) *find, const ANHYST_NAME(answer) *at)
+static ANHYST_REAL look(search *find, const answer *at)
 {
   find->residual = find->air * at->x + find->iron * at->m - find->target;
   if (find->residual < R(0.0)) {
@@ -209,10 +201,9 @@ static ANHYST_REAL ANHYST_NAME(look)(ANHYST_NAME(search) *find, const ANHYST_NAM
 }
 
 /* Moves an answer along its tangents to x, a short way. */
-static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
-                               ANHYST_NAME(answer) *at)
+static void slide(const path *along, ANHYST_REAL x, answer *at)
 {
-  const ANHYST_NAME(anhyst_memory) *from = &along->from;
+  const ANHYST_NAME(anhyst_full_memory) *from = &along->from;
   const ANHYST_REAL way = x - at->x;
   at->x = x;
   at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->y, R(1.0));
@@ -225,18 +216,15 @@ static void ANHYST_NAME(slide)(const ANHYST_NAME(path) *along, ANHYST_REAL x,
 /* Where to look first on a path that begins held, up to a known end: there m needs no evaluation
    and shows on which side the solution lies. The tangent at the start knows nothing of what comes
    after the end. */
-static ANHYST_REAL ANHYST_NAME(leave_hold)(const ANHYST_NAME(path) *along,
-                                           ANHYST_NAME(search) *find, ANHYST_REAL end,
-                                           ANHYST_REAL tangent)
+static ANHYST_REAL leave_hold(const path *along, search *find, ANHYST_REAL end, ANHYST_REAL tangent)
 {
   ANHYST_REAL slope;
-  const ANHYST_REAL m =
-      ANHYST_NAME(magnetisation)(along, along->from.y, ANHYST_NAME(curve)(along, end, &slope));
+  const ANHYST_REAL m = magnetisation(along, along->from.y, curve(along, end, &slope));
   ANHYST_REAL first = tangent;
   find->residual = find->air * end + find->iron * m - find->target;
   if (find->residual < R(0.0)) {
     find->low = end;
-    first = ANHYST_NAME(follow_curve)(along, find, end);
+    first = follow_curve(along, find, end);
   } else {
     find->high = end;
   }
@@ -251,8 +239,7 @@ static ANHYST_REAL ANHYST_NAME(leave_hold)(const ANHYST_NAME(path) *along,
    all but flat, as soon as the last step was longer than what is left of the interval. The number
    of evaluations is fixed; a last step is taken along
    the tangents, and what is left of the residual then is part of the accuracy budget. */
-static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search) *find,
-                              ANHYST_NAME(answer) *at)
+static void rise(const path *along, search *find, answer *at)
 {
   const ANHYST_REAL reach = along->law->reach;
   const ANHYST_REAL moves = along->departure > along->from.p ? along->departure : along->from.p;
@@ -262,11 +249,11 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
   find->high = reach;
   for (uint16_t i = 0; i < along->law->iterations; i++) {
     const ANHYST_REAL x = at->x;
-    ANHYST_REAL next = ANHYST_NAME(look)(find, at);
+    ANHYST_REAL next = look(find, at);
     const ANHYST_REAL way = ANHYST_NAME(anhyst_size)(next - x);
     const int inside = next > find->low && next < find->high;
     if (i == 0U && freed - x > along->short_way && freed < reach) {
-      next = ANHYST_NAME(leave_hold)(along, find, freed, next);
+      next = leave_hold(along, find, freed, next);
     } else if (way <= along->short_way || (inside && way <= R(0.75) * furthest)) {
       next = ANHYST_NAME(anhyst_limited)(next, find->low, find->high);
       furthest = ANHYST_NAME(anhyst_size)(next - x);
@@ -275,19 +262,19 @@ static void ANHYST_NAME(rise)(const ANHYST_NAME(path) *along, ANHYST_NAME(search
       furthest = find->high - find->low;
       next = find->low;
       if (furthest > along->long_way && (find->iron >= R(0.0) || i < 2U || before < furthest)) {
-        next = ANHYST_NAME(follow_curve)(along, find, x);
+        next = follow_curve(along, find, x);
       }
       if (!(next > find->low && next < find->high)) {
         next = find->low + R(0.5) * furthest;
       }
     }
-    ANHYST_NAME(evaluate)(along, next, at);
+    evaluate(along, next, at);
   }
-  const ANHYST_REAL last = ANHYST_NAME(look)(find, at);
-  ANHYST_NAME(slide)(along, ANHYST_NAME(anhyst_limited)(last, find->low, find->high), at);
+  const ANHYST_REAL last = look(find, at);
+  slide(along, ANHYST_NAME(anhyst_limited)(last, find->low, find->high), at);
 }
 
-static ANHYST_NAME(anhyst_memory) ANHYST_NAME(turned)(ANHYST_NAME(anhyst_memory) memory)
+static ANHYST_NAME(anhyst_full_memory) turned(ANHYST_NAME(anhyst_full_memory) memory)
 {
   memory.p = -memory.p;
   memory.y = -memory.y;
@@ -298,10 +285,9 @@ static ANHYST_NAME(anhyst_memory) ANHYST_NAME(turned)(ANHYST_NAME(anhyst_memory)
 }
 
 /* Where an answer on a path leaves the iron. */
-static ANHYST_NAME(anhyst_memory)
-    ANHYST_NAME(remember)(const ANHYST_NAME(path) *along, const ANHYST_NAME(answer) *at)
+static ANHYST_NAME(anhyst_full_memory) remember(const path *along, const answer *at)
 {
-  ANHYST_NAME(anhyst_memory) memory = along->from;
+  ANHYST_NAME(anhyst_full_memory) memory = along->from;
   memory.x = at->x;
   memory.y = at->y;
   memory.p = at->p;
@@ -317,20 +303,18 @@ static ANHYST_NAME(anhyst_memory)
 
 /* Solves air*x + iron*m = target from a memory; air > 0, and air + iron*dm/dx > 0 on any path.
    Returns m. */
-static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
-                                     const ANHYST_NAME(anhyst_memory) *from, ANHYST_REAL air,
-                                     ANHYST_REAL iron, ANHYST_REAL target,
-                                     ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL meet(const ANHYST_NAME(anhyst_full_law) *law,
+                        const ANHYST_NAME(anhyst_full_memory) *from, ANHYST_REAL air,
+                        ANHYST_REAL iron, ANHYST_REAL target, ANHYST_NAME(anhyst_full_memory) *to)
 {
   ANHYST_REAL slope;
-  ANHYST_NAME(path) along;
+  path along;
   along.law = law;
   along.from = *from;
   along.scale = (ANHYST_REAL)law->curve_segments / law->reach;
   along.short_way = law->reach * R(0.00006103515625);
   along.long_way = law->reach * R(0.015625);
-  const ANHYST_REAL m =
-      ANHYST_NAME(magnetisation)(&along, from->y, ANHYST_NAME(curve)(&along, from->x, &slope));
+  const ANHYST_REAL m = magnetisation(&along, from->y, curve(&along, from->x, &slope));
   const ANHYST_REAL of_air = air * from->x;
   const ANHYST_REAL of_iron = iron * m;
   const ANHYST_REAL residual = of_air + of_iron - target;
@@ -341,51 +325,50 @@ static ANHYST_REAL ANHYST_NAME(meet)(const ANHYST_NAME(anhyst_full_law) *law,
     return m;
   }
   const int falling = residual > R(0.0);
-  ANHYST_NAME(answer) at;
-  ANHYST_NAME(search) find;
+  answer at;
+  search find;
   find.air = air;
   find.iron = iron;
   find.target = falling ? -target : target;
   if (falling) {
-    along.from = ANHYST_NAME(turned)(along.from);
+    along.from = turned(along.from);
   }
-  ANHYST_NAME(depart)(&along, &at);
-  ANHYST_NAME(rise)(&along, &find, &at);
-  *to = ANHYST_NAME(remember)(&along, &at);
+  depart(&along, &at);
+  rise(&along, &find, &at);
+  *to = remember(&along, &at);
   if (falling) {
-    *to = ANHYST_NAME(turned)(*to);
+    *to = turned(*to);
   }
   return falling ? -at.m : at.m;
 }
 
-static ANHYST_REAL ANHYST_NAME(full_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                           const ANHYST_NAME(anhyst_memory) *from,
-                                           const ANHYST_REAL *plays, ANHYST_REAL flux,
-                                           ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL full_field(const ANHYST_NAME(anhyst_parameters) *parameters,
+                              const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
+                              ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
 {
   (void)plays;
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
-  (void)ANHYST_NAME(meet)(law, from, law->air, R(1.0), flux, to);
-  return to->x;
+  (void)meet(law, &from->full, law->air, R(1.0), flux, &to->full);
+  return to->full.x;
 }
 
 /* With flux = m + h*x the current is (field_arm + flux_arm*h)*x + flux_arm*m. */
-static ANHYST_REAL ANHYST_NAME(full_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                          const ANHYST_NAME(anhyst_memory) *from,
-                                          const ANHYST_REAL *plays,
-                                          const ANHYST_NAME(anhyst_at_gap) *arms,
-                                          ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL full_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
+                             const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
+                             const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
+                             ANHYST_NAME(anhyst_memory) *to)
 {
   (void)plays;
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
   const ANHYST_REAL air = arms->field_arm + arms->flux_arm * law->air;
-  const ANHYST_REAL m = ANHYST_NAME(meet)(law, from, air, arms->flux_arm, current - arms->bias, to);
-  return m + law->air * to->x;
+  const ANHYST_REAL m =
+      meet(law, &from->full, air, arms->flux_arm, current - arms->bias, &to->full);
+  return m + law->air * to->full.x;
 }
 
 /* Whether more field needs more current at every gap. No path is steeper than the ascending branch
    and the anhysteretic curve together. */
-static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
   const ANHYST_REAL scale = (ANHYST_REAL)law->curve_segments / law->reach;
@@ -407,7 +390,7 @@ static int ANHYST_NAME(current_rises)(const ANHYST_NAME(anhyst_parameters) *para
   return 1;
 }
 
-static int ANHYST_NAME(full_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int full_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
   const ANHYST_REAL largest = R(1e6);
@@ -422,18 +405,17 @@ static int ANHYST_NAME(full_is_valid)(const ANHYST_NAME(anhyst_parameters) *para
          ANHYST_NAME(anhyst_rises)(law->branch, (uint16_t)(2U * law->curve_segments), R(-1.0),
                                    R(1.0)) &&
          ANHYST_NAME(anhyst_rises)(law->inverse, law->inverse_segments, R(0.0), law->reach) &&
-         ANHYST_NAME(current_rises)(parameters);
+         current_rises(parameters);
 }
 
-static void ANHYST_NAME(full_carry)(const ANHYST_NAME(anhyst_parameters) *before,
-                                    ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+static void full_carry(const ANHYST_NAME(anhyst_parameters) *before,
+                       ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
 {
   (void)before;
   (void)plays;
-  memory->turn = memory->p;
-  memory->level = memory->y;
+  memory->full.turn = memory->full.p;
+  memory->full.level = memory->full.y;
 }
 
 const ANHYST_NAME(anhyst_kernel)
-    ANHYST_NAME(anhyst_kernel_full) = {ANHYST_NAME(full_field), ANHYST_NAME(full_flux),
-                                       ANHYST_NAME(full_is_valid), ANHYST_NAME(full_carry), 0};
+    ANHYST_NAME(anhyst_kernel_full) = {full_field, full_flux, full_is_valid, full_carry, 0};

@@ -11,7 +11,7 @@
    and flat far out. */
 
 /* p over z, z >= 0. */
-static ANHYST_REAL ANHYST_NAME(p_of)(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL z)
+static ANHYST_REAL p_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL z)
 {
   const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
   ANHYST_REAL place = z / law->first; /* from 1 on in octaves */
@@ -46,7 +46,7 @@ static ANHYST_REAL ANHYST_NAME(p_of)(const ANHYST_NAME(anhyst_simplified_law) *l
 }
 
 /* z over p, 0 <= p <= 1: the same table searched, so that there and back agree. */
-static ANHYST_REAL ANHYST_NAME(z_of)(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL p)
+static ANHYST_REAL z_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL p)
 {
   const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
   uint16_t index = 0;
@@ -69,9 +69,9 @@ static ANHYST_REAL ANHYST_NAME(z_of)(const ANHYST_NAME(anhyst_simplified_law) *l
 }
 
 /* On a rising path, the state where it is at the given flux, not below that of the start. */
-static void ANHYST_NAME(advance)(const ANHYST_NAME(anhyst_simplified_law) *law,
-                                 const ANHYST_NAME(anhyst_memory) *start, ANHYST_REAL flux,
-                                 ANHYST_NAME(anhyst_memory) *to)
+static void advance(const ANHYST_NAME(anhyst_simplified_law) *law,
+                    const ANHYST_NAME(anhyst_simplified_memory) *start, ANHYST_REAL flux,
+                    ANHYST_NAME(anhyst_simplified_memory) *to)
 {
   const ANHYST_REAL way = flux - start->turn;
   const ANHYST_REAL held = start->level + law->hold * way;
@@ -80,63 +80,61 @@ static void ANHYST_NAME(advance)(const ANHYST_NAME(anhyst_simplified_law) *law,
     p = held;
   } else {
     /* What of the way went on while held counts for less. */
-    const ANHYST_REAL before = start->level < R(0.0) ? start->level * (R(1.0) - law->nu) : start->p;
+    const ANHYST_REAL before = start->level < R(0.0) ? start->level * (R(1.0) - law->nu) : start->z;
     const ANHYST_REAL z = law->rate * way + before;
-    p = ANHYST_NAME(p_of)(law, z > R(0.0) ? z : R(0.0));
+    p = p_of(law, z > R(0.0) ? z : R(0.0));
   }
   *to = *start;
-  to->x = flux;
-  to->y = p > start->y ? p : start->y;
+  to->flux = flux;
+  to->u = p > start->u ? p : start->u;
 }
 
 /* A memory as the start of a rising path: what set out the other way sets out again. */
-static ANHYST_NAME(anhyst_memory)
-    ANHYST_NAME(set_out)(const ANHYST_NAME(anhyst_simplified_law) *law,
-                         ANHYST_NAME(anhyst_memory) from)
+static ANHYST_NAME(anhyst_simplified_memory) set_out(const ANHYST_NAME(anhyst_simplified_law) *law,
+                                                     ANHYST_NAME(anhyst_simplified_memory) from)
 {
-  if (!(from.turn < from.x)) {
-    from.turn = from.x;
-    from.level = from.y;
-    from.p = from.y > R(0.0) ? ANHYST_NAME(z_of)(law, from.y) : R(0.0);
+  if (!(from.turn < from.flux)) {
+    from.turn = from.flux;
+    from.level = from.u;
+    from.z = from.u > R(0.0) ? z_of(law, from.u) : R(0.0);
   }
   return from;
 }
 
 /* z counts in the direction of travel, whichever that is. */
-static ANHYST_NAME(anhyst_memory) ANHYST_NAME(mirrored)(ANHYST_NAME(anhyst_memory) memory)
+static ANHYST_NAME(anhyst_simplified_memory) mirrored(ANHYST_NAME(anhyst_simplified_memory) memory)
 {
-  memory.x = -memory.x;
-  memory.y = -memory.y;
+  memory.flux = -memory.flux;
+  memory.u = -memory.u;
   memory.turn = -memory.turn;
   memory.level = -memory.level;
   return memory;
 }
 
-static ANHYST_REAL ANHYST_NAME(simplified_field)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                                 const ANHYST_NAME(anhyst_memory) *from,
-                                                 const ANHYST_REAL *plays, ANHYST_REAL flux,
-                                                 ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL simplified_field(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                    const ANHYST_NAME(anhyst_memory) *from,
+                                    const ANHYST_REAL *plays, ANHYST_REAL flux,
+                                    ANHYST_NAME(anhyst_memory) *to)
 {
   (void)plays;
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
-  if (flux > from->x) {
-    const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
-    ANHYST_NAME(advance)(law, &start, flux, to);
-  } else if (flux < from->x) {
-    const ANHYST_NAME(anhyst_memory) start =
-        ANHYST_NAME(set_out)(law, ANHYST_NAME(mirrored)(*from));
-    ANHYST_NAME(anhyst_memory) end;
-    ANHYST_NAME(advance)(law, &start, -flux, &end);
-    *to = ANHYST_NAME(mirrored)(end);
+  const ANHYST_NAME(anhyst_simplified_memory) *now = &from->simplified;
+  if (flux > now->flux) {
+    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, *now);
+    advance(law, &start, flux, &to->simplified);
+  } else if (flux < now->flux) {
+    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, mirrored(*now));
+    ANHYST_NAME(anhyst_simplified_memory) end;
+    advance(law, &start, -flux, &end);
+    to->simplified = mirrored(end);
   } else {
-    *to = *from;
+    to->simplified = *now;
   }
-  return to->y;
+  return to->simplified.u;
 }
 
 /* dp/dflux on a rising path. */
-static ANHYST_REAL ANHYST_NAME(lag_slope)(const ANHYST_NAME(anhyst_simplified_law) *law,
-                                          ANHYST_REAL p)
+static ANHYST_REAL lag_slope(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL p)
 {
   const ANHYST_REAL v = R(1.0) - p;
   return p < R(0.0) ? law->hold : law->rate * v / (R(1.0) - law->nu * v);
@@ -145,54 +143,53 @@ static ANHYST_REAL ANHYST_NAME(lag_slope)(const ANHYST_NAME(anhyst_simplified_la
 /* flux_arm*flux + field_arm*u = target on a rising path. In the direction of travel the sum is a
    concave function of the flux, so Newton's steps from the start come nearer without ever passing
    the solution. */
-static void ANHYST_NAME(reach)(const ANHYST_NAME(anhyst_simplified_law) *law,
-                               const ANHYST_NAME(anhyst_memory) *start,
-                               const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL target,
-                               ANHYST_NAME(anhyst_memory) *to)
+static void reach(const ANHYST_NAME(anhyst_simplified_law) *law,
+                  const ANHYST_NAME(anhyst_simplified_memory) *start,
+                  const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL target,
+                  ANHYST_NAME(anhyst_simplified_memory) *to)
 {
   *to = *start;
   for (uint16_t i = 0; i < law->iterations; i++) {
-    const ANHYST_REAL missing = target - arms->flux_arm * to->x - arms->field_arm * to->y;
-    const ANHYST_REAL slope = arms->flux_arm + arms->field_arm * ANHYST_NAME(lag_slope)(law, to->y);
+    const ANHYST_REAL missing = target - arms->flux_arm * to->flux - arms->field_arm * to->u;
+    const ANHYST_REAL slope = arms->flux_arm + arms->field_arm * lag_slope(law, to->u);
     if (missing <= R(0.0) || slope <= R(0.0)) {
       continue; /* as near as the numbers allow; the remaining rounds change nothing */
     }
-    const ANHYST_REAL flux = to->x + missing / slope;
-    ANHYST_NAME(advance)(law, start, flux < R(1.0) ? flux : R(1.0), to);
+    const ANHYST_REAL flux = to->flux + missing / slope;
+    advance(law, start, flux < R(1.0) ? flux : R(1.0), to);
   }
 }
 
-static ANHYST_REAL ANHYST_NAME(simplified_flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                                const ANHYST_NAME(anhyst_memory) *from,
-                                                const ANHYST_REAL *plays,
-                                                const ANHYST_NAME(anhyst_at_gap) *arms,
-                                                ANHYST_REAL current, ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL simplified_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
+                                   const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
+                                   const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
+                                   ANHYST_NAME(anhyst_memory) *to)
 {
   (void)plays;
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
+  const ANHYST_NAME(anhyst_simplified_memory) *now = &from->simplified;
   const ANHYST_REAL target = current - arms->bias;
-  const ANHYST_REAL of_flux = arms->flux_arm * from->x;
-  const ANHYST_REAL of_state = arms->field_arm * from->y;
+  const ANHYST_REAL of_flux = arms->flux_arm * now->flux;
+  const ANHYST_REAL of_state = arms->field_arm * now->u;
   const ANHYST_REAL missing = target - of_flux - of_state;
   const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(target) + ANHYST_NAME(anhyst_size)(of_flux) +
                            ANHYST_NAME(anhyst_size)(of_state);
   if (!(ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size))) {
-    *to = *from; /* there already, or the current is no number */
+    to->simplified = *now; /* there already, or the current is no number */
   } else if (missing > R(0.0)) {
-    const ANHYST_NAME(anhyst_memory) start = ANHYST_NAME(set_out)(law, *from);
-    ANHYST_NAME(reach)(law, &start, arms, target, to);
+    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, *now);
+    reach(law, &start, arms, target, &to->simplified);
   } else {
-    const ANHYST_NAME(anhyst_memory) start =
-        ANHYST_NAME(set_out)(law, ANHYST_NAME(mirrored)(*from));
-    ANHYST_NAME(anhyst_memory) end;
-    ANHYST_NAME(reach)(law, &start, arms, -target, &end);
-    *to = ANHYST_NAME(mirrored)(end);
+    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, mirrored(*now));
+    ANHYST_NAME(anhyst_simplified_memory) end;
+    reach(law, &start, arms, -target, &end);
+    to->simplified = mirrored(end);
   }
-  return to->x;
+  return to->simplified.flux;
 }
 
 /* Whether more flux needs no less current at any gap. */
-static int ANHYST_NAME(flux_arm_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int flux_arm_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
     if (!(parameters->gaps[i].flux_arm >= R(0.0))) {
@@ -202,7 +199,7 @@ static int ANHYST_NAME(flux_arm_is_valid)(const ANHYST_NAME(anhyst_parameters) *
   return 1;
 }
 
-static int ANHYST_NAME(simplified_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int simplified_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   const ANHYST_REAL largest = R(1e6);
@@ -214,18 +211,17 @@ static int ANHYST_NAME(simplified_is_valid)(const ANHYST_NAME(anhyst_parameters)
          (law->segments & (law->segments - 1U)) == 0U &&
          ANHYST_NAME(anhyst_rises)(law->curve, (uint16_t)((law->octaves + 1U) * law->segments),
                                    R(0.0), R(1.0)) &&
-         ANHYST_NAME(flux_arm_is_valid)(parameters);
+         flux_arm_is_valid(parameters);
 }
 
-static void ANHYST_NAME(simplified_carry)(const ANHYST_NAME(anhyst_parameters) *before,
-                                          ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+static void simplified_carry(const ANHYST_NAME(anhyst_parameters) *before,
+                             ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
 {
   (void)before;
   (void)plays;
-  memory->turn = memory->x;
-  memory->level = memory->y;
+  memory->simplified.turn = memory->simplified.flux;
+  memory->simplified.level = memory->simplified.u;
 }
 
 const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {
-    ANHYST_NAME(simplified_field), ANHYST_NAME(simplified_flux), ANHYST_NAME(simplified_is_valid),
-    ANHYST_NAME(simplified_carry), 0};
+    simplified_field, simplified_flux, simplified_is_valid, simplified_carry, 0};

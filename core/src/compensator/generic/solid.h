@@ -33,62 +33,50 @@ typedef struct {
   ANHYST_REAL section[ANHYST_MEMORIES];   /* S_j */
   ANHYST_REAL field[ANHYST_MEMORIES];     /* E_j, E_l */
   ANHYST_REAL stiffness[ANHYST_MEMORIES]; /* their slopes over the flux in the layer */
-} ANHYST_NAME(solid_tick);
+} solid_tick;
 
 /* What lies further out, from one section on: a field, and by how much it falls as the flux of that
    section rises. */
 typedef struct {
   ANHYST_REAL field;
   ANHYST_REAL falls;
-} ANHYST_NAME(solid_line);
+} solid_line;
 
-static ANHYST_NAME(anhyst_memory) *ANHYST_NAME(memory_of)(ANHYST_NAME(anhyst_compensator) *c,
-                                                          int at)
+static ANHYST_NAME(anhyst_memory) *memory_of(ANHYST_NAME(anhyst_compensator) *c, int at)
 {
   return at == 0 ? &c->memory : &c->deeper[at - 1].memory;
 }
 
-static ANHYST_NAME(anhyst_memory) *ANHYST_NAME(next_of)(ANHYST_NAME(anhyst_compensator) *c, int at)
+static ANHYST_NAME(anhyst_memory) *next_of(ANHYST_NAME(anhyst_compensator) *c, int at)
 {
   return at == 0 ? &c->next : &c->deeper[at - 1].next;
 }
 
-static ANHYST_REAL *ANHYST_NAME(plays_of)(ANHYST_NAME(anhyst_compensator) *c, int at)
+static ANHYST_REAL *plays_of(ANHYST_NAME(anhyst_compensator) *c, int at)
 {
   return at == 0 ? c->plays : c->deeper[at - 1].plays;
 }
 
-static int ANHYST_NAME(layers_of)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int memories_of(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
-  return (int)parameters->solid->layers;
-}
-
-static int ANHYST_NAME(has_sheets)(const ANHYST_NAME(anhyst_parameters) *parameters)
-{
-  return parameters->solid->laminated > R(0.0);
-}
-
-static int ANHYST_NAME(memories_of)(const ANHYST_NAME(anhyst_parameters) *parameters)
-{
-  return ANHYST_NAME(layers_of)(parameters) + (ANHYST_NAME(has_sheets)(parameters) ? 1 : 0);
+  return (int)parameters->solid->layers + (parameters->solid->laminated > R(0.0) ? 1 : 0);
 }
 
 /* Takes up field and tangent of a memory; gives its flux. */
-static ANHYST_REAL ANHYST_NAME(take_up)(ANHYST_NAME(solid_tick) *tick, int at,
-                                        const ANHYST_NAME(anhyst_memory) *memory)
+static ANHYST_REAL take_up(solid_tick *tick, int at, const ANHYST_NAME(anhyst_memory) *memory)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = tick->parameters;
   const ANHYST_REAL own = parameters->solid->own;
   ANHYST_REAL slope;
   const ANHYST_REAL flux =
-      parameters->solid->stand(parameters, memory, ANHYST_NAME(plays_of)(tick->c, at), &slope);
-  tick->field[at] = memory->x + own * flux;
+      parameters->solid->stand(parameters, memory, plays_of(tick->c, at), &slope);
+  tick->field[at] = memory->cells.x + own * flux;
   tick->stiffness[at] = slope + own > SOFTEST * slope ? slope + own : SOFTEST * slope;
   return flux;
 }
 
 /* Sections of the state, and where the search sets out: what was solved, or the state. */
-static void ANHYST_NAME(begin_tick)(ANHYST_NAME(solid_tick) *tick, int from_solved)
+static void begin_tick(solid_tick *tick, int from_solved)
 {
   ANHYST_NAME(anhyst_compensator) *c = tick->c;
   const ANHYST_NAME(anhyst_solid) *solid = tick->parameters->solid;
@@ -98,28 +86,26 @@ static void ANHYST_NAME(begin_tick)(ANHYST_NAME(solid_tick) *tick, int from_solv
   for (int j = layers - 1; j >= 0; j--) {
     tick->share[j] =
         j == 0 ? solid->surface : (R(1.0) - solid->surface) / (ANHYST_REAL)(layers - 1);
-    before += tick->share[j] * ANHYST_NAME(take_up)(tick, j, ANHYST_NAME(memory_of)(c, j));
+    before += tick->share[j] * take_up(tick, j, memory_of(c, j));
     tick->before[j] = before;
     if (from_solved) {
-      now += tick->share[j] * ANHYST_NAME(take_up)(tick, j, ANHYST_NAME(next_of)(c, j));
+      now += tick->share[j] * take_up(tick, j, next_of(c, j));
     } else {
       now = before;
     }
     tick->section[j] = now;
   }
-  if (ANHYST_NAME(has_sheets)(tick->parameters)) {
-    (void)ANHYST_NAME(take_up)(tick, layers,
-                               from_solved ? ANHYST_NAME(next_of)(c, layers)
-                                           : ANHYST_NAME(memory_of)(c, layers));
+  if (tick->parameters->solid->laminated > R(0.0)) {
+    (void)take_up(tick, layers, from_solved ? next_of(c, layers) : memory_of(c, layers));
   }
 }
 
 /* The line that the circuit, and what is laminated, put before the surface. */
-static ANHYST_NAME(solid_line) ANHYST_NAME(outside)(const ANHYST_NAME(solid_tick) *tick)
+static solid_line outside(const solid_tick *tick)
 {
   const ANHYST_REAL l = tick->parameters->solid->laminated;
-  const int sheets = ANHYST_NAME(layers_of)(tick->parameters);
-  ANHYST_NAME(solid_line) line;
+  const int sheets = (int)tick->parameters->solid->layers;
+  solid_line line;
   line.field = tick->given - tick->reluctance * tick->section[0];
   line.falls = tick->reluctance;
   if (l > R(0.0)) {
@@ -131,11 +117,10 @@ static ANHYST_NAME(solid_line) ANHYST_NAME(outside)(const ANHYST_NAME(solid_tick
 
 /* The line behind a layer, of which the one before it is given; that of the surface where its flux
    is known. */
-static ANHYST_NAME(solid_line) ANHYST_NAME(behind)(const ANHYST_NAME(solid_tick) *tick, int layer,
-                                                   ANHYST_NAME(solid_line) line)
+static solid_line behind(const solid_tick *tick, int layer, solid_line line)
 {
   const ANHYST_REAL stiff = tick->stiffness[layer] / tick->share[layer];
-  ANHYST_NAME(solid_line) found = {tick->field[layer], stiff};
+  solid_line found = {tick->field[layer], stiff};
   if (layer == 0 && tick->flux_given) {
     found.field += stiff * (tick->given - tick->section[0]);
   } else {
@@ -151,60 +136,59 @@ static ANHYST_NAME(solid_line) ANHYST_NAME(behind)(const ANHYST_NAME(solid_tick)
 }
 
 /* Lets a layer meet its line; the sections below it are new, its own still that of before. */
-static void ANHYST_NAME(meet_line)(ANHYST_NAME(solid_tick) *tick, int layer,
-                                   ANHYST_NAME(solid_line) line, ANHYST_REAL deeper)
+static void meet_line(solid_tick *tick, int layer, solid_line line, ANHYST_REAL deeper)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = tick->parameters;
   const ANHYST_REAL share = tick->share[layer];
   const ANHYST_NAME(anhyst_at_gap) arms = {R(1.0), R(0.0), R(0.0),
                                            parameters->solid->own + line.falls * share, R(1.0)};
-  const ANHYST_NAME(anhyst_memory) *from = ANHYST_NAME(memory_of)(tick->c, layer);
-  const ANHYST_REAL *plays = ANHYST_NAME(plays_of)(tick->c, layer);
-  ANHYST_NAME(anhyst_memory) *to = ANHYST_NAME(next_of)(tick->c, layer);
+  const ANHYST_NAME(anhyst_memory) *from = memory_of(tick->c, layer);
+  const ANHYST_REAL *plays = plays_of(tick->c, layer);
+  ANHYST_NAME(anhyst_memory) *to = next_of(tick->c, layer);
   (void)parameters->kernel->flux(parameters, from, plays, &arms,
                                  line.field + line.falls * (tick->section[layer] - deeper), to);
-  tick->section[layer] = deeper + share * ANHYST_NAME(take_up)(tick, layer, to);
+  tick->section[layer] = deeper + share * take_up(tick, layer, to);
 }
 
 /* Lets a memory meet a flux. */
-static void ANHYST_NAME(meet_flux)(ANHYST_NAME(solid_tick) *tick, int at, ANHYST_REAL flux)
+static void meet_flux(solid_tick *tick, int at, ANHYST_REAL flux)
 {
   const ANHYST_NAME(anhyst_parameters) *parameters = tick->parameters;
-  ANHYST_NAME(anhyst_memory) *to = ANHYST_NAME(next_of)(tick->c, at);
-  (void)parameters->kernel->field(parameters, ANHYST_NAME(memory_of)(tick->c, at),
-                                  ANHYST_NAME(plays_of)(tick->c, at), flux, to);
-  (void)ANHYST_NAME(take_up)(tick, at, to);
+  ANHYST_NAME(anhyst_memory) *to = next_of(tick->c, at);
+  (void)parameters->kernel->field(parameters, memory_of(tick->c, at), plays_of(tick->c, at), flux,
+                                  to);
+  (void)take_up(tick, at, to);
 }
 
 /* Once in and out. */
-static void ANHYST_NAME(pass)(ANHYST_NAME(solid_tick) *tick)
+static void pass(solid_tick *tick)
 {
-  const int layers = ANHYST_NAME(layers_of)(tick->parameters);
-  ANHYST_NAME(solid_line) line[ANHYST_MEMORIES];
+  const int layers = (int)tick->parameters->solid->layers;
+  solid_line line[ANHYST_MEMORIES];
   ANHYST_REAL deeper = R(0.0);
-  line[0] = ANHYST_NAME(outside)(tick);
+  line[0] = outside(tick);
   for (int j = 1; j < layers; j++) {
-    line[j] = ANHYST_NAME(behind)(tick, j - 1, line[j - 1]);
+    line[j] = behind(tick, j - 1, line[j - 1]);
   }
   for (int j = layers - 1; j > 0; j--) {
-    ANHYST_NAME(meet_line)(tick, j, line[j], deeper);
+    meet_line(tick, j, line[j], deeper);
     deeper = tick->section[j];
   }
   if (tick->flux_given) {
-    ANHYST_NAME(meet_flux)(tick, 0, (tick->given - deeper) / tick->share[0]);
+    meet_flux(tick, 0, (tick->given - deeper) / tick->share[0]);
     tick->section[0] = tick->given;
   } else {
-    ANHYST_NAME(meet_line)(tick, 0, line[0], deeper);
+    meet_line(tick, 0, line[0], deeper);
   }
-  if (ANHYST_NAME(has_sheets)(tick->parameters)) {
-    ANHYST_NAME(meet_flux)(tick, layers, tick->section[0]);
+  if (tick->parameters->solid->laminated > R(0.0)) {
+    meet_flux(tick, layers, tick->section[0]);
   }
 }
 
 /* Whether the equations are met. */
-static int ANHYST_NAME(is_met)(const ANHYST_NAME(solid_tick) *tick)
+static int is_met(const solid_tick *tick)
 {
-  const int layers = ANHYST_NAME(layers_of)(tick->parameters);
+  const int layers = (int)tick->parameters->solid->layers;
   ANHYST_REAL most = R(0.0);
   ANHYST_REAL largest = R(0.0);
   for (int j = 1; j < layers; j++) {
@@ -218,34 +202,34 @@ static int ANHYST_NAME(is_met)(const ANHYST_NAME(solid_tick) *tick)
     most = ANHYST_NAME(anhyst_size)(left) > most ? ANHYST_NAME(anhyst_size)(left) : most;
   }
   if (!tick->flux_given) {
-    const ANHYST_REAL left = ANHYST_NAME(outside)(tick).field - tick->field[0];
+    const ANHYST_REAL left = outside(tick).field - tick->field[0];
     most = ANHYST_NAME(anhyst_size)(left) > most ? ANHYST_NAME(anhyst_size)(left) : most;
   }
   return most <= CLOSE * largest;
 }
 
-static void ANHYST_NAME(solve_tick)(ANHYST_NAME(solid_tick) *tick)
+static void solve_tick(solid_tick *tick)
 {
   for (int i = 0; i < PASSES; i++) {
-    ANHYST_NAME(pass)(tick);
-    if (ANHYST_NAME(is_met)(tick)) {
+    pass(tick);
+    if (is_met(tick)) {
       return;
     }
   }
 }
 
 /* What stands for the field of thin iron in the current, for a flux of the section. */
-static ANHYST_REAL ANHYST_NAME(solid_field)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
+static ANHYST_REAL solid_field(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
 {
   const ANHYST_NAME(anhyst_solid) *solid = c->parameters->solid;
-  ANHYST_NAME(solid_tick) tick;
+  solid_tick tick;
   tick.parameters = c->parameters;
   tick.c = c;
   tick.flux_given = 1;
   tick.given = flux;
   tick.reluctance = R(0.0);
-  ANHYST_NAME(begin_tick)(&tick, 0);
-  ANHYST_NAME(solve_tick)(&tick);
+  begin_tick(&tick, 0);
+  solve_tick(&tick);
   ANHYST_REAL field = tick.field[0];
   if (solid->laminated > R(0.0)) {
     field += solid->laminated * (tick.field[solid->layers] - field);
@@ -254,29 +238,27 @@ static ANHYST_REAL ANHYST_NAME(solid_field)(ANHYST_NAME(anhyst_compensator) *c, 
 }
 
 /* The flux of the section that a current leads to. */
-static ANHYST_REAL ANHYST_NAME(solid_flux)(ANHYST_NAME(anhyst_compensator) *c,
-                                           const ANHYST_NAME(anhyst_at_gap) *row,
-                                           ANHYST_REAL current)
+static ANHYST_REAL solid_flux(ANHYST_NAME(anhyst_compensator) *c,
+                              const ANHYST_NAME(anhyst_at_gap) *row, ANHYST_REAL current)
 {
-  ANHYST_NAME(solid_tick) tick;
+  solid_tick tick;
   tick.parameters = c->parameters;
   tick.c = c;
   tick.flux_given = 0;
   tick.given = (current - row->bias) / row->field_arm;
   tick.reluctance = row->flux_arm / row->field_arm - c->parameters->solid->own;
-  ANHYST_NAME(begin_tick)(&tick, c->solved != 0U);
-  ANHYST_NAME(solve_tick)(&tick);
+  begin_tick(&tick, c->solved != 0U);
+  solve_tick(&tick);
   return tick.section[0];
 }
 
-static int ANHYST_NAME(solid_is_valid)(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int solid_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 {
   const ANHYST_NAME(anhyst_solid) *solid = parameters->solid;
-  return solid->stand != 0 && solid->layers >= 2U &&
-         ANHYST_NAME(memories_of)(parameters) <= ANHYST_MEMORIES && solid->surface > R(0.0) &&
-         solid->surface < R(1.0) && solid->laminated >= R(0.0) && solid->laminated < R(1.0) &&
-         solid->hold >= R(0.0) && solid->hold <= R(1e12) && solid->own <= R(0.0) &&
-         solid->own >= R(-1e12);
+  return solid->stand != 0 && solid->layers >= 2U && memories_of(parameters) <= ANHYST_MEMORIES &&
+         solid->surface > R(0.0) && solid->surface < R(1.0) && solid->laminated >= R(0.0) &&
+         solid->laminated < R(1.0) && solid->hold >= R(0.0) && solid->hold <= R(1e12) &&
+         solid->own <= R(0.0) && solid->own >= R(-1e12);
 }
 
 #undef PASSES

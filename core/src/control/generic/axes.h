@@ -256,8 +256,9 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
   }
   for (i = 0; i < (int)settings->layout.drives; i++) {
     ANHYST_NAME(anhyst_force_controller) *drive = c->drive[i];
+    const int lost = c->share.lost >> i & 1;
     ANHYST_REAL wanted = R(0.0);
-    if (c->flight != ANHYST_AXES_REST && !(c->share.lost >> i & 1)) {
+    if (c->flight != ANHYST_AXES_REST && !lost) {
       wanted = ANHYST_NAME(anhyst_force_controller_solve)(drive, force[i], sample->gap[i],
                                                           sample->flux[i]);
       out->flags |= drive->flags;
@@ -269,6 +270,8 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
         ANHYST_NAME(within)(wanted, settings->current_low, settings->current_high),
         settings->current_low, settings->current_high, settings->current_step);
     c->commanded[i] = out->current[i];
-    (void)ANHYST_NAME(anhyst_force_controller_commit)(drive, out->current[i], sample->gap[i]);
+    if (!lost) { /* whose iron nobody asks again */
+      (void)ANHYST_NAME(anhyst_force_controller_commit)(drive, out->current[i], sample->gap[i]);
+    }
   }
 }

@@ -207,27 +207,8 @@ static int ANHYST_NAME(worst)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_
   return found;
 }
 
-/* Sets to their least those below it that the others can do without; the factor of what is free
-   then, or what it was. */
-static const ANHYST_NAME(anhyst_wrench_factor) *ANHYST_NAME(hold_back)(
-    const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(search) *s,
-    const ANHYST_NAME(anhyst_wrench_factor) *by, ANHYST_NAME(anhyst_wrench_factor) room[2])
-{
-  unsigned left = s->free & w->alone;
-  int j;
-  for (j = ANHYST_NAME(worst)(w, s, left); j >= 0; j = ANHYST_NAME(worst)(w, s, left)) {
-    ANHYST_NAME(anhyst_wrench_factor) *next = by == &room[0] ? &room[1] : &room[0];
-    left &= ~(1U << j);
-    *next = *by;
-    if (ANHYST_NAME(take_out)(w, j, NULL, next)) {
-      ANHYST_NAME(hold)(w, s, j, w->layout->least);
-      by = next;
-    }
-  }
-  return by;
-}
-
-/* Makes a wrench of all there are; whether no drive is left below its least. */
+/* Makes a wrench of all there are, setting to their least those below it that the others can do
+   without; whether no drive is left below its least. */
 static int ANHYST_NAME(make_all)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
                                  ANHYST_NAME(search) *s)
 {
@@ -235,16 +216,28 @@ static int ANHYST_NAME(make_all)(const ANHYST_NAME(anhyst_wrench) *w, const ANHY
   const ANHYST_NAME(anhyst_wrench_factor) *by = &w->factor;
   int pass;
   ANHYST_NAME(start)(w, wrench, s);
-  ANHYST_NAME(least_squares)(w, by, s);
-  for (pass = 0; pass < ANHYST_WRENCH_PASSES; pass++) {
+  for (pass = 0;; pass++) {
     const uint16_t before = s->free;
-    by = ANHYST_NAME(hold_back)(w, s, by, room);
-    if (s->free == before) {
-      break;
-    }
+    unsigned left = s->free & w->alone;
+    int j;
     ANHYST_NAME(least_squares)(w, by, s);
+    j = ANHYST_NAME(worst)(w, s, left);
+    if (j < 0 || pass == ANHYST_WRENCH_PASSES) {
+      return j < 0;
+    }
+    for (; j >= 0; j = ANHYST_NAME(worst)(w, s, left)) {
+      ANHYST_NAME(anhyst_wrench_factor) *next = by == &room[0] ? &room[1] : &room[0];
+      left &= ~(1U << j);
+      *next = *by;
+      if (ANHYST_NAME(take_out)(w, j, NULL, next)) {
+        ANHYST_NAME(hold)(w, s, j, w->layout->least);
+        by = next;
+      }
+    }
+    if (s->free == before) {
+      return 0;
+    }
   }
-  return ANHYST_NAME(worst)(w, s, s->free & w->alone) < 0;
 }
 
 /* Sets to its bound what is beyond one; how many. Of a pair the net force is bounded both ways. */
@@ -296,17 +289,15 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
               layout->least < layout->most && layout->most > R(0.0) && layout->most < R(1e30) &&
               ANHYST_NAME(anhyst_allocation_is_valid)(&layout->pair);
   int i;
+  *w = fresh;
   for (i = 0; valid && i < (int)layout->drives; i++) {
+    w->against[i] = layout->against[i];
     valid = layout->against[i] < layout->drives &&
             layout->against[layout->against[i]] == (uint16_t)i &&
             (layout->against[i] == (uint16_t)i || layout->pair.kind != ANHYST_ALLOCATE_SINGLE);
   }
   for (i = 0; valid && i < (int)layout->axes; i++) {
     valid = layout->yields[i] > R(0.0) && layout->yields[i] <= R(1.0);
-  }
-  *w = fresh;
-  for (i = 0; valid && i < (int)layout->drives; i++) {
-    w->against[i] = layout->against[i];
   }
   if (!valid || !ANHYST_NAME(weigh)(w)) {
     return ANHYST_BAD_PARAMETER;

@@ -74,11 +74,9 @@ static inline signal on_grid(signal current)
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
-  record[HARNESS_MEMORY_A] = word_of(c->memory.x);
-  record[HARNESS_MEMORY_B] = word_of(c->memory.y);
-  record[HARNESS_MEMORY_C] = word_of(c->memory.p);
-  record[HARNESS_MEMORY_D] = word_of(c->memory.turn);
-  record[HARNESS_MEMORY_E] = word_of(c->memory.level);
+  for (int i = 0; i < 5; i++) {
+    record[HARNESS_MEMORY_A + i] = word_of(c->memory.number[i]);
+  }
 }
 
 #else

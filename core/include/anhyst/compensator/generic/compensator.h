@@ -100,20 +100,42 @@ typedef struct {
 #endif
 } ANHYST_NAME(anhyst_parameters);
 
-/* What the iron remembers, as in compensator.h. All zero is the demagnetised state. Beside where it
-   is, it keeps where the path now followed turned, and a step is computed from there: ticks of any
-   number and size add no rounding. */
+/* Of the full law. */
 typedef struct {
-  ANHYST_REAL x;     /* full, cells: field; simplified: flux */
-  ANHYST_REAL y;     /* full: irreversible magnetisation; simplified: bounded state u; cells:
-                        magnetisation of the plays that rest */
-  ANHYST_REAL p;     /* full: play; simplified: distance z where the path turned; cells: how many of
-                        the plays move, below 0 where the field falls; 0: y is not known */
-  ANHYST_REAL turn;  /* full: play where y departed, which the fixed-point memory finds again from
-                        where the play turned; simplified: flux where the path turned; where it is
-                        now: not known, it turns now; cells: sum of 2^i over the plays i that came
-                        to rest while the field rose */
+  ANHYST_REAL x;     /* field */
+  ANHYST_REAL y;     /* irreversible magnetisation */
+  ANHYST_REAL p;     /* play */
+  ANHYST_REAL turn;  /* play where y departed, which the fixed-point memory finds again from where
+                        the play turned */
   ANHYST_REAL level; /* y there */
+} ANHYST_NAME(anhyst_full_memory);
+
+/* Of the closed form. */
+typedef struct {
+  ANHYST_REAL flux;
+  ANHYST_REAL u;     /* bounded state */
+  ANHYST_REAL z;     /* distance where the path turned */
+  ANHYST_REAL turn;  /* flux there; where it is now: not known, it turns now */
+  ANHYST_REAL level; /* u there */
+} ANHYST_NAME(anhyst_simplified_memory);
+
+/* Of the law of cells. */
+typedef struct {
+  ANHYST_REAL x;      /* field */
+  ANHYST_REAL rest;   /* magnetisation of the plays that rest */
+  ANHYST_REAL active; /* how many of the plays move, below 0 where the field falls; 0: rest is not
+                         known */
+  uint32_t risen;     /* bit i: play i came to rest while the field rose */
+} ANHYST_NAME(anhyst_cells_memory);
+
+/* What the iron remembers. All zero is the demagnetised state. Beside where it is, it keeps where
+   the path now followed turned, and a step is computed from there: ticks of any number and size add
+   no rounding. */
+typedef union {
+  ANHYST_REAL number[5]; /* of the laws full and simplified; the first three of any */
+  ANHYST_NAME(anhyst_full_memory) full;
+  ANHYST_NAME(anhyst_simplified_memory) simplified;
+  ANHYST_NAME(anhyst_cells_memory) cells;
 } ANHYST_NAME(anhyst_memory);
 
 /* A law. The first two functions leave *from and the plays alone and fill *to, which may not be
