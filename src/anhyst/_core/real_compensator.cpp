@@ -43,10 +43,8 @@ public:
       const Real *plays = i == 0 ? state_.plays : state_.deeper[i - 1].plays;
       Real values[5];
       std::copy(std::begin(now.number), std::end(now.number), values);
-      if (stride() > 5U) {
-        values[3] = static_cast<Real>(now.cells.risen);
-        values[4] = 0;
-      }
+      values[3] = stride() > 5U ? static_cast<Real>(now.cells.risen) : values[3];
+      values[4] = stride() > 5U ? 0 : values[4];
       std::copy(plays, plays + stride() - 5, std::copy(std::begin(values), std::end(values), to));
     }
     return out;

@@ -101,13 +101,16 @@ static ANHYST_NAME(anhyst_simplified_memory) set_out(const ANHYST_NAME(anhyst_si
   return from;
 }
 
-/* z counts in the direction of travel, whichever that is. */
-static ANHYST_NAME(anhyst_simplified_memory) mirrored(ANHYST_NAME(anhyst_simplified_memory) memory)
+/* The other way round if it falls: z counts in the direction of travel, whichever that is. */
+static ANHYST_NAME(anhyst_simplified_memory) facing(ANHYST_NAME(anhyst_simplified_memory) memory,
+                                                    int falling)
 {
-  memory.flux = -memory.flux;
-  memory.u = -memory.u;
-  memory.turn = -memory.turn;
-  memory.level = -memory.level;
+  if (falling) {
+    memory.flux = -memory.flux;
+    memory.u = -memory.u;
+    memory.turn = -memory.turn;
+    memory.level = -memory.level;
+  }
   return memory;
 }
 
@@ -119,14 +122,12 @@ static ANHYST_REAL simplified_field(const ANHYST_NAME(anhyst_parameters) *parame
   (void)plays;
   const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
   const ANHYST_NAME(anhyst_simplified_memory) *now = &from->simplified;
-  if (flux > now->flux) {
-    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, *now);
-    advance(law, &start, flux, &to->simplified);
-  } else if (flux < now->flux) {
-    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, mirrored(*now));
+  const int falling = flux < now->flux;
+  if (falling || flux > now->flux) {
+    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, facing(*now, falling));
     ANHYST_NAME(anhyst_simplified_memory) end;
-    advance(law, &start, -flux, &end);
-    to->simplified = mirrored(end);
+    advance(law, &start, falling ? -flux : flux, &end);
+    to->simplified = facing(end, falling);
   } else {
     to->simplified = *now;
   }
@@ -176,14 +177,12 @@ static ANHYST_REAL simplified_flux(const ANHYST_NAME(anhyst_parameters) *paramet
                            ANHYST_NAME(anhyst_size)(of_state);
   if (!(ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size))) {
     to->simplified = *now; /* there already, or the current is no number */
-  } else if (missing > R(0.0)) {
-    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, *now);
-    reach(law, &start, arms, target, &to->simplified);
   } else {
-    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, mirrored(*now));
+    const int falling = missing < R(0.0);
+    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, facing(*now, falling));
     ANHYST_NAME(anhyst_simplified_memory) end;
-    reach(law, &start, arms, -target, &end);
-    to->simplified = mirrored(end);
+    reach(law, &start, arms, falling ? -target : target, &end);
+    to->simplified = facing(end, falling);
   }
   return to->simplified.flux;
 }
