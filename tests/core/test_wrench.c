@@ -222,6 +222,16 @@ static double off_fresh(const anhyst_wrench_layout_f64 *layout, const int *lost,
   return worst / size;
 }
 
+/* No force is beyond its bounds, and what is lost has none. */
+static void check_bounds(const anhyst_wrench_layout_f64 *layout, const double *force)
+{
+  for (int j = 0; j < (int)layout->drives; j++) {
+    const double least = drives.alone >> j & 1 ? 0.5 : 0.0;
+    CHECK(force[j] >= least * (1.0 - 1e-9) && force[j] < 241.0);
+    CHECK(!(drives.lost >> j & 1) || !(force[j] > 0.0));
+  }
+}
+
 static void what_is_given_up_depends_on_what_is_asked_alone(void)
 {
   double worst = 0.0;
@@ -244,11 +254,7 @@ static void what_is_given_up_depends_on_what_is_asked_alone(void)
         wrench[k] += walk * any_part();
       }
       given_up += !anhyst_wrench_share_f64(&drives, wrench, force);
-      for (int j = 0; j < (int)layout.drives; j++) {
-        const double least = drives.alone >> j & 1 ? 0.5 : 0.0;
-        CHECK(force[j] >= least * (1.0 - 1e-9) && force[j] < 241.0);
-        CHECK(!(drives.lost >> j & 1) || !(force[j] > 0.0));
-      }
+      check_bounds(&layout, force);
       keep_worst(&worst, off_fresh(&layout, lost, tick / 20 + 1, wrench, force));
     }
   }
