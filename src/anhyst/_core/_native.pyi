@@ -554,6 +554,34 @@ class TrackingAxes(LoopController):
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
 
+class FixedWrench:
+    """The same sharing out in fixed point, by the words of control/fixed_axes.py."""
+
+    def __init__(self, words: _Rows, settings: Mapping[str, int]) -> None: ...
+    def lose(self, drive: int) -> None: ...
+    def share(self, wrench: Sequence[int]) -> tuple[list[int], bool]:
+        """Return the codes of the forces for those of a wrench, and whether they make it."""
+
+class FixedAxes(LoopController):
+    """PIDs of several axes and allocation in fixed point: words and codes of all of it."""
+
+    def __init__(
+        self,
+        magnets: list[FixedForceController],
+        words: _Rows,
+        settings: Mapping[str, int],
+        scales: Mapping[str, Any],
+    ) -> None: ...
+    # as TrackingAxes.tick, in codes
+    def tick(
+        self,
+        head: Sequence[int],
+        forward: Sequence[int],
+        gap: Sequence[int],
+        read: Sequence[int],
+        command: int = 0,
+    ) -> tuple[list[int], list[int], int, int, int]: ...
+
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""
 

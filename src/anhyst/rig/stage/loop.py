@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import (
     POSITION_MAGNETS,
+    FixedAxes,
     FixedTracking,
     LoopController,
     PlantLoop,
@@ -28,6 +29,7 @@ from anhyst.compensate.methods import PROBED, make_compensator
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
+from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
@@ -55,7 +57,10 @@ from anhyst.rig.stage.file import (
     decoupling,
     error_columns,
     head_rows,
+    least_of,
     mass_matrix,
+    opposed,
+    pull_rows,
     scan_direction,
     unit_of,
     usual_allocation,
@@ -63,6 +68,7 @@ from anhyst.rig.stage.file import (
     weight,
     without,
     wrench_layout,
+    yields,
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.arrays import FloatArray
@@ -441,8 +447,12 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     }
 
 
-def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
+def axes_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> TrackingAxes | FixedAxes:
     """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
+    if setup.law == "fixed":
+        return _fixed_controller(setup, drives)
     settings = controller_settings(setup) | watch_settings(setup.rig)
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
@@ -456,6 +466,35 @@ def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller
+
+
+def fixed_words(setup: StageSetup) -> FixedController:
+    """Return the words of a controller of several coordinates in fixed point."""
+    file, settings = setup.rig.settings, controller_settings(setup)
+    drives = Drives(
+        pull_rows(file),
+        opposed(file),
+        yields(file),
+        int(settings["allocation"]),
+        settings["idle"],
+        least_of(file),
+        file.tracking.force_max_N,
+    )
+    known = settings | watch_settings(setup.rig)
+    return fixed_axes(axes_rows(setup), drives, known, in_codes(settings))
+
+
+def _fixed_controller(setup: StageSetup, drives: Sequence[ForceController]) -> FixedAxes:
+    assert setup.correction is None, "in fixed point nothing corrects a force controller"
+    fixed, magnets = fixed_words(setup), [one.native for one in drives or setup.fresh()]
+    scales = fixed.scales
+    full = {
+        "at": axes_rows(setup)["at"],
+        "wrench": scales.wrench[:, None],
+        "flux": setup.compensator.parameters.flux_full_scale,
+        **{key: getattr(scales, key) for key in ("head", "current", "gap_low", "gap_high")},
+    }
+    return FixedAxes(magnets, fixed.words, fixed.numbers, full)
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:
