@@ -215,6 +215,7 @@ def _real_values(stage: StageController) -> dict[str, object]:
     return {
         "io": "f32",
         "number": "float",
+        "codes": False,
         "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
         "pid": [f"{{{_row(row[:3])}, {_row(row[3:])}}}" for row in stage.rows["pid"].tolist()],
         **{key: literal(value) for key, value in values.items()},
