@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/control/axes.h"
 
-#include <math.h>
 #include <stddef.h>
 
 #include "anhyst/compensator/flags.h"
