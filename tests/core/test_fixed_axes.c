@@ -226,8 +226,8 @@ static void any_tick(anhyst_axes_q31 *c)
   int32_t current[DRIVES];
   int32_t demand[AXES];
   const anhyst_axes_settings_q31 *settings = c->settings;
-  const anhyst_axes_sample_q31 sample = {head, forward, gap, gap, read,
-                                         (uint16_t)(any_within(0, 3) ? 0 : any_within(0, 9))};
+  const anhyst_axes_sample_q31 sample = {
+      head, forward, gap, gap, read, (uint16_t)(any_within(0, 3) ? 0 : any_within(0, 9))};
   anhyst_axes_answer_q31 out = {current, demand, 0, 0, 0};
   for (int j = 0; j < HEADS; j++) {
     head[j] = any_edge() >> any_within(0, 31);

@@ -40,10 +40,10 @@ static int32_t step_pid_q31(const anhyst_axis_pid_q31 *pid, anhyst_axis_pid_stat
   const int64_t most = (int64_t)ANHYST_Q31_MAX * ((int64_t)1 << pid->shift);
   const int64_t sum = anhyst_clamp_wide(state->sum, most);
   const int64_t lag = anhyst_clamp_wide(state->lag, ANHYST_WIDE_ONE);
-  const int64_t asked = (int64_t)pid->direct * error + sum + lag;
-  const int64_t lost = anhyst_part_wide(lag, 30) * pid->decay;
-  state->sum = anhyst_clamp_wide(sum + (int64_t)pid->summed * error, most);
-  state->lag = anhyst_clamp_wide(lag - lost + (int64_t)pid->lagging * error, ANHYST_WIDE_ONE);
+  const int64_t asked = anhyst_wide(pid->direct, error) + sum + lag;
+  const int64_t lost = anhyst_wide((int32_t)anhyst_part_wide(lag, 30), pid->decay);
+  state->sum = anhyst_clamp_wide(sum + anhyst_wide(pid->summed, error), most);
+  state->lag = anhyst_clamp_wide(lag - lost + anhyst_wide(pid->lagging, error), ANHYST_WIDE_ONE);
   return anhyst_sat_wide(anhyst_part_wide(asked, pid->shift));
 }
 

@@ -21,10 +21,7 @@ typedef struct {
 
 static int bit_of(uint32_t set, int j) { return (int)(set >> j & 1U); }
 
-static int is_unit(const anhyst_wrench_q31 *w, int j)
-{
-  return (int)w->layout->against[j] >= j;
-}
+static int is_unit(const anhyst_wrench_q31 *w, int j) { return (int)w->layout->against[j] >= j; }
 
 static int is_gone(const anhyst_wrench_q31 *w, int j)
 {
@@ -58,7 +55,7 @@ static int32_t ratio(int32_t number, int32_t pivot, uint16_t n)
 /* What is left of a number of q30 where a share of another is taken off. */
 static int32_t rest(int32_t number, int32_t share, int32_t other, uint16_t n)
 {
-  const int64_t taken = anhyst_part_wide((int64_t)share * other, n);
+  const int64_t taken = anhyst_part_wide(anhyst_wide(other, share), n);
   return anhyst_clamp(anhyst_sat_wide(number - taken), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
@@ -111,8 +108,8 @@ static int hold(const anhyst_wrench_q31 *w, search *s, int j, int32_t at)
   for (i = 0; i < drives; i++) {
     if (bit_of(s->free, i)) {
       share[i] = ratio(s->apart[i][j], pivot, n);
-      s->force[i] = anhyst_sat_wide(s->force[i] +
-                                    anhyst_part_wide((int64_t)share[i] * missing, n));
+      s->force[i] =
+          anhyst_sat_wide(s->force[i] + anhyst_part_wide(anhyst_wide(share[i], missing), n));
     }
   }
   eliminate(w, s, share, j, n);

@@ -235,8 +235,7 @@ private:
       flux.push_back(code_of(sample->flux[i], c.flux_full_));
       read.push_back(code_of(sample->current[i], c.current_full_));
     }
-    const auto out =
-        c.run(head, forward, gap, flux, read, static_cast<uint16_t>(sample->command));
+    const auto out = c.run(head, forward, gap, flux, read, static_cast<uint16_t>(sample->command));
     answer->flags = out.flags;
     answer->state = anhyst_axes_word(out.state, out.lost);
     for (size_t i = 0; i < drives; i++) {

@@ -38,14 +38,15 @@ typedef struct {
 
 /* How the drives stand; constant. */
 typedef struct {
-  uint16_t axes;           /* numbers of a wrench, 1..6 */
-  uint16_t drives;         /* 1..16 */
-  const uint16_t *against; /* for each drive that which pulls against it, itself where it is alone */
+  uint16_t axes;   /* numbers of a wrench, 1..6 */
+  uint16_t drives; /* 1..16 */
+  const uint16_t
+      *against; /* for each drive that which pulls against it, itself where it is alone */
   anhyst_wrench_way_q31 whole;  /* as long as every axis is made */
   anhyst_wrench_way_q31 yields; /* where some is given up */
   anhyst_allocation_q31 pair;   /* how pairs share; single where there are none */
-  int32_t least; /* of a drive that stands alone; below 0 where it goes both ways */
-  int32_t most;  /* of every one once a drive is lost; > 0 */
+  int32_t least;                /* of a drive that stands alone; below 0 where it goes both ways */
+  int32_t most;                 /* of every one once a drive is lost; > 0 */
 } anhyst_wrench_layout_q31;
 
 typedef struct {

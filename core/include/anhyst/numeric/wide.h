@@ -11,9 +11,9 @@
 extern "C" {
 #endif
 
-#define ANHYST_ROW_LENGTH 16                   /* numbers of a row at most */
-#define ANHYST_ROW_MOST ((int32_t)134217728)   /* 2^27, of the size of each of them */
-#define ANHYST_ROW_SHIFT 58U                   /* of a row at most */
+#define ANHYST_ROW_LENGTH 16                           /* numbers of a row at most */
+#define ANHYST_ROW_MOST ((int32_t)134217728)           /* 2^27, of the size of each of them */
+#define ANHYST_ROW_SHIFT 58U                           /* of a row at most */
 #define ANHYST_WIDE_ONE ((int64_t)1152921504606846976) /* 2^60 */
 
 /* Rows one after another; a row is worth its numbers over 2^shift. */
@@ -40,6 +40,9 @@ static inline int64_t anhyst_clamp_wide(int64_t a, int64_t most)
   return a < -most ? -most : a;
 }
 
+/* a*b; its size is at most that of a times 2^31. */
+static inline int64_t anhyst_wide(int32_t a, int32_t b) { return (int64_t)a * b; }
+
 /* a/2^n for |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
 static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
 {
@@ -49,7 +52,7 @@ static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
 /* a/2^31*b, saturates for (-1)*(-1) alone. */
 static inline int32_t anhyst_product_q31(int32_t a, int32_t b)
 {
-  return anhyst_sat_wide(anhyst_part_wide((int64_t)a * b, 31));
+  return anhyst_sat_wide(anhyst_part_wide(anhyst_wide(a, b), 31));
 }
 
 /* Whether so many numbers and shifts are within their ranges. */
@@ -73,7 +76,7 @@ static inline int32_t anhyst_row_product_q31(const int32_t *number, uint16_t shi
   int64_t sum = 0;
   uint16_t i;
   for (i = 0; i < length; i++) {
-    sum += (int64_t)number[i] * signal[i];
+    sum += anhyst_wide(number[i], signal[i]);
   }
   return anhyst_sat_wide(anhyst_part_wide(sum, shift));
 }

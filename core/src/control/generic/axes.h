@@ -46,8 +46,7 @@ static ANHYST_REAL ANHYST_NAME(off_its_way)(ANHYST_NAME(anhyst_axes) *c, int i, 
       ANHYST_NAME(part_of)(ANHYST_NAME(anhyst_sub)(wanted, c->due[i]), c->settings->follow);
   ANHYST_REAL low;
   ANHYST_REAL high;
-  c->due[i] =
-      ANHYST_NAME(anhyst_add)(c->due[i], step > slew ? slew : step < -slew ? -slew : step);
+  c->due[i] = ANHYST_NAME(anhyst_add)(c->due[i], step > slew ? slew : step < -slew ? -slew : step);
   low = wanted < c->due[i] ? wanted : c->due[i];
   high = wanted < c->due[i] ? c->due[i] : wanted;
   if (read < low) {

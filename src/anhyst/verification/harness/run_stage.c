@@ -24,7 +24,7 @@ static tick_of now;
 /* Uniform over -most..most. */
 static int32_t draw(int32_t most) { return (int32_t)((int64_t)draw_q30(0) * most / Q30_ONE); }
 
-static void start_drawing(STAGE(_sample) *in)
+static void start_drawing(STAGE(_sample) * in)
 {
   const STAGE(_sample) rest = {.command = 0};
   *in = rest;
@@ -32,7 +32,7 @@ static void start_drawing(STAGE(_sample) *in)
 
 /* The wrench is about what carries the body, or beyond what there is for a while; now and then a
    gap is one that cannot be. */
-static void draw_sample(uint32_t step, STAGE(_sample) *in)
+static void draw_sample(uint32_t step, STAGE(_sample) * in)
 {
   static const int32_t rest[COUNT(AXES)] = {0};
   STAGE(_feed)(rest, in->forward);
@@ -56,7 +56,7 @@ static float force[COUNT(MAGNETS)]; /* whose wrench is fed forward, of the large
 /* Uniform over -1..1. */
 static float draw(void) { return (float)draw_q30(0) / (float)Q30_ONE; }
 
-static void start_drawing(STAGE(_sample) *in)
+static void start_drawing(STAGE(_sample) * in)
 {
   for (int i = 0; i < COUNT(MAGNETS); i++) {
     force[i] = 0.0F;
@@ -66,7 +66,7 @@ static void start_drawing(STAGE(_sample) *in)
 
 /* Forces walk, or jump beyond what there is for a while; now and then a gap is one that cannot
    be. */
-static void draw_sample(uint32_t step, STAGE(_sample) *in)
+static void draw_sample(uint32_t step, STAGE(_sample) * in)
 {
   const float *pull = STAGE(_settings).layout.pull;
   const float span = COUNT(GAP_HIGH_M) - COUNT(GAP_LOW_M);
