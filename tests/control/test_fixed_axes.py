@@ -47,7 +47,8 @@ def drawn(rng: np.random.Generator) -> Drives | None:
 
 
 def bodies(count: int, seed: int) -> list[Drives]:
-    rng, found = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    found: list[Drives] = []
     while len(found) < count:
         one = drawn(rng)
         if one is not None:
@@ -208,7 +209,9 @@ def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
         "current": fixed.scales.current,
     }
     drives, count = made.drives, len(made.drives.pull)
-    own = FixedAxes([force.fresh().native for _ in range(count)], fixed.words, fixed.numbers, scales)
+    own = FixedAxes(
+        [force.fresh().native for _ in range(count)], fixed.words, fixed.numbers, scales
+    )
     layout = WrenchLayout(
         np.ascontiguousarray(drives.pull), drives.against, drives.allocation, drives.idle,
         drives.least, drives.most, yields=drives.yields,
@@ -265,7 +268,8 @@ def test_what_the_heads_cannot_say_is_flagged_and_full_scale_saturates() -> None
 def test_feedforward_is_the_wrench_of_mass_and_weight() -> None:
     fixed, _, _ = controllers(body(bodies(1, 15)[0], np.random.default_rng(7)))
     scales, axes = fixed.scales, len(fixed.scales.wrench)
-    mass, weight = np.diag(np.full(axes, 3.0)), np.arange(axes) - 2.0
+    mass = np.diag(np.full(axes, 3.0))
+    weight = np.arange(axes, dtype=np.float64) - 2.0
     numbers, shifts, carried = feed_rows(mass, weight, scales)
     acceleration = codes(np.full(axes, 0.25) * scales.acceleration, scales.acceleration)
     moved = (numbers @ acceleration) / 2.0 ** shifts[:, 0]

@@ -567,20 +567,15 @@ class FixedAxes(LoopController):
 
     def __init__(
         self,
-        magnets: list[FixedForceController],
+        magnets: list[_Drive],
         words: _Rows,
         settings: Mapping[str, int],
         scales: Mapping[str, Any],
     ) -> None: ...
-    # as TrackingAxes.tick, in codes
+    # as TrackingAxes.tick, in codes, which are whole numbers
     def tick(
-        self,
-        head: Sequence[int],
-        forward: Sequence[int],
-        gap: Sequence[int],
-        read: Sequence[int],
-        command: int = 0,
-    ) -> tuple[list[int], list[int], int, int, int]: ...
+        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals, command: int = 0
+    ) -> tuple[list[float], list[float], int, int, int]: ...
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

@@ -121,7 +121,9 @@ def fixed_axes(
         words[name] = codes(rows[name], pose[:, None])
     if not (words["lift"] > 0.0).all():
         raise _too("small", "control.lift_m_per_s")
-    numbers |= {f"current_{end}": int(currents[f"current_{end}"]) for end in ("low", "high", "step")}
+    numbers |= {
+        f"current_{end}": int(currents[f"current_{end}"]) for end in ("low", "high", "step")
+    }
     numbers |= {"heads": heads, "follow": q31(settings["follow"])}
     numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
     numbers["jump"] = q31(settings["jump"] / scales.head)

@@ -315,8 +315,10 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
 
 
 def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDArray[Any]:
-    """Return what a controller is given in its own format: heads, from `begin` on wrench, from `end` on
-    gaps and currents."""
+    """Return what a controller is given in its own format.
+
+    From `begin` on stands the wrench, from `end` on gaps and currents.
+    """
     if setup.law != "fixed":
         return given.astype(np.float32)
     scales, magnets = fixed_words(setup).scales, len(setup.rig.settings.placed)
