@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A wrench shared out in fixed point. RATIO and REST: the two functions of one number that a held
    drive takes. HOLD: a unit that is held, in any valid layout, from any forces and any numbers
-   within -1..1 of what is free. SHARE: all around it, with any drives lost. */
+   within -1..1 of what is free; ELIMINATE: what is taken off these. */
 #include "any.h"
 
 uint32_t nondet_u32(void);
@@ -19,6 +19,22 @@ static int32_t ratio(int32_t number, int32_t pivot, uint16_t n)
   return nondet_i32();
 }
 
+static void eliminate(const anhyst_wrench_q31 *w, sharing *s, const int32_t *share, int held,
+                      uint16_t n)
+{
+  (void)w;
+  (void)share;
+  SHOW(held >= 0 && held < DRIVES && n <= 30U && !bit_of(s->free, held));
+}
+
+static void copy_apart(const anhyst_wrench_q31 *w, sharing *s)
+{
+  (void)w;
+  s->changed = 1; /* s has any numbers already */
+}
+#endif
+
+#ifdef ELIMINATE
 static int32_t rest(int32_t number, int32_t share, int32_t other, uint16_t n)
 {
   (void)share;
@@ -26,25 +42,35 @@ static int32_t rest(int32_t number, int32_t share, int32_t other, uint16_t n)
   SHOW(other >= -ANHYST_Q30_ONE && other <= ANHYST_Q30_ONE);
   return any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
+#endif
 
-static void prove_hold(void)
+#if defined(HOLD) || defined(ELIMINATE)
+static void prove_held(void)
 {
   int32_t apart[DRIVES * DRIVES];
-  uint16_t against[DRIVES];
   const anhyst_wrench_layout_q31 layout = {
-      .axes = 6, .drives = nondet_u16(), .against = against, .whole = {{0, 0}, apart}};
+      .axes = 6, .drives = nondet_u16(), .whole = {{0, 0}, apart}};
   const anhyst_wrench_q31 w = {&layout, nondet_u32()};
-  search s = {.way = &layout.whole, .free = nondet_u16(), .changed = nondet_u16() & 1};
+  sharing s = {.way = &layout.whole, .free = nondet_u16(), .changed = nondet_u16() & 1};
   const uint16_t j = nondet_u16();
+  int32_t share[DRIVES];
   ASSUME(layout.drives <= DRIVES && j < layout.drives);
-  for (int i = 0; i < DRIVES * DRIVES; i++) {
-    apart[i] = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-    s.apart[i / DRIVES][i % DRIVES] = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  }
   for (int i = 0; i < DRIVES; i++) {
     s.force[i] = nondet_i32();
+    share[i] = nondet_i32();
+    for (int k = 0; k < DRIVES; k++) {
+      apart[i * DRIVES + k] = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+      s.apart[i][k] = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+    }
   }
+#ifdef HOLD
+  (void)share;
   (void)hold(&w, &s, (int)j, nondet_i32());
+#else
+  const uint16_t n = nondet_u16();
+  ASSUME(n <= 30U);
+  eliminate(&w, &s, share, (int)j, n);
+#endif
 }
 #endif
 
@@ -61,7 +87,7 @@ int main(void)
                              any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE), n);
   SHOW(found >= -ANHYST_Q30_ONE && found <= ANHYST_Q30_ONE);
 #else
-  prove_hold();
+  prove_held();
 #endif
   return 0;
 }

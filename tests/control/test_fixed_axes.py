@@ -201,8 +201,8 @@ def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
     force, given = magnet()
     fixed = fixed_axes(made.rows, made.drives, made.settings, in_codes(given))
     scales = {
-        "at": made.rows["at"],
-        "wrench": fixed.scales.wrench[:, None],
+        "at": made.rows["at"].ravel().tolist(),
+        "wrench": fixed.scales.wrench.tolist(),
         "flux": 2.0,
         **{key: given[key] for key in ("gap_low", "gap_high")},
         "head": fixed.scales.head,

@@ -157,7 +157,10 @@ def test_a_stage_whose_records_have_no_form_is_refused(
         read_bundle(place)
 
 
-def test_a_processor_without_float_format_is_refused(folder: Path) -> None:
+@pytest.mark.parametrize("which", ["folder", "whole_folder"])
+def test_a_target_on_which_no_stage_runs_is_refused(
+    which: str, request: pytest.FixtureRequest
+) -> None:
     for name in ("avr", "msp430", "cortex-m3-qemu"):
         with refused("target-not-for-this --on"):
-            verify(folder, name)
+            verify(request.getfixturevalue(which), name)

@@ -17,7 +17,7 @@ typedef struct {
   int32_t force[DRIVES];         /* of each unit, q28 */
   uint16_t free;                 /* units whose force is still to be found, bit by bit */
   int changed;                   /* whether apart is made */
-} search;
+} sharing;
 
 static int bit_of(uint32_t set, int j) { return (int)(set >> j & 1U); }
 
@@ -48,8 +48,9 @@ static uint16_t digits(int32_t pivot)
 static int32_t ratio(int32_t number, int32_t pivot, uint16_t n)
 {
   const int64_t above = (int64_t)number * ((int64_t)1 << n);
-  const int64_t half = pivot / 2;
-  return anhyst_sat_wide((above < 0 ? above - half : above + half) / pivot);
+  const int32_t half = pivot / 2;
+  const int64_t rounded = above < 0 ? above - half : above + half;
+  return anhyst_sat_wide(rounded / pivot);
 }
 
 /* What is left of a number of q30 where a share of another is taken off. */
@@ -59,7 +60,7 @@ static int32_t rest(int32_t number, int32_t share, int32_t other, uint16_t n)
   return anhyst_clamp(anhyst_sat_wide(number - taken), -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
 }
 
-static void copy_apart(const anhyst_wrench_q31 *w, search *s)
+static void copy_apart(const anhyst_wrench_q31 *w, sharing *s)
 {
   const int n = (int)w->layout->drives;
   int i;
@@ -73,7 +74,7 @@ static void copy_apart(const anhyst_wrench_q31 *w, search *s)
 }
 
 /* Takes what was held of one unit off what is free of the others. */
-static void eliminate(const anhyst_wrench_q31 *w, search *s, const int32_t *share, int held,
+static void eliminate(const anhyst_wrench_q31 *w, sharing *s, const int32_t *share, int held,
                       uint16_t n)
 {
   int i;
@@ -89,7 +90,7 @@ static void eliminate(const anhyst_wrench_q31 *w, search *s, const int32_t *shar
 }
 
 /* Holds a free unit at a force, the others go on making the wrench; 0 where they cannot. */
-static int hold(const anhyst_wrench_q31 *w, search *s, int j, int32_t at)
+static int hold(const anhyst_wrench_q31 *w, sharing *s, int j, int32_t at)
 {
   const int drives = (int)w->layout->drives;
   const int32_t pivot = s->changed ? s->apart[j][j] : s->way->apart[j * drives + j];
@@ -118,7 +119,7 @@ static int hold(const anhyst_wrench_q31 *w, search *s, int j, int32_t at)
 }
 
 /* Forces of least squares with what is not lost; 0 where they do not make every wrench. */
-static int start(const anhyst_wrench_q31 *w, search *s, const anhyst_wrench_way_q31 *way,
+static int start(const anhyst_wrench_q31 *w, sharing *s, const anhyst_wrench_way_q31 *way,
                  const int32_t *wrench)
 {
   const uint16_t axes = w->layout->axes;
@@ -136,7 +137,11 @@ static int start(const anhyst_wrench_q31 *w, search *s, const anhyst_wrench_way_
     }
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
-    if (is_unit(w, j) && is_gone(w, j) && !hold(w, s, j, 0)) {
+    int held = 1;
+    if (is_unit(w, j) && is_gone(w, j)) {
+      held = hold(w, s, j, 0);
+    }
+    if (!held) {
       s->force[j] = 0;
       s->free = (uint16_t)(s->free & ~(1U << j));
       whole = 0;
@@ -145,105 +150,63 @@ static int start(const anhyst_wrench_q31 *w, search *s, const anhyst_wrench_way_
   return whole;
 }
 
-/* The least force of a unit that pulls one way, q28. */
-static int32_t least_of(const anhyst_wrench_q31 *w) { return w->layout->least >> 3; }
-
-/* What a unit that pulls one way pulls with. */
-static int32_t pulled(const anhyst_wrench_q31 *w, const search *s, int j)
+/* Forces within their bounds, and by how much those that are free are beyond. What pulls one way
+   has a least; with both, everything has a most too, of a pair either way. */
+static void look(const anhyst_wrench_q31 *w, const sharing *s, int both, int32_t *bound,
+                 int32_t *off)
 {
-  return way_of(w, j) < 0 ? anhyst_sub_q31(0, s->force[j]) : s->force[j];
-}
-
-/* The unit of those not tried that is furthest below its least, or -1. */
-static int worst(const anhyst_wrench_q31 *w, const search *s, const int32_t *pulls, uint16_t tried)
-{
-  int32_t low = least_of(w) - ROUNDING;
-  int found = -1;
+  const int32_t least = w->layout->least >> 3;
+  const int32_t most = both ? w->layout->most >> 3 : ANHYST_Q31_MAX;
   int j;
   for (j = 0; j < (int)w->layout->drives; j++) {
-    if (bit_of(s->free, j) && !bit_of(tried, j) && way_of(w, j) != 0 && pulls[j] < low) {
-      low = pulls[j];
+    const int way = way_of(w, j);
+    bound[j] = anhyst_clamp(s->force[j], way > 0 ? least : -most, way < 0 ? -least : most);
+    off[j] = bit_of(s->free, j) ? anhyst_abs_q31(anhyst_sub_q31(s->force[j], bound[j])) : 0;
+  }
+}
+
+/* Which is furthest beyond, by more than rounding; or -1. */
+static int worst(const int32_t *off, int drives)
+{
+  int32_t most = ROUNDING;
+  int found = -1;
+  int j;
+  for (j = 0; j < drives; j++) {
+    if (off[j] > most) {
+      most = off[j];
       found = j;
     }
   }
   return found;
 }
 
-static void all_pulled(const anhyst_wrench_q31 *w, const search *s, int32_t *pulls)
+/* Holds at its bound what is beyond it and the others can do without, in so many passes; whether
+   nothing is beyond any more. What is free then comes within its bounds. */
+static int hold_back(const anhyst_wrench_q31 *w, sharing *s, int both, int passes)
 {
-  int j;
-  for (j = 0; j < (int)w->layout->drives; j++) {
-    pulls[j] = pulled(w, s, j);
-  }
-}
-
-/* Sets to their least those below it that the others can do without; how many. */
-static int hold_back(const anhyst_wrench_q31 *w, search *s)
-{
-  int32_t pulls[DRIVES] = {0};
-  uint16_t tried = 0;
-  int held = 0;
-  int j;
-  all_pulled(w, s, pulls);
-  for (j = worst(w, s, pulls, tried); j >= 0; j = worst(w, s, pulls, tried)) {
-    tried = (uint16_t)(tried | (1U << j));
-    held += hold(w, s, j, way_of(w, j) < 0 ? -least_of(w) : least_of(w));
-  }
-  return held;
-}
-
-/* A force within the bounds of a unit; of a pair the net force is bounded both ways. */
-static int32_t within(const anhyst_wrench_q31 *w, int j, int32_t force)
-{
-  const int32_t most = w->layout->most >> 3;
-  const int way = way_of(w, j);
-  return anhyst_clamp(force, way > 0 ? least_of(w) : -most, way < 0 ? -least_of(w) : most);
-}
-
-/* Sets to its bound what is beyond one; how many. */
-static int bound(const anhyst_wrench_q31 *w, search *s)
-{
-  int32_t before[DRIVES] = {0};
-  int bounded = 0;
-  int j;
-  for (j = 0; j < (int)w->layout->drives; j++) {
-    before[j] = s->force[j];
-  }
-  for (j = 0; j < (int)w->layout->drives; j++) {
-    if (bit_of(s->free, j) && within(w, j, before[j]) != before[j]) {
-      bounded += hold(w, s, j, within(w, j, before[j]));
-    }
-  }
-  return bounded;
-}
-
-/* Whether any free unit is beyond its bounds by more than rounding. */
-static int is_beyond(const anhyst_wrench_q31 *w, const search *s)
-{
-  int beyond = 0;
-  int j;
-  for (j = 0; j < (int)w->layout->drives; j++) {
-    const int32_t off = anhyst_sub_q31(s->force[j], within(w, j, s->force[j]));
-    beyond = beyond || (bit_of(s->free, j) && (off > ROUNDING || off < -ROUNDING));
-  }
-  return beyond;
-}
-
-/* Forces within bounds that miss as little as may be, axes by what they yield. */
-static void give_up(const anhyst_wrench_q31 *w, search *s, const int32_t *wrench)
-{
+  const int drives = (int)w->layout->drives;
+  int32_t bound[DRIVES] = {0};
+  int32_t off[DRIVES] = {0};
+  int held = 1;
   int pass;
   int j;
-  (void)start(w, s, &w->layout->yields, wrench);
-  for (pass = 0; pass < ANHYST_WRENCH_PASSES && bound(w, s) > 0; pass++) {
+  for (pass = 0; pass < passes && held > 0; pass++) {
+    held = 0;
+    look(w, s, both, bound, off);
+    for (j = worst(off, drives); j >= 0; j = worst(off, drives)) {
+      off[j] = 0;
+      held += hold(w, s, j, bound[j]);
+    }
   }
-  for (j = 0; j < (int)w->layout->drives; j++) {
-    s->force[j] = bit_of(s->free, j) ? within(w, j, s->force[j]) : s->force[j];
+  look(w, s, both, bound, off);
+  for (j = 0; both && j < drives; j++) {
+    s->force[j] = bit_of(s->free, j) ? bound[j] : s->force[j];
   }
+  return worst(off, drives) < 0;
 }
 
 /* What the drives of a unit pull with. */
-static void share_out(const anhyst_wrench_q31 *w, const search *s, int j, int32_t *force)
+static void share_out(const anhyst_wrench_q31 *w, const sharing *s, int j, int32_t *force)
 {
   const anhyst_wrench_layout_q31 *layout = w->layout;
   const int other = (int)layout->against[j];
@@ -256,7 +219,8 @@ static void share_out(const anhyst_wrench_q31 *w, const search *s, int j, int32_
     force[j] = both[0];
     force[other] = both[1];
   } else if (!is_gone(w, j)) {
-    const int32_t wanted = anhyst_shl_q31(pulled(w, s, j), 3);
+    const int32_t pull = way > 0 ? s->force[j] : anhyst_sub_q31(0, s->force[j]);
+    const int32_t wanted = anhyst_shl_q31(pull, 3);
     force[way > 0 ? j : other] = wanted > layout->least ? wanted : layout->least;
   }
 }
@@ -300,20 +264,18 @@ void anhyst_wrench_lose_q31(anhyst_wrench_q31 *w, int drive)
 
 int anhyst_wrench_share_q31(const anhyst_wrench_q31 *w, const int32_t *wrench, int32_t *force)
 {
-  search s;
-  int32_t pulls[DRIVES] = {0};
+  sharing s;
   int made = start(w, &s, &w->layout->whole, wrench);
-  int pass;
   int j;
   if (made) {
-    for (pass = 0; pass < ANHYST_WRENCH_PASSES && hold_back(w, &s) > 0; pass++) {
-    }
-    all_pulled(w, &s, pulls);
-    made = worst(w, &s, pulls, 0) < 0;
+    made = hold_back(w, &s, 0, ANHYST_WRENCH_PASSES);
   }
-  if (w->lost != 0U && (!made || is_beyond(w, &s))) {
-    made = 0;
-    give_up(w, &s, wrench);
+  if (made && w->lost != 0U) {
+    made = hold_back(w, &s, 1, 0);
+  }
+  if (!made && w->lost != 0U) { /* as little as may be is missed, axes by what they yield */
+    (void)start(w, &s, &w->layout->yields, wrench);
+    (void)hold_back(w, &s, 1, ANHYST_WRENCH_PASSES);
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
     if (is_unit(w, j)) {

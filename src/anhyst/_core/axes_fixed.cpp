@@ -19,46 +19,26 @@ namespace {
 
 using Codes = std::vector<int32_t>;
 
-// Tables of whole numbers, whose addresses stay.
-class Words {
+// Tables of whole numbers by name, which live as long as this.
+class Words : public Settings {
 public:
-  explicit Words(const nb::dict &tables) : tables_(tables) {}
+  using Settings::Settings;
 
-  const int32_t *take(const std::string &name, size_t rows, size_t columns)
+  template <class T> const T *table(const std::string &name, size_t rows, size_t columns)
   {
-    return values<int32_t>(codes_, name, rows, columns);
+    const auto found = take<nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>>(name);
+    same_length(rows, found.shape(0), name.c_str());
+    same_length(columns, found.shape(1), name.c_str());
+    return found.data();
   }
-  const uint16_t *halves(const std::string &name, size_t rows, size_t columns)
+  const int32_t *codes(const std::string &name, size_t rows, size_t columns)
   {
-    return values<uint16_t>(halves_, name, rows, columns);
+    return table<int32_t>(name, rows, columns);
   }
   anhyst_rows_q31 rows(const std::string &name, size_t rows, size_t columns)
   {
-    return {take(name, rows, columns), halves(name + "_shift", rows, 1)};
+    return {codes(name, rows, columns), table<uint16_t>(name + "_shift", rows, 1)};
   }
-  Settings &tables() { return tables_; }
-
-private:
-  template <class T>
-  const T *values(std::deque<std::vector<T>> &kept, const std::string &name, size_t rows,
-                  size_t columns)
-  {
-    const InTable table = tables_.take<InTable>(name);
-    same_shape(rows, columns, table, name.c_str());
-    std::vector<T> made;
-    for (const double *p = table.data(); p != table.data() + table.size(); p++) {
-      if (!(*p >= std::numeric_limits<T>::min() && *p <= std::numeric_limits<T>::max())) {
-        throw std::invalid_argument("setting '" + name + "' is out of range");
-      }
-      made.push_back(static_cast<T>(*p));
-    }
-    kept.push_back(std::move(made));
-    return kept.back().data();
-  }
-
-  Settings tables_;
-  std::deque<Codes> codes_;
-  std::deque<std::vector<uint16_t>> halves_;
 };
 
 anhyst_wrench_layout_q31 take_layout(Words &words, Settings &given)
@@ -67,9 +47,9 @@ anhyst_wrench_layout_q31 take_layout(Words &words, Settings &given)
   const auto drives = given.take<uint16_t>("drives");
   return {axes,
           drives,
-          words.halves("against", drives, 1),
-          {words.rows("whole", drives, axes), words.take("whole_apart", drives, drives)},
-          {words.rows("yields", drives, axes), words.take("yields_apart", drives, drives)},
+          words.table<uint16_t>("against", drives, 1),
+          {words.rows("whole", drives, axes), words.codes("whole_apart", drives, drives)},
+          {words.rows("yields", drives, axes), words.codes("yields_apart", drives, drives)},
           {given.take<int32_t>("idle"), given.take<uint16_t>("allocation")},
           given.take<int32_t>("least"),
           given.take<int32_t>("most")};
@@ -83,7 +63,7 @@ public:
     Settings given(settings);
     layout_ = take_layout(words_, given);
     given.finish();
-    words_.tables().finish();
+    words_.finish();
     if (anhyst_wrench_init_q31(&wrench_, &layout_) != ANHYST_OK) {
       throw std::invalid_argument("these words are no drives");
     }
@@ -128,18 +108,40 @@ public:
     settings_.decouple = words_.rows("decouple", axes, axes);
     settings_.weigh = words_.rows("weigh", axes, axes);
     settings_.without = words_.rows("without", heads * axes, heads);
-    settings_.reach = words_.take("reach", axes, 1);
-    settings_.land = words_.take("land", axes, 1);
-    settings_.lift = words_.take("lift", axes, 1);
-    const int32_t *pid = words_.take("pid", axes, 5);
+    settings_.reach = words_.codes("reach", axes, 1);
+    settings_.land = words_.codes("land", axes, 1);
+    settings_.lift = words_.codes("lift", axes, 1);
+    const int32_t *pid = words_.codes("pid", axes, 5);
     for (const int32_t *p = pid; p != pid + 5 * axes; p += 5) {
       pid_.push_back({p[0], p[1], p[2], p[3], static_cast<uint16_t>(p[4])});
     }
     settings_.pid = pid_.data();
-    take_limits(given);
+    settings_.current_low = given.take<int32_t>("current_low");
+    settings_.current_high = given.take<int32_t>("current_high");
+    settings_.current_step = given.take<int32_t>("current_step");
+    settings_.follow = given.take<int32_t>("follow");
+    settings_.slew = given.take<int32_t>("slew");
+    settings_.off = given.take<int32_t>("off");
+    settings_.off_ticks = given.take<uint16_t>("off_ticks");
+    settings_.spare = given.take<uint16_t>("spare");
+    settings_.land_ticks = given.take<uint16_t>("land_ticks");
+    settings_.spare_heads = given.take<uint16_t>("spare_heads");
+    settings_.jump = given.take<int32_t>("jump");
+    settings_.doubt = given.take<uint16_t>("doubt");
+    settings_.noisy = given.take<uint16_t>("noisy");
     given.finish();
-    words_.tables().finish();
-    take_scales_of(scales, axes, heads);
+    words_.finish();
+    Settings full(scales);
+    at_ = full.take<std::vector<double>>("at");
+    wrench_full_ = full.take<std::vector<double>>("wrench");
+    same_length(heads * axes, at_.size(), "at");
+    same_length(axes, wrench_full_.size(), "wrench");
+    head_full_ = full.take<double>("head");
+    current_full_ = full.take<double>("current");
+    flux_full_ = full.take<double>("flux");
+    gap_low_ = full.take<double>("gap_low");
+    gap_range_ = full.take<double>("gap_high") - gap_low_;
+    full.finish();
     for (nb::handle magnet : magnets) {
       magnets_.push_back(nb::borrow(magnet));
       drives_.push_back(nb::cast<FixedForceController *>(magnet)->get());
@@ -168,40 +170,6 @@ public:
   }
 
 private:
-  void take_limits(Settings &given)
-  {
-    settings_.current_low = given.take<int32_t>("current_low");
-    settings_.current_high = given.take<int32_t>("current_high");
-    settings_.current_step = given.take<int32_t>("current_step");
-    settings_.follow = given.take<int32_t>("follow");
-    settings_.slew = given.take<int32_t>("slew");
-    settings_.off = given.take<int32_t>("off");
-    settings_.off_ticks = given.take<uint16_t>("off_ticks");
-    settings_.spare = given.take<uint16_t>("spare");
-    settings_.land_ticks = given.take<uint16_t>("land_ticks");
-    settings_.spare_heads = given.take<uint16_t>("spare_heads");
-    settings_.jump = given.take<int32_t>("jump");
-    settings_.doubt = given.take<uint16_t>("doubt");
-    settings_.noisy = given.take<uint16_t>("noisy");
-  }
-
-  void take_scales_of(const nb::dict &scales, size_t axes, size_t heads)
-  {
-    Settings given(scales);
-    const InTable at = given.take<InTable>("at");
-    same_shape(heads, axes, at, "at");
-    at_.assign(at.data(), at.data() + at.size());
-    const InTable wrench = given.take<InTable>("wrench");
-    same_shape(axes, 1, wrench, "wrench");
-    wrench_full_.assign(wrench.data(), wrench.data() + wrench.size());
-    head_full_ = given.take<double>("head");
-    current_full_ = given.take<double>("current");
-    flux_full_ = given.take<double>("flux");
-    gap_low_ = given.take<double>("gap_low");
-    gap_high_ = given.take<double>("gap_high");
-    given.finish();
-  }
-
   anhyst_axes_answer_q31 run(const Codes &head, const Codes &forward, const Codes &gap,
                              const Codes &flux, const Codes &read, uint16_t command)
   {
@@ -229,9 +197,9 @@ private:
     for (size_t j = 0; j < axes; j++) {
       forward.push_back(code_of(sample->load[j], c.wrench_full_[j]));
     }
-    const double range = c.gap_high_ - c.gap_low_;
     for (size_t i = 0; i < drives; i++) {
-      gap.push_back(code_of(std::clamp(sample->head[i] - c.gap_low_, 0.0, range), range));
+      gap.push_back(
+          code_of(std::clamp(sample->head[i] - c.gap_low_, 0.0, c.gap_range_), c.gap_range_));
       flux.push_back(code_of(sample->flux[i], c.flux_full_));
       read.push_back(code_of(sample->current[i], c.current_full_));
     }
@@ -251,7 +219,7 @@ private:
   std::vector<nb::object> magnets_;
   std::vector<anhyst_force_controller_q31 *> drives_;
   std::vector<double> at_, wrench_full_;
-  double head_full_{}, current_full_{}, flux_full_{}, gap_low_{}, gap_high_{};
+  double head_full_{}, current_full_{}, flux_full_{}, gap_low_{}, gap_range_{};
   Codes current_, demand_;
   std::vector<anhyst_axis_pid_q31> pid_;
   anhyst_axes_settings_q31 settings_{};

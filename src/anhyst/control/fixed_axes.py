@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
@@ -23,7 +24,7 @@ _Q31, _Q30 = 2.0**31, 2.0**30
 ROOM = 2.0
 """By how much full scales are larger than what is believed or can be made."""
 
-Words = dict[str, FloatArray]
+Words = dict[str, NDArray[Any]]
 
 
 class Drives(NamedTuple):
@@ -50,6 +51,10 @@ class FixedScales:
     current: float  # A
     gap_low: float  # m
     gap_high: float  # m
+
+    def as_dict(self) -> dict[str, float | list[float]]:
+        """Return all of them, for JSON."""
+        return {key: np.asarray(value).tolist() for key, value in vars(self).items()}
 
     def gaps(self, gap: FloatArray) -> FloatArray:
         """Return codes of gaps."""
@@ -84,14 +89,13 @@ def fixed_wrench(drives: Drives, wrench: FloatArray, force: float) -> tuple[Word
         made = np.linalg.solve(pull @ pull.T + np.diag(yields), pull).T
         words |= _rows(name, (made / size) * wrench / (8.0 * force))
         words[f"{name}_apart"] = np.clip(np.round((own - made @ pull) * _Q30), -_Q30, _Q30)
-    most = min(drives.most, force)
-    return words, {
+    return _exact(words), {
         "axes": len(size),
         "drives": len(against),
         "allocation": int(drives.allocation),
         "idle": q31(drives.idle / force),
         "least": max(q31(drives.least / force), 2 - int(_Q31)),
-        "most": q31(most / force),
+        "most": q31(min(drives.most / force, 1.0)),
     }
 
 
@@ -128,7 +132,7 @@ def fixed_axes(
     numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
     numbers["jump"] = q31(settings["jump"] / scales.head)
     whole = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
-    return FixedController(words, numbers | {key: int(settings[key]) for key in whole}, scales)
+    return FixedController(_exact(words), numbers | {key: int(settings[key]) for key in whole}, scales)
 
 
 def feed_rows(
@@ -160,6 +164,12 @@ def _scales(
 
 def _room(most: FloatArray) -> FloatArray:
     return np.asarray(2.0 ** np.ceil(np.log2(ROOM * most)))
+
+
+def _exact(words: Words) -> Words:
+    """Return whole numbers as the core has them."""
+    short = {name for name in words if name.endswith("_shift") or name == "against"}
+    return {key: words[key].astype(np.uint16 if key in short else np.int32) for key in words}
 
 
 def _rows(name: str, values: FloatArray) -> Words:

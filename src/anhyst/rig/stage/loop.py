@@ -489,8 +489,8 @@ def _fixed_controller(setup: StageSetup, drives: Sequence[ForceController]) -> F
     fixed, magnets = fixed_words(setup), [one.native for one in drives or setup.fresh()]
     scales = fixed.scales
     full = {
-        "at": axes_rows(setup)["at"],
-        "wrench": scales.wrench[:, None],
+        "at": axes_rows(setup)["at"].ravel().tolist(),
+        "wrench": scales.wrench.tolist(),
         "flux": setup.compensator.parameters.flux_full_scale,
         **{key: getattr(scales, key) for key in ("head", "current", "gap_low", "gap_high")},
     }

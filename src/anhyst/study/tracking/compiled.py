@@ -394,16 +394,6 @@ def _csv(vectors: Mapping[str, FloatArray]) -> str:
     return "\n".join([",".join(vectors), *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
-def _full_scales(stage: StageController) -> dict[str, Any]:
-    """Return what full scale of each code is, SI; nothing in single precision."""
-    if stage.codes is None:
-        return {}
-    scales = stage.codes.scales
-    lists = {key: getattr(scales, key).tolist() for key in ("acceleration", "wrench")}
-    own = {key: getattr(scales, key) for key in ("head", "current", "gap_low", "gap_high")}
-    return {"full_scale": own | lists}
-
-
 def _manifest(stage: StageController, version: str) -> dict[str, Any]:
     """Return the manifest without the list of files."""
     return {
@@ -421,7 +411,7 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
             "heads": len(stage.rows["at"]),
             "magnets": len(stage.magnets),
             "force_to_current": "q31" if stage.fixed else "f32",
-            **_full_scales(stage),
+            **({} if stage.codes is None else {"full_scale": stage.codes.scales.as_dict()}),
             "ahead_s": stage.ahead,
             "mass": stage.rows["mass"].tolist(),
             "weight": stage.rows["weight"].tolist(),
