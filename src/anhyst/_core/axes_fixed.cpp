@@ -29,6 +29,7 @@ public:
     const auto found = take<nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>>(name);
     same_length(rows, found.shape(0), name.c_str());
     same_length(columns, found.shape(1), name.c_str());
+    kept_.emplace_back(found); // a copy where the rows did not lie one after another
     return found.data();
   }
   const int32_t *codes(const std::string &name, size_t rows, size_t columns)
@@ -39,6 +40,9 @@ public:
   {
     return {codes(name, rows, columns), table<uint16_t>(name + "_shift", rows, 1)};
   }
+
+private:
+  std::vector<nb::ndarray<nb::ro>> kept_;
 };
 
 anhyst_wrench_layout_q31 take_layout(Words &words, Settings &given)

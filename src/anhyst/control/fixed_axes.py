@@ -132,7 +132,9 @@ def fixed_axes(
     numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
     numbers["jump"] = q31(settings["jump"] / scales.head)
     whole = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
-    return FixedController(_exact(words), numbers | {key: int(settings[key]) for key in whole}, scales)
+    return FixedController(
+        _exact(words), numbers | {key: int(settings[key]) for key in whole}, scales
+    )
 
 
 def feed_rows(
