@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from anhyst._core import FixedAxes, FixedWrench, TrackingAxes, WrenchLayout
+from anhyst._core import FixedWrench, TrackingAxes, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.fixed_axes import (
     Drives,
@@ -20,7 +20,6 @@ from anhyst.control.fixed_axes import (
     fixed_wrench,
 )
 from anhyst.control.position import Allocation
-from anhyst.rig.stage.loop import in_codes
 from anhyst.support.arrays import FloatArray
 from tests.compilation.test_compile_stage import single
 from tests.refusals import refused
@@ -197,21 +196,11 @@ def body(one: Drives, rng: np.random.Generator) -> Body:
     return Body(rows, one, given | watched)
 
 
-def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
-    force, given = magnet()
-    fixed = fixed_axes(made.rows, made.drives, made.settings, in_codes(given))
-    scales = {
-        "at": made.rows["at"].ravel().tolist(),
-        "wrench": fixed.scales.wrench.tolist(),
-        "flux": 2.0,
-        **{key: given[key] for key in ("gap_low", "gap_high")},
-        "head": fixed.scales.head,
-        "current": fixed.scales.current,
-    }
+def controllers(made: Body) -> tuple[FixedController, TrackingAxes, TrackingAxes]:
+    force, _ = magnet()
+    fixed = fixed_axes(made.rows, made.drives, made.settings)
     drives, count = made.drives, len(made.drives.pull)
-    own = FixedAxes(
-        [force.fresh().native for _ in range(count)], fixed.words, fixed.numbers, scales
-    )
+    own = fixed.over([force.fresh().native for _ in range(count)], 2.0)
     layout = WrenchLayout(
         np.ascontiguousarray(drives.pull), drives.against, drives.allocation, drives.idle,
         drives.least, drives.most, yields=drives.yields,
@@ -288,4 +277,4 @@ def test_gains_that_32_bits_do_not_hold_are_refused(crossover: float, code: str)
         rows["pid"][:, :3] *= 1e9
     key = "control.integral_ratio" if code == "small" else "control.crossover_Hz"
     with refused(f"too-{code}-for-fixed-point {key}"):
-        fixed_axes(rows, made.drives, made.settings, in_codes(magnet()[1]))
+        fixed_axes(rows, made.drives, made.settings)

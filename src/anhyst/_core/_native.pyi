@@ -523,9 +523,7 @@ class Tracking(LoopController):
 
 class TrackingF32(Tracking): ...  # in single precision, its magnets too
 
-class FixedTracking(LoopController):
-    """The same in fixed point; the PID is words of PIDD2, currents and idle force are codes."""
-
+class FixedTracking(LoopController):  # in fixed point; the PID is words of PIDD2, the rest codes
     def __init__(
         self, magnets: list[_Drive], pid: NDArray[np.int32], settings: _Numbers
     ) -> None: ...
@@ -554,28 +552,8 @@ class TrackingAxes(LoopController):
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
 
-class FixedWrench:
-    """The same sharing out in fixed point, by the words of control/fixed_axes.py."""
-
-    def __init__(self, words: _Rows, settings: Mapping[str, int]) -> None: ...
-    def lose(self, drive: int) -> None: ...
-    def share(self, wrench: Sequence[int]) -> tuple[list[int], bool]:
-        """Return the codes of the forces for those of a wrench, and whether they make it."""
-
-class FixedAxes(LoopController):
-    """PIDs of several axes and allocation in fixed point: words and codes of all of it."""
-
-    def __init__(
-        self,
-        magnets: list[_Drive],
-        words: _Rows,
-        settings: Mapping[str, int],
-        scales: Mapping[str, Any],
-    ) -> None: ...
-    # as TrackingAxes.tick, in codes, which are whole numbers
-    def tick(
-        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals, command: int = 0
-    ) -> tuple[list[float], list[float], int, int, int]: ...
+FixedWrench: type[Any]  # a WrenchLayout in fixed point
+FixedAxes: type[Any]  # TrackingAxes in fixed point: words and codes
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anhyst._core import FixedAxes, TrackingAxes
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.fixed_point import q31
@@ -24,6 +25,7 @@ _Q31, _Q30 = 2.0**31, 2.0**30
 ROOM = 2.0
 """By how much full scales are larger than what is believed or can be made."""
 
+_ADAPTED = ("wrench", "head", "current", "gap_low", "gap_high")
 Words = dict[str, NDArray[Any]]
 
 
@@ -69,6 +71,14 @@ class FixedController:
     words: Words  # tables, `..._shift` beside those that are rows
     numbers: dict[str, int]
     scales: FixedScales
+    at: FloatArray  # what each head reads of a pose, a row a head
+
+    def over(self, magnets: Sequence[Any], flux: float) -> TrackingAxes:
+        """Return the controller over force controllers whose full scale of the flux density is that."""
+        own = {key: value for key, value in self.scales.as_dict().items() if key in _ADAPTED}
+        full = own | {"at": self.at.ravel().tolist(), "flux": flux}
+        made: TrackingAxes = FixedAxes(list(magnets), self.words, self.numbers, full)
+        return made
 
 
 def codes(value: FloatArray, full: float | FloatArray) -> FloatArray:
@@ -99,18 +109,29 @@ def fixed_wrench(drives: Drives, wrench: FloatArray, force: float) -> tuple[Word
     }
 
 
-def fixed_axes(
-    rows: Mapping[str, FloatArray],
-    drives: Drives,
-    settings: Mapping[str, float],
-    currents: Mapping[str, float],
-) -> FixedController:
-    """Return all words of a controller.
+def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
+    """Return the settings of a controller in fixed point: currents and idle force as codes.
 
-    Rows are those of the core in SI, `at` what each head reads of a pose; settings are SI too,
-    currents are codes.
+    The highest current is the last one of the converter's grid that is within the limit.
     """
-    scales = _scales(rows, drives, settings)
+    current = settings["current_full"]
+    low = q31(settings["current_low"] / current)
+    step = q31(settings["current_step"] / current)
+    steps = (q31(settings["current_high"] / current) - low) // step
+    return {
+        **settings,
+        "idle": q31(settings["idle"] / settings["demand_full"]),
+        "current_low": low,
+        "current_high": low + steps * step,
+        "current_step": step,
+    }
+
+
+def fixed_axes(
+    rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
+) -> FixedController:
+    """Return all words of a controller, from its rows and settings in SI."""
+    scales, currents = _scales(rows, drives, settings), in_codes(settings)
     pose, wrench = scales.pose, scales.wrench
     words, numbers = fixed_wrench(drives, wrench, scales.force)
     heads = len(rows["at"])
@@ -132,9 +153,8 @@ def fixed_axes(
     numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
     numbers["jump"] = q31(settings["jump"] / scales.head)
     whole = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
-    return FixedController(
-        _exact(words), numbers | {key: int(settings[key]) for key in whole}, scales
-    )
+    numbers |= {key: int(settings[key]) for key in whole}
+    return FixedController(_exact(words), numbers, scales, rows["at"])
 
 
 def feed_rows(
