@@ -62,7 +62,9 @@ set(ANHYST_CORE_SOURCES
   "${ANHYST_CORE_DIR}/src/control/tracking.c"
   "${ANHYST_CORE_DIR}/src/control/tracking_real.c"
   "${ANHYST_CORE_DIR}/src/control/wrench.c"
-  "${ANHYST_CORE_DIR}/src/control/axes.c")
+  "${ANHYST_CORE_DIR}/src/control/wrench_fixed.c"
+  "${ANHYST_CORE_DIR}/src/control/axes.c"
+  "${ANHYST_CORE_DIR}/src/control/axes_fixed.c")
 
 set(ANHYST_WARNINGS
   -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror)

@@ -44,12 +44,25 @@ FLOWN = ROWS - 3 * COMMAND_ROWS
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
+FORMATS: list[tuple[NumberFormat, NumberFormat]] = [
+    ("f32", "f32"),
+    ("fixed", "f32"),
+    ("fixed", "fixed"),
+]
+"""Of the magnets, and of pose, PIDs and allocation."""
+
+
 @cache
-def single(several: bool, method: MethodName, number_format: NumberFormat = "f32") -> StageSetup:
-    """Return an example in single precision, its magnets known without a search."""
+def single(
+    several: bool,
+    method: MethodName,
+    number_format: NumberFormat = "f32",
+    law: NumberFormat = "f32",
+) -> StageSetup:
+    """Return an example in single precision or fixed point, its magnets known without a search."""
     rig = planar() if several else stages.stage()
     rig = replace(rig, settings=rig.settings.changed({"control.format": number_format}))
-    return replace(make_stage(rig, bearings.knowledge(), method), law="f32")
+    return replace(make_stage(rig, bearings.knowledge(), method), law=law)
 
 
 def replays(folder: Path, rows: int = ROWS) -> None:
@@ -63,7 +76,9 @@ def replays(folder: Path, rows: int = ROWS) -> None:
     vectors = (folder / "vectors.csv").read_text()
     assert played(str(program), vectors) == f"{rows} rows, 0 differ\n"
     command = [tool("nm"), str(program)]
-    assert "_f64" not in subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    names = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "_f64" not in names
+    assert ("anhyst_axes_tick_q31" in names) != ("_f32" in names)
 
 
 def flown(setup: StageSetup, number: int) -> np.ndarray:
@@ -73,25 +88,35 @@ def flown(setup: StageSetup, number: int) -> np.ndarray:
     return run["command_A" if number == 1 else f"command_{number}_A"][:FLOWN]
 
 
+def currents(compiled: CompiledStage, number: int) -> np.ndarray:
+    """Return the same as the compiled controller has it, A."""
+    found = compiled.vectors[f"current_{number}"][:FLOWN]
+    if compiled.manifest["io"] == "f32":
+        return found
+    return found / 2.0**31 * float(compiled.manifest["stage"]["full_scale"]["current"])
+
+
 def folder_of(setup: StageSetup, tmp_path: Path) -> CompiledStage:
     return write_stage(setup, setup.compensator.method, tmp_path / "out", "stage")
 
 
-@pytest.mark.parametrize("number_format", ["f32", "fixed"])
+@pytest.mark.parametrize(("number_format", "law"), FORMATS)
 def test_what_was_simulated_is_what_would_be_flashed(
-    number_format: NumberFormat, tmp_path: Path
+    number_format: NumberFormat, law: NumberFormat, tmp_path: Path
 ) -> None:
-    setup = single(True, "full", number_format)
+    setup = single(True, "full", number_format, law)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
     assert compiled.vectors["state"][[FLOWN - 1, -60, -40, -20]].tolist() == [0, 2, 3, 1]
     for number in (1, 2, 5, 10):
-        assert np.array_equal(compiled.vectors[f"current_{number}"][:FLOWN], flown(setup, number))
+        assert np.array_equal(currents(compiled, number), flown(setup, number))
 
 
-@pytest.mark.parametrize("number_format", ["f32", "fixed"])
-def test_a_lost_magnet_is_compiled_to_the_bit(number_format: NumberFormat, tmp_path: Path) -> None:
-    setup = single(True, "full", number_format)
+@pytest.mark.parametrize(("number_format", "law"), FORMATS)
+def test_a_lost_magnet_is_compiled_to_the_bit(
+    number_format: NumberFormat, law: NumberFormat, tmp_path: Path
+) -> None:
+    setup = single(True, "full", number_format, law)
     watched = setup.rig.settings.changed({"control.lost_A": 0.25})
     compiled = folder_of(replace(setup, rig=replace(setup.rig, settings=watched)), tmp_path)
     replays(compiled.out)
@@ -106,14 +131,16 @@ def test_a_lost_magnet_is_compiled_to_the_bit(number_format: NumberFormat, tmp_p
     assert not compiled.vectors["current_1"][found:].any()
 
 
-def test_one_axis_is_compiled_as_a_body_of_one_coordinate(tmp_path: Path) -> None:
-    setup = single(False, "full")
+@pytest.mark.parametrize(("law", "steps"), [("f32", 10.0), ("fixed", 40.0)])
+def test_one_axis_is_compiled_as_a_body_of_one_coordinate(
+    law: NumberFormat, steps: float, tmp_path: Path
+) -> None:
+    setup = single(False, "full", "fixed" if law == "fixed" else "f32", law)
     compiled = folder_of(setup, tmp_path)
     replays(compiled.out)
-    step = 4.5 / 2**18
     for number in (1, 2):
-        off = compiled.vectors[f"current_{number}"][:FLOWN] - flown(setup, number)
-        assert np.abs(off).max() < 10.0 * step
+        off = currents(compiled, number) - flown(setup, number)
+        assert np.abs(off).max() < steps * 4.5 / 2**18
 
 
 @pytest.mark.slow
@@ -168,13 +195,15 @@ def test_the_rig_file_says_in_which_format_a_magnet_reckons() -> None:
 
 
 @pytest.mark.slow
-def test_fixed_point_behind_single_precision_is_within_two_nanometres_of_double_precision() -> None:
+def test_fixed_point_is_within_two_nanometres_of_double_precision() -> None:
     scan = planar().settings.scan
     motion = motion_of(scan, scan.test_m_per_s2)
     wide = replace(single(True, "full", "f64"), law="f64")
-    runs = [track(one, motion, Feedforward()) for one in (wide, single(True, "full", "fixed"))]
-    for name, most in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
-        assert 0.0 < np.abs(runs[0][name] - runs[1][name]).max() < most
+    expected = track(wide, motion, Feedforward())
+    for law in ("f32", "fixed"):
+        run = track(single(True, "full", "fixed", law), motion, Feedforward())
+        for name, most in (("error_m", 2e-9), ("error_z_m", 2e-9), ("error_rz_rad", 1e-8)):
+            assert 0.0 < np.abs(expected[name] - run[name]).max() < most
 
 
 def test_feedforward_carries_the_body_and_accelerates_it(tmp_path: Path) -> None:
@@ -221,7 +250,7 @@ def test_readings_that_cannot_be_are_flagged_and_move_no_integral(
 @pytest.mark.parametrize(
     ("options", "code"),
     [
-        ({"io": "q31"}, "option-not-for-this --io"),
+        ({"io": "q15"}, "option-not-for-this --io"),
         ({"rate": 10e3}, "option-differs timing.rate_Hz"),
         ({"accuracy": 0.1}, "option-not-for-this --accuracy"),
         ({"controller": "controller.toml"}, "option-not-for-this --controller"),
@@ -245,6 +274,25 @@ def test_a_stage_that_learns_as_it_runs_is_refused(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
     with refused("not-compilable control.calibrate"):
         anhyst.compile(path, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code"),
+    [
+        ('format = "f32"  ', "option-not-for-this --io"),
+        ('format = "fixed"\ncalibration = "found.toml"  ', "not-compilable control.calibration"),
+    ],
+)
+def test_what_fixed_point_throughout_does_not_have_is_refused(
+    wrong: str, code: str, tmp_path: Path
+) -> None:
+    text = (EXAMPLES / "planar" / "rig.toml").read_text()
+    assert 'format = "fixed"  ' in text
+    (tmp_path / "rig.toml").write_text(text.replace('format = "fixed"  ', wrong))
+    for name in ("loops.csv", "loops.toml"):
+        (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+    with refused(code):
+        anhyst.compile(tmp_path / "rig.toml", tmp_path / "out", io="q31")
 
 
 def test_a_file_that_is_not_there_is_said_before_a_rate_is_asked_for(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compilation.core import CONTROL, SINGLE, SOURCES
+from anhyst.compilation.core import AXES_FIXED, CONTROL, SINGLE, SOURCES
 
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core" / "src"
@@ -23,7 +23,7 @@ def core_files(*lists: tuple[str, ...]) -> list[Path]:
 
 
 GROUPS = {
-    "fixed": (core_files(*SOURCES.values(), CONTROL), CORE_INCLUDES),
+    "fixed": (core_files(*SOURCES.values(), CONTROL, AXES_FIXED), CORE_INCLUDES),
     "f32": (core_files(*SINGLE.values()), CORE_INCLUDES),
     "firmware": (
         sorted(

@@ -31,6 +31,36 @@ def fixed_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_stage(single(True, "full", "fixed"), "full", place, "stage").out
 
 
+@pytest.fixture(scope="module")
+def whole_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("stage") / "out"
+    return write_stage(single(True, "full", "fixed", "fixed"), "full", place, "stage").out
+
+
+@pytest.mark.slow
+def test_integers_fly_with_the_same_bits_where_there_is_no_floating_point(
+    whole_folder: Path, tmp_path: Path
+) -> None:
+    found = verify(whole_folder, "cortex-m0plus", target_steps=1000)
+    assert found.passed, found.first_failure()
+    (one,) = found.results
+    assert (one.build, one.vectors, one.warnings) == ("portable", 2000, 0)
+    flight = one.cost("tick, in flight")
+    assert flight is not None
+    assert 10_000 < flight.mean < 80_000
+    assert one.stack_measured is not None
+    assert one.stack_static is not None
+    assert 200 < one.stack_measured <= one.stack_static < 3_000
+    workshop = Workshop.set_up(read_bundle(whole_folder), tmp_path, "stage")
+    (order,) = cortex_m("cortex-m0plus", workshop).orders
+    image = order().image
+    assert image is not None
+    names = {symbol.name for symbol in image.symbols if symbol.kind == "STT_FUNC"}
+    floats = ("__aeabi_f", "__aeabi_d", "__aeabi_cf", "__aeabi_cd", "__aeabi_i2f")
+    assert "stage_controller_tick" in names
+    assert [name for name in names if name.startswith(floats) or name.endswith("sf3")] == []
+
+
 @pytest.mark.slow
 def test_in_fixed_point_ten_magnets_take_half_the_instructions_and_less(
     folder: Path, fixed_folder: Path
@@ -127,7 +157,10 @@ def test_a_stage_whose_records_have_no_form_is_refused(
         read_bundle(place)
 
 
-def test_a_processor_without_float_format_is_refused(folder: Path) -> None:
+@pytest.mark.parametrize("which", ["folder", "whole_folder"])
+def test_a_target_on_which_no_stage_runs_is_refused(
+    which: str, request: pytest.FixtureRequest
+) -> None:
     for name in ("avr", "msp430", "cortex-m3-qemu"):
         with refused("target-not-for-this --on"):
-            verify(folder, name)
+            verify(request.getfixturevalue(which), name)

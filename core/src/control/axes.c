@@ -4,8 +4,11 @@
 #include <stddef.h>
 
 #include "anhyst/compensator/flags.h"
+#include "anhyst/numeric/real.h"
 
 #include "anhyst/numeric/f64.h"
+#include "generic/axes_real.h"
 #include "generic/axes.h"
 #include "anhyst/numeric/f32.h"
+#include "generic/axes_real.h"
 #include "generic/axes.h"

@@ -524,9 +524,7 @@ class Tracking(LoopController):
 
 class TrackingF32(Tracking): ...  # in single precision, its magnets too
 
-class FixedTracking(LoopController):
-    """The same in fixed point; the PID is words of PIDD2, currents and idle force are codes."""
-
+class FixedTracking(LoopController):  # in fixed point; the PID is words of PIDD2, the rest codes
     def __init__(
         self, magnets: list[_Drive], pid: NDArray[np.int32], settings: _Numbers
     ) -> None: ...
@@ -554,6 +552,9 @@ class TrackingAxes(LoopController):
     ) -> tuple[list[float], list[float], int, int, int]: ...
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
+
+FixedWrench: type[Any]  # a WrenchLayout in fixed point
+FixedAxes: type[Any]  # TrackingAxes in fixed point: words and codes
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

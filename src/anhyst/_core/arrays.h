@@ -76,6 +76,7 @@ void bind_force_controllers(nb::module_ &m);
 void bind_plant(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_tracking(nb::module_ &m);
+void bind_axes_fixed(nb::module_ &m);
 void bind_piezo(nb::module_ &m);
 void bind_position(nb::module_ &m);
 void bind_bus(nb::module_ &m);

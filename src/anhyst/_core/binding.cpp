@@ -121,5 +121,6 @@ NB_MODULE(_native, m)
   bind_bus(m);
   bind_loop(m);
   bind_tracking(m);
+  bind_axes_fixed(m);
   bind_piezo(m);
 }

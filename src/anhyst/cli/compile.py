@@ -75,7 +75,8 @@ Io = Annotated[
     typer.Option(
         metavar="FORMAT",
         help="Format of demand, gap and current: q15 (16 bits), q31, or f32 (single "
-        "precision throughout). A position controller needs q31. [default: q15; of a stage f32]",
+        "precision throughout). A position controller needs q31; a stage is in f32, or in fixed "
+        "point throughout in q31. [default: q15; of a stage f32]",
         show_default=False,
     ),
 ]

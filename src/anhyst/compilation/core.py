@@ -44,16 +44,17 @@ AXES = (
 )
 """What a controller of several coordinates needs in single precision beyond its force controllers."""
 
+AXES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fixed.c")
+"""The same in fixed point."""
+
 FORCE_REAL = (
     *("compensator/force_controller_real.c", "compensator/map_real.c"),
     "compensator/compensator_f32.c",
 )
-FORCE_CODED = (
-    *_COMPENSATOR,
-    *("compensator/force_controller.c", "compensator/map.c"),
-    "compensator/force_coded_real.c",
-)
-"""These in single precision, and in fixed point, beyond the kernel of a law."""
+FORCE_FIXED = (*_COMPENSATOR, "compensator/force_controller.c", "compensator/map.c")
+FORCE_CODED = (*FORCE_FIXED, "compensator/force_coded_real.c")
+"""These in single precision, in fixed point, and in fixed point behind single precision, beyond the
+kernel of a law."""
 
 PLAY_MAP = ("compensator/play_map.c", "compensator/force_by_play.c")
 PLAY_MAP_REAL = ("compensator/play_map_real.c", "compensator/force_by_play_real.c")

@@ -18,8 +18,10 @@ from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.words import Names
 from anhyst.compilation.core import (
     AXES,
+    AXES_FIXED,
     CORRECTED_REAL,
     FORCE_CODED,
+    FORCE_FIXED,
     FORCE_REAL,
     LAYERS,
     PLAY_MAP,
@@ -43,6 +45,7 @@ from anhyst.compilation.memory import parameters_bytes
 from anhyst.compilation.parameters import parameters_source, table_source
 from anhyst.compilation.play import play_bytes
 from anhyst.compilation.source import PORT, in_comment, render
+from anhyst.control.fixed_axes import FixedController, feed_rows
 from anhyst.support.arrays import FloatArray
 from anhyst.support.units import Quantity
 
@@ -63,6 +66,14 @@ TABLES = {
     "without": "Pose without each head in its place, zeros where the others do not tell it.",
 }
 """Tables of the controller, in the order in which they stand in the C."""
+CODED_TABLES = {
+    "whole": "Forces of least squares of a wrench, a row a magnet.",
+    "yields": "The same where coordinates may be given up.",
+    **{key: TABLES[key] for key in TABLES if key not in ("pull", "yields")},
+}
+"""Those in fixed point, in codes."""
+SHIFTS = "Digits behind the point of each row of it."
+APART = "Forces to those of them that make no wrench, q30, a row a magnet."
 
 
 @dataclass(frozen=True)
@@ -85,6 +96,7 @@ class StageController:
     force_max: float  # N, of each magnet
     magnets: Sequence[ForceController]  # one each, in single precision or in fixed point
     correction: FloatArray | None  # rows of what calibration found of each
+    codes: FixedController | None = None  # all of it but the magnets in fixed point
 
     @property
     def distinct(self) -> list[ForceController]:
@@ -116,6 +128,8 @@ class StageController:
             own += LAYERS if self.fixed and memories(block) > 1 else ()
         elif isinstance(parameters, PlayMap):
             own = PLAY_MAP if self.fixed else PLAY_MAP_REAL
+        if self.codes is not None:
+            return tuple(dict.fromkeys((*AXES_FIXED, *FORCE_FIXED, *own)))
         force = FORCE_CODED if self.fixed else FORCE_REAL
         corrected = () if self.correction is None else CORRECTED_REAL
         return tuple(dict.fromkeys((*AXES, *force, *own, *corrected)))
@@ -172,28 +186,68 @@ def _values(stage: StageController, version: str) -> dict[str, object]:
         "gap_high_mm": f"{1e3 * scales.gap_high:.6g}",
         "force_max": literal(stage.force_max),
         **{f"current_{end}": settings[f"current_{end}"] for end in ("low", "high", "step")},
-        **{end: literal(settings[f"current_{end}"]) for end in ("low", "high", "step")},
-        **{key: literal(settings[key]) for key in ("follow", "slew", "off", "jump")},
-        **{key: int(settings[key]) for key in ("off_ticks", "spare", "land_ticks")},
-        **{key: int(settings[key]) for key in ("spare_heads", "doubt", "noisy")},
         "watched": settings["off"] > 0.0,
         "off_A": f"{settings['off']:.6g}",
         "dead": DEAD_ROWS,
         "at": f"{{{', '.join(_row(row, repr) for row in stage.rows['at'].tolist())}}}",
-        "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
-        "pid": [f"{{{_row(row[:3])}, {_row(row[3:])}}}" for row in stage.rows["pid"].tolist()],
         "against": list(stage.against),
-        "idle": literal(settings["idle"]),
         "allocation": f"{int(settings['allocation'])}U",
-        "least": literal(stage.force_min),
         "corrected": []
         if stage.correction is None
         else [_row(r) for r in stage.correction.tolist()],
         "core": sorted(f"{SRC}/{file}" for file in stage.core),
-        "real": True,
+        "real": stage.codes is None,
         "port": stage.fixed,
         "parameters_bytes": stage.parameters_bytes,
+        **(_real_values(stage) if stage.codes is None else _code_values(stage, stage.codes)),
         **_magnet_values(stage),
+    }
+
+
+COUNTED = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
+
+
+def _real_values(stage: StageController) -> dict[str, object]:
+    """Return what they show of pose, PIDs and allocation in single precision."""
+    settings = stage.settings
+    values = {key: settings[key] for key in ("idle", "follow", "slew", "off", "jump")}
+    values |= {end: settings[f"current_{end}"] for end in ("low", "high", "step")}
+    return {
+        "io": "f32",
+        "number": "float",
+        "codes": False,
+        "tables": [(_table(key, stage.rows[key]), doc) for key, doc in TABLES.items()],
+        "pid": [f"{{{_row(row[:3])}, {_row(row[3:])}}}" for row in stage.rows["pid"].tolist()],
+        **{key: literal(value) for key, value in values.items()},
+        "least": literal(stage.force_min),
+        "most": f"{stage.name.upper()}_CONTROLLER_FORCE_MAX_N",
+        **{key: int(settings[key]) for key in COUNTED},
+    }
+
+
+def _code_values(stage: StageController, codes: FixedController) -> dict[str, object]:
+    """Return the same in fixed point."""
+    numbers, scales, words = codes.numbers, codes.scales, dict(codes.words)
+    fed = feed_rows(stage.rows["mass"], stage.rows["weight"], scales)
+    words |= dict(zip(("mass", "mass_shift", "weight"), fed, strict=True))
+    tables = [(key, key, doc) for key, doc in CODED_TABLES.items()]
+    tables += [(f"{key}_shift", key, SHIFTS) for key in words if f"{key}_shift" in words]
+    tables += [(key, key, APART) for key in ("whole_apart", "yields_apart")]
+    return {
+        "io": "q31",
+        "number": "int32_t",
+        "codes": True,
+        "full": {
+            "head": literal(scales.head),
+            "acceleration": _row(scales.acceleration.tolist()),
+            "wrench": _row(scales.wrench.tolist()),
+            "current": literal(scales.current),
+        },
+        "tables": [(_table(name, words[name], whole=True), doc) for name, _, doc in tables],
+        "pid": [f"{{{', '.join(str(int(one)) for one in row)}}}" for row in words["pid"].tolist()],
+        **{key: numbers[f"current_{key}"] for key in ("low", "high", "step")},
+        **{key: numbers[key] for key in ("idle", "least", "most", "follow", "slew", "off", "jump")},
+        **{key: numbers[key] for key in COUNTED},
     }
 
 
@@ -209,7 +263,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
     block = parameters.block if isinstance(parameters, HysteresisInverse) else None
     play = isinstance(stage.magnets[0].parameters, PlayMap)
     headers = ["force_by_play.h" if stage.fixed else "force_by_play_real.h"] * play
-    headers += ["force_coded_real.h"] * stage.fixed
+    coded = stage.fixed and stage.codes is None
+    headers += ["force_coded_real.h"] * coded
     headers += ["force_corrected_real.h"] * (stage.correction is not None)
     return {
         "type": _type(parameters, law),
@@ -219,7 +274,8 @@ def _magnet_values(stage: StageController) -> dict[str, object]:
         "map_high": high,
         "fixed": stage.fixed,
         "law": law,
-        "inner": "inner" if stage.fixed else "magnet",
+        "coded": coded,
+        "inner": "inner" if coded else "magnet",
         "kernel": "" if block is None else f"anhyst_kernel_{block.kind}",
         "scales": _row((scales.demand, scales.current, 1.0, scales.gap_low, scales.gap_high)),
         "words": [f"{part.upper()}_PARAMETERS_WORDS" for part, words in own if words],
@@ -253,9 +309,14 @@ def _row(values: Sequence[float], text: object = literal) -> str:
     return f"{{{', '.join(text(value) for value in values)}}}"
 
 
-def _table(name: str, values: FloatArray) -> dict[str, object]:
+def _table(name: str, values: FloatArray, *, whole: bool = False) -> dict[str, object]:
     lines = values.tolist() if values.ndim == 2 else [values.tolist()]
-    return {"name": name, "count": values.size, "rows": [listed(line) for line in lines]}
+    rows = [listed(line) for line in lines]
+    kind = "float"
+    if whole:
+        rows = [", ".join(str(int(one)) for one in line) for line in lines]
+        kind = "uint16_t" if name.endswith("_shift") else "int32_t"
+    return {"name": name, "type": kind, "count": values.size, "rows": rows}
 
 
 def _parameters(name: str, magnet: ForceController) -> str:

@@ -312,7 +312,7 @@ TARGETS: Mapping[str, Maker] = {
 
 
 FLOATING = ("host", *CORTEX)
-"""Where single precision is compared."""
+"""Where single precision and stages are compared."""
 
 
 def parse_targets(names: str, bundle: Bundle) -> list[str]:
@@ -328,6 +328,12 @@ def parse_targets(names: str, bundle: Bundle) -> list[str]:
             raise InputError(
                 f"--on: unknown target {name}; known are {', '.join(known)}",
                 code="unknown-target",
+                key="--on",
+            )
+        if bundle.stage and name not in FLOATING:
+            raise InputError(
+                f"--on: {name} is not for the controller of a stage; give {', '.join(FLOATING)}",
+                code="target-not-for-this",
                 key="--on",
             )
         if bundle.io == "f32" and name not in FLOATING:

@@ -96,7 +96,7 @@ def verify(
         if workshop.form is None:
             vectors = read_vectors(folder / VECTORS, bundle.io == "f32")
         else:
-            vectors = read_flight(folder / VECTORS, workshop.form)
+            vectors = read_flight(folder / VECTORS, workshop.form, bundle.io == "f32")
         offers, missing = _offers(workshop, names)
         works = {name for name, offer in offers.items() if offer.orders}
         if FIRMWARE in names and not missing_tools():

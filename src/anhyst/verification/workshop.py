@@ -121,6 +121,7 @@ class Workshop:
                 "STAGE(part)": f"{name}_controller##part",
                 "COUNT(part)": f"{name.upper()}_CONTROLLER_##part",
                 "HARNESS_RECORD_WORDS": str(self.form.words),
+                **({} if self.bundle.io == "f32" else {"STAGE_CODES": "1"}),
             }
         play = {"HARNESS_PLAY": "1"} if self.bundle.kind == PLAY else {}
         return {"HARNESS_IO": FORMATS[self.bundle.io], **play, **actuator_defines(name)}

@@ -50,6 +50,14 @@ typedef enum {
   ANHYST_AXES_LIFT
 } anhyst_axes_state;
 
+/* A matrix row by row, and the PID of an axis: in fixed point they are more, see axes_fixed.h. */
+typedef const double *anhyst_rows_f64;
+typedef const float *anhyst_rows_f32;
+typedef anhyst_biquad_f64 anhyst_axis_pid_f64;
+typedef anhyst_biquad_f32 anhyst_axis_pid_f32;
+typedef anhyst_biquad_state_f64 anhyst_axis_pid_state_f64;
+typedef anhyst_biquad_state_f32 anhyst_axis_pid_state_f32;
+
 #include "anhyst/numeric/f64.h"
 #include "anhyst/control/generic/axes.h"
 #include "anhyst/numeric/f32.h"

@@ -1,16 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-#include "limits_real.h"
-
-static int ANHYST_NAME(are_numbers)(const ANHYST_REAL *values, uint16_t rows, uint16_t columns)
-{
-  int found = 1;
-  int i;
-  for (i = 0; i < (int)rows * (int)columns; i++) {
-    found = found && ANHYST_NAME(is_number)(values[i]);
-  }
-  return found;
-}
+/* What follows is the same in every format; the few operations in which they differ stand before
+   it: generic/axes_real.h for floating point, axes_fixed.c for q31. */
 
 anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
                                             const ANHYST_NAME(anhyst_axes_settings) *settings,
@@ -18,28 +9,21 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
 {
   const ANHYST_NAME(anhyst_axes) fresh = {0};
   const uint16_t axes = settings->layout.axes;
-  const ANHYST_REAL range = settings->current_high - settings->current_low;
   ANHYST_NAME(anhyst_wrench) share;
   int valid = ANHYST_NAME(anhyst_wrench_init)(&share, &settings->layout) == ANHYST_OK &&
               settings->heads >= axes && settings->heads <= ANHYST_AXES_HEADS &&
-              ANHYST_NAME(are_numbers)(settings->see, axes, settings->heads) &&
-              ANHYST_NAME(are_numbers)(settings->without, (uint16_t)(settings->heads * axes),
-                                       settings->heads) &&
-              ANHYST_NAME(are_numbers)(settings->decouple, axes, axes) &&
-              ANHYST_NAME(are_numbers)(settings->weigh, axes, axes) &&
-              ANHYST_NAME(are_numbers)(settings->reach, axes, 1) &&
-              ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
-              settings->current_step > R(0.0) &&
-              range <= R(1073741824.0) * settings->current_step && settings->follow >= R(0.0) &&
-              settings->follow <= R(1.0) && settings->slew >= R(0.0) && settings->off >= R(0.0) &&
-              settings->off < R(1e30) && settings->off_ticks > 0U && settings->jump >= R(0.0) &&
-              settings->jump < R(1e30) && settings->doubt > 0U &&
-              ANHYST_NAME(are_numbers)(settings->land, axes, 1) &&
-              ANHYST_NAME(are_numbers)(settings->lift, axes, 1);
+              ANHYST_NAME(are_rows)(settings->see, axes, settings->heads) &&
+              ANHYST_NAME(are_rows)(settings->without, (uint16_t)(settings->heads * axes),
+                                    settings->heads) &&
+              ANHYST_NAME(are_rows)(settings->decouple, axes, axes) &&
+              ANHYST_NAME(are_rows)(settings->weigh, axes, axes) &&
+              ANHYST_NAME(are_limits)(settings) && settings->follow >= 0 && settings->slew >= 0 &&
+              settings->off >= 0 && settings->off_ticks > 0U && settings->jump >= 0 &&
+              settings->doubt > 0U;
   int i;
   for (i = 0; valid && i < (int)axes; i++) {
-    valid = settings->reach[i] > R(0.0) && settings->lift[i] > R(0.0) &&
-            ANHYST_NAME(anhyst_biquad_check)(&settings->pid[i]) == ANHYST_OK;
+    valid = ANHYST_NAME(are_steps)(settings, i) &&
+            ANHYST_NAME(check_pid)(&settings->pid[i]) == ANHYST_OK;
   }
   if (!valid) {
     return ANHYST_BAD_PARAMETER;
@@ -51,21 +35,6 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
   return ANHYST_OK;
 }
 
-/* found = matrix*values; rows of so many. */
-static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int columns,
-                                  const ANHYST_REAL *values, ANHYST_REAL *found)
-{
-  int i;
-  int j;
-  for (i = 0; i < rows; i++) {
-    ANHYST_REAL sum = R(0.0); /* apart: what is written through a pointer is read again each time */
-    for (j = 0; j < columns; j++) {
-      sum += *matrix++ * values[j];
-    }
-    found[i] = sum;
-  }
-}
-
 /* By how much a current is off the way from where it should be at least to where it was commanded
  * to go.
  */
@@ -73,13 +42,17 @@ static ANHYST_REAL ANHYST_NAME(off_its_way)(ANHYST_NAME(anhyst_axes) *c, int i, 
 {
   const ANHYST_REAL slew = c->settings->slew;
   const ANHYST_REAL wanted = c->commanded[i];
-  const ANHYST_REAL step = c->settings->follow * (wanted - c->due[i]);
+  const ANHYST_REAL step =
+      ANHYST_NAME(part_of)(ANHYST_NAME(anhyst_sub)(wanted, c->due[i]), c->settings->follow);
   ANHYST_REAL low;
   ANHYST_REAL high;
-  c->due[i] += step > slew ? slew : step < -slew ? -slew : step;
+  c->due[i] = ANHYST_NAME(anhyst_add)(c->due[i], step > slew ? slew : step < -slew ? -slew : step);
   low = wanted < c->due[i] ? wanted : c->due[i];
   high = wanted < c->due[i] ? c->due[i] : wanted;
-  return read < low ? low - read : read > high ? read - high : R(0.0) * read;
+  if (read < low) {
+    return ANHYST_NAME(anhyst_sub)(low, read);
+  }
+  return read > high ? ANHYST_NAME(anhyst_sub)(read, high) : 0;
 }
 
 /* Sets the body down, or lets it go. */
@@ -99,12 +72,13 @@ static void ANHYST_NAME(watch)(ANHYST_NAME(anhyst_axes) *c,
 {
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
   int i;
-  for (i = 0; settings->off > R(0.0) && i < (int)settings->layout.drives; i++) {
+  for (i = 0; settings->off > 0 && i < (int)settings->layout.drives; i++) {
     const uint16_t bit = (uint16_t)(1U << i);
     const ANHYST_REAL off = ANHYST_NAME(off_its_way)(c, i, sample->current[i]);
-    if ((c->share.lost & bit) || off <= settings->off) {
+    const int told = ANHYST_NAME(is_told)(sample->current[i]);
+    if ((c->share.lost & bit) || (told && off <= settings->off)) {
       c->wrong[i] = 0;
-    } else if (off > settings->off) {
+    } else if (told) {
       c->wrong[i]++;
     }
     if (c->wrong[i] >= settings->off_ticks) {
@@ -122,17 +96,17 @@ static int ANHYST_NAME(watch_heads)(ANHYST_NAME(anhyst_axes) *c, const ANHYST_RE
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
   int believed = 1;
   int j;
-  for (j = 0; settings->jump > R(0.0) && j < (int)settings->heads; j++) {
+  for (j = 0; settings->jump > 0 && j < (int)settings->heads; j++) {
     const uint16_t bit = (uint16_t)(1U << j);
     const int sighted = c->sighted & bit;
-    const ANHYST_REAL moved = sighted ? head[j] - c->seen[j] : R(0.0) * head[j];
+    const ANHYST_REAL moved = sighted ? ANHYST_NAME(anhyst_sub)(head[j], c->seen[j]) : 0;
     if (c->blind & bit) {
       continue;
     }
-    if (!(moved <= settings->jump && moved >= -settings->jump)) {
+    if (!ANHYST_NAME(is_number)(head[j]) || moved > settings->jump || moved < -settings->jump) {
       c->doubt[j] += ANHYST_AXES_ODD;
       believed = 0;
-    } else if (sighted && settings->noisy && !(moved > R(0.0)) && !(moved < R(0.0))) {
+    } else if (sighted && settings->noisy && !(moved > 0) && !(moved < 0)) {
       c->doubt[j]++;
     } else {
       c->doubt[j] = 0;
@@ -152,7 +126,7 @@ static int ANHYST_NAME(watch_heads)(ANHYST_NAME(anhyst_axes) *c, const ANHYST_RE
 static void ANHYST_NAME(lead)(ANHYST_NAME(anhyst_axes) *c)
 {
   const ANHYST_NAME(anhyst_axes_settings) *settings = c->settings;
-  const ANHYST_NAME(anhyst_biquad_state) rest = {{R(0.0), R(0.0)}};
+  const ANHYST_NAME(anhyst_axis_pid_state) rest = {0};
   int left = 0;
   int k;
   if ((c->flight == ANHYST_AXES_LAND) && (c->landing++ >= settings->land_ticks)) {
@@ -161,15 +135,15 @@ static void ANHYST_NAME(lead)(ANHYST_NAME(anhyst_axes) *c)
   for (k = 0; k < (int)settings->layout.axes; k++) {
     const ANHYST_REAL lift = settings->lift[k];
     if (c->flight == ANHYST_AXES_LAND) {
-      c->away[k] += settings->land[k];
+      c->away[k] = ANHYST_NAME(anhyst_add)(c->away[k], settings->land[k]);
     } else if (c->flight == ANHYST_AXES_LIFT && (c->away[k] > lift || c->away[k] < -lift)) {
-      c->away[k] += c->away[k] > lift ? -lift : lift;
+      c->away[k] = ANHYST_NAME(anhyst_add)(c->away[k], c->away[k] > lift ? -lift : lift);
       left = 1;
     } else {
-      c->away[k] = R(0.0);
+      c->away[k] = 0;
     }
     if (c->flight == ANHYST_AXES_REST) {
-      c->asked[k] = R(0.0);
+      c->asked[k] = 0;
       c->state[k] = rest;
     }
   }
@@ -193,7 +167,7 @@ static uint16_t ANHYST_NAME(obey)(ANHYST_NAME(anhyst_axes) *c, uint16_t command,
     c->flight = ANHYST_AXES_LIFT;
     for (k = 0; k < (int)c->settings->layout.axes; k++) {
       c->away[k] = -error[k];
-      error[k] = R(0.0);
+      error[k] = 0;
     }
   } else if (command != ANHYST_COMMAND_NONE) {
     flags = ANHYST_COMMAND_REFUSED;
@@ -211,30 +185,31 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
   ANHYST_REAL error[ANHYST_WRENCH_AXES];
   ANHYST_REAL apart[ANHYST_WRENCH_AXES];
   ANHYST_REAL head[ANHYST_AXES_HEADS];
-  const ANHYST_REAL *see = settings->see;
+  ANHYST_NAME(anhyst_rows) see = settings->see;
   int plausible = ANHYST_NAME(watch_heads)(c, sample->head);
   uint16_t flags;
   int k;
   for (k = 0; k < (int)settings->heads; k++) {
-    head[k] = c->blind >> k & 1 ? R(0.0) : sample->head[k];
+    head[k] = c->blind >> k & 1 ? 0 : sample->head[k];
+    plausible = plausible && ANHYST_NAME(is_number)(head[k]);
   }
   if (c->blind) {
-    see = &settings->without[(ptrdiff_t)c->gone * axes * (ptrdiff_t)settings->heads];
+    see = ANHYST_NAME(rows_from)(settings->without, (int)c->gone * axes, (int)settings->heads);
   }
   ANHYST_NAME(lead)(c);
   ANHYST_NAME(multiply)(see, axes, (int)settings->heads, head, error);
   for (k = 0; k < axes; k++) {
-    error[k] = c->away[k] - error[k];
+    error[k] = ANHYST_NAME(anhyst_sub)(c->away[k], error[k]);
     plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];
   }
   flags = ANHYST_NAME(obey)(c, sample->command, plausible, error);
   ANHYST_NAME(multiply)(settings->decouple, axes, axes, error, apart);
   for (k = 0; plausible && c->flight != ANHYST_AXES_REST && k < axes; k++) {
-    c->asked[k] = ANHYST_NAME(anhyst_biquad_step)(&settings->pid[k], &c->state[k], apart[k]);
+    c->asked[k] = ANHYST_NAME(step_pid)(&settings->pid[k], &c->state[k], apart[k]);
   }
   ANHYST_NAME(multiply)(settings->weigh, axes, axes, c->asked, wrench);
   for (k = 0; k < axes; k++) {
-    wrench[k] += sample->forward[k];
+    wrench[k] = ANHYST_NAME(anhyst_add)(wrench[k], sample->forward[k]);
   }
   return plausible ? flags : flags | ANHYST_SAMPLE_IMPLAUSIBLE;
 }
@@ -257,7 +232,7 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
   for (i = 0; i < (int)settings->layout.drives; i++) {
     ANHYST_NAME(anhyst_force_controller) *drive = c->drive[i];
     const int lost = c->share.lost >> i & 1;
-    ANHYST_REAL wanted = R(0.0);
+    ANHYST_REAL wanted = 0;
     if (c->flight != ANHYST_AXES_REST && !lost) {
       wanted = ANHYST_NAME(anhyst_force_controller_solve)(drive, force[i], sample->gap[i],
                                                           sample->flux[i]);

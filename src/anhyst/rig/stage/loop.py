@@ -28,6 +28,7 @@ from anhyst.compensate.methods import PROBED, make_compensator
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
+from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
@@ -55,7 +56,10 @@ from anhyst.rig.stage.file import (
     decoupling,
     error_columns,
     head_rows,
+    least_of,
     mass_matrix,
+    opposed,
+    pull_rows,
     scan_direction,
     unit_of,
     usual_allocation,
@@ -63,11 +67,11 @@ from anhyst.rig.stage.file import (
     weight,
     without,
     wrench_layout,
+    yields,
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-from anhyst.support.fixed_point import q31
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""
@@ -443,12 +447,16 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
 
 def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
     """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
+    magnets = [one.native for one in drives or setup.fresh()]
+    if setup.law == "fixed":
+        assert setup.correction is None, "in fixed point nothing corrects a force controller"
+        return fixed_words(setup).over(magnets, setup.compensator.parameters.flux_full_scale)
     settings = controller_settings(setup) | watch_settings(setup.rig)
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
     controller = made(
-        [one.native for one in drives or setup.fresh()],
+        magnets,
         wrench_layout(setup.rig.settings, kind, idle),
         axes_rows(setup),
         settings,
@@ -456,6 +464,15 @@ def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller
+
+
+def fixed_words(setup: StageSetup) -> FixedController:
+    """Return the words of a controller of several coordinates in fixed point."""
+    file, settings = setup.rig.settings, controller_settings(setup)
+    how = int(settings["allocation"]), settings["idle"]
+    bounds = least_of(file), file.tracking.force_max_N
+    drives = Drives(pull_rows(file), opposed(file), yields(file), *how, *bounds)
+    return fixed_axes(axes_rows(setup), drives, settings | watch_settings(setup.rig))
 
 
 def controller_settings(setup: StageSetup) -> dict[str, float]:
@@ -500,24 +517,6 @@ def fixed_pid(setup: StageSetup) -> FixedPidd2:
     full = settings["demand_full"]
     scales = FullScales(settings["error_full"], full, settings["forward_full"])
     return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
-
-
-def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
-    """Return the settings of a controller in fixed point: currents and idle force as codes.
-
-    The highest current is the last one of the converter's grid that is within the limit.
-    """
-    current = settings["current_full"]
-    low = q31(settings["current_low"] / current)
-    step = q31(settings["current_step"] / current)
-    steps = (q31(settings["current_high"] / current) - low) // step
-    return {
-        **settings,
-        "idle": q31(settings["idle"] / settings["demand_full"]),
-        "current_low": low,
-        "current_high": low + steps * step,
-        "current_step": step,
-    }
 
 
 def identify_stage(rig: StageRig) -> IdentifiedMagnet:

@@ -9,13 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.twin import Io
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import Compiled, check_folder, write_folder
 from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.verb import compile_actuator
+from anhyst.control.fixed_axes import codes
 from anhyst.control.states import Command
 from anhyst.model.actuator import Model
 from anhyst.rig.recording import Loss, column, of_magnets
@@ -40,6 +43,7 @@ from anhyst.rig.stage.loop import (
     controller_settings,
     fed_wrench,
     feed,
+    fixed_words,
     fly,
     identify_stage,
     make_stage,
@@ -114,7 +118,7 @@ class CompiledStage(Result):
         for number in range(1, self.manifest["stage"]["magnets"] + 1):
             ax.plot(time, self.vectors[f"current_{number}"], lw=1.0, label=f"magnet {number}")
         ax.set_xlabel("time [s]")
-        ax.set_ylabel("current [A]")
+        ax.set_ylabel("current [A]" if self.manifest["io"] == "f32" else "current [code]")
 
 
 def compile_file(
@@ -146,7 +150,7 @@ def compile_file(
         memory and one play; ``"single-valued"``: of a stage, the same without the play.
     io : str, optional
         Format of the signals: ``"q15"`` (of a model, if left out), ``"q31"`` or ``"f32"`` (of a
-        stage, which has no other).
+        stage, if left out); a stage in ``"q31"`` is in fixed point throughout.
     accuracy : float, optional
         Largest deviation from the model, per cent of the largest output; not of a stage.
     name : str, optional
@@ -206,7 +210,8 @@ def compile_stage(
     _refuse(rig, io, rate)
     if progress is not None:
         progress(0, 3)
-    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), kind), law="f32")
+    law: NumberFormat = "fixed" if io == "q31" else "f32"
+    setup = replace(make_stage(compiled_rig(rig), identify_stage(rig), kind), law=law)
     if progress is not None:
         progress(2, 3)
     return write_stage(setup, kind, out, name or c_name(rig.settings.name))
@@ -220,7 +225,7 @@ def compiled_rig(rig: StageRig) -> StageRig:
 
 
 def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> CompiledStage:
-    """Write the folder of a controller whose axes are in single precision, with its flight."""
+    """Write the folder of a controller in the format of its axes, with its flight."""
     stage, vectors, version = _controller(setup, kind, name), fly_vectors(setup), running_version()
     files = stage_sources(stage, version, len(vectors["flags"])) | {"vectors.csv": _csv(vectors)}
     described = _manifest(stage, version)
@@ -230,12 +235,18 @@ def write_stage(setup: StageSetup, kind: str, out: PathLike, name: str) -> Compi
 
 def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
     """Refuse what cannot be compiled, or is not what the rig file says."""
-    if io != "f32":
+    if io == "q15" or (io == "q31" and rig.settings.tracking.format != "fixed"):
         raise InputError(
-            f"--io: {io} is not for a stage, whose signals are in single precision; give f32 "
-            "(control.format of the rig file says in what its magnets reckon)",
+            f"--io: {io} is not for this stage; give f32, or q31 where control.format of the rig "
+            'file is "fixed": it says in what its magnets reckon',
             code="option-not-for-this",
             key="--io",
+        )
+    if io == "q31" and rig.settings.tracking.calibration is not None:
+        raise InputError(
+            f"{rig.path}: control.calibration: fixed point corrects no magnet; compile with --io f32",
+            code="not-compilable",
+            key="control.calibration",
         )
     own = rig.settings.timing.rate_Hz
     if rate is not None and rate != own:
@@ -276,22 +287,23 @@ def _controller(setup: StageSetup, kind: str, name: str) -> StageController:
         force_max=file.tracking.force_max_N,
         magnets=setup.each,
         correction=setup.correction,
+        codes=fixed_words(setup) if setup.law == "fixed" else None,
     )
 
 
 def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
     """Fly the test set-point and return what the controller was given and answered, by column.
 
-    The answers are those of a fresh controller to inputs in single precision. Where it looks at
+    The answers are those of a fresh controller to inputs in its own format. Where it looks at
     currents, none is read of the first magnet in the end; then it is let go, lifted and set down.
     """
     file, fly_it = setup.rig.settings, _fly_several if setup.rig.settings.several else _fly_one
-    given = fly_it(setup, rows).astype(np.float32)
     magnets, heads = len(file.placed), len(file.position_sensors)
     controller, begin, end = axes_controller(setup), heads, heads + len(file.body.free)
+    given = _signals(setup, fly_it(setup, rows), begin, end)
     if file.tracking.lost_A is not None:
         given[end + magnets, -DEAD_ROWS:] = 0.0
-    commands, answers = np.zeros(len(given.T), dtype=np.float32), []
+    commands, answers = np.zeros(len(given.T), dtype=given.dtype), []
     for ahead, command in enumerate((Command.LAND, Command.LIFT, Command.IDLE), 1):
         commands[-COMMAND_ROWS * ahead] = command
     for row in np.vstack([given, commands]).T.tolist():
@@ -300,6 +312,20 @@ def fly_vectors(setup: StageSetup, rows: int = ROWS) -> dict[str, FloatArray]:
         answers.append([*told[0], *told[1], *told[2:]])
     signals = [*given, commands, *np.array(answers).T]
     return dict(zip(_columns(file.body.free, heads, magnets), signals, strict=True))
+
+
+def _signals(setup: StageSetup, given: FloatArray, begin: int, end: int) -> NDArray[Any]:
+    """Return what a controller is given in its own format.
+
+    From `begin` on stands the wrench, from `end` on gaps and currents.
+    """
+    if setup.law != "fixed":
+        return given.astype(np.float32)
+    scales, magnets = fixed_words(setup).scales, len(setup.rig.settings.placed)
+    heads, forward = codes(given[:begin], scales.head), given[begin:end]
+    gaps, currents = given[end : end + magnets], given[end + magnets :]
+    rows = [heads, codes(forward, scales.wrench[:, None]), scales.gaps(gaps)]
+    return np.vstack([*rows, codes(currents, scales.current)]).astype(np.int32)
 
 
 def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
@@ -362,8 +388,9 @@ def _columns(free: Sequence[str], heads: int, magnets: int) -> list[str]:
 
 
 def _csv(vectors: Mapping[str, FloatArray]) -> str:
-    """Return the vectors as a CSV file: the shortest numbers that come back in single precision."""
-    rows = np.array(list(vectors.values())).T.astype(np.float32)
+    """Return the vectors as a CSV file: codes, or the shortest numbers that come back in f32."""
+    kind = next(iter(vectors.values())).dtype
+    rows = np.array(list(vectors.values())).T.astype(kind)
     return "\n".join([",".join(vectors), *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
@@ -375,7 +402,7 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
         "name": stage.name,
         "rig": {"name": stage.rig, "sha256": stage.sha256},
         "kind": stage.kind,
-        "io": "f32",
+        "io": "f32" if stage.codes is None else "q31",
         "rate_Hz": stage.rate,
         "memory": {"parameters_bytes": stage.parameters_bytes},
         "controller": None,
@@ -384,6 +411,7 @@ def _manifest(stage: StageController, version: str) -> dict[str, Any]:
             "heads": len(stage.rows["at"]),
             "magnets": len(stage.magnets),
             "force_to_current": "q31" if stage.fixed else "f32",
+            **({} if stage.codes is None else {"full_scale": stage.codes.scales.as_dict()}),
             "ahead_s": stage.ahead,
             "mass": stage.rows["mass"].tolist(),
             "weight": stage.rows["weight"].tolist(),

@@ -18,32 +18,58 @@ typedef char same_size[sizeof(tick_of) == 4 * HARNESS_RECORD_WORDS ? 1 : -1];
 
 static STAGE() controller;
 static tick_of now;
+
+#ifdef STAGE_CODES
+
+/* Uniform over -most..most. */
+static int32_t draw(int32_t most) { return (int32_t)((int64_t)draw_q30(0) * most / Q30_ONE); }
+
+static void start_drawing(STAGE(_sample) * in)
+{
+  const STAGE(_sample) rest = {.command = 0};
+  *in = rest;
+}
+
+/* The wrench is about what carries the body, or beyond what there is for a while; now and then a
+   gap is one that cannot be. */
+static void draw_sample(uint32_t step, STAGE(_sample) * in)
+{
+  static const int32_t rest[COUNT(AXES)] = {0};
+  STAGE(_feed)(rest, in->forward);
+  for (int i = 0; i < COUNT(HEADS); i++) {
+    in->head[i] = draw(harness_draw() % 64U == 0U ? 4194304 : 262144);
+  }
+  for (int k = 0; k < COUNT(AXES); k++) {
+    const int32_t most = step % 1024U < 128U ? Q30_ONE : Q30_ONE / 64;
+    in->forward[k] = anhyst_add_q31(in->forward[k], draw(most));
+  }
+  for (int i = 0; i < COUNT(MAGNETS); i++) {
+    const int32_t wide = harness_draw() % 256U == 0U ? Q30_ONE : Q30_ONE / 128;
+    in->gap[i] = anhyst_add_q31(in->gap[i], draw(wide));
+  }
+}
+
+#else
+
 static float force[COUNT(MAGNETS)]; /* whose wrench is fed forward, of the largest */
 
 /* Uniform over -1..1. */
 static float draw(void) { return (float)draw_q30(0) / (float)Q30_ONE; }
 
-void subject_start(void)
+static void start_drawing(STAGE(_sample) * in)
 {
-  harness_box.state_bytes = sizeof controller;
-  harness_box.control_bytes = 0;
-  harness_box.words = 0;
   for (int i = 0; i < COUNT(MAGNETS); i++) {
     force[i] = 0.0F;
-    now.signals.in.gap[i] = COUNT(GAP_LOW_M);
+    in->gap[i] = COUNT(GAP_LOW_M);
   }
-  harness_box.status = (uint32_t)(int32_t)STAGE(_init)(&controller);
 }
-
-void subject_fold_start(void) { harness_fold(STAGE(_settings).layout.drives); }
 
 /* Forces walk, or jump beyond what there is for a while; now and then a gap is one that cannot
    be. */
-void subject_draw(uint32_t step)
+static void draw_sample(uint32_t step, STAGE(_sample) * in)
 {
   const float *pull = STAGE(_settings).layout.pull;
   const float span = COUNT(GAP_HIGH_M) - COUNT(GAP_LOW_M);
-  STAGE(_sample) *in = &now.signals.in;
   for (int i = 0; i < COUNT(HEADS); i++) {
     in->head[i] = draw() * (harness_draw() % 64U == 0U ? 2e-6F : 1e-7F);
   }
@@ -54,7 +80,6 @@ void subject_draw(uint32_t step)
     const float walked = force[i] + draw() / 64.0F;
     force[i] = step % 1024U < 128U ? draw() : walked;
     force[i] = force[i] > 0.0F && force[i] < 1.0F ? force[i] : 0.5F;
-    in->read[i] = now.signals.out.current[i];
     in->gap[i] += span * draw() / 256.0F;
     if (harness_draw() % 256U == 0U) {
       in->gap[i] = COUNT(GAP_LOW_M) + span * 2.0F * draw();
@@ -63,6 +88,27 @@ void subject_draw(uint32_t step)
       in->forward[k] += COUNT(FORCE_MAX_N) * force[i] * pull[i * COUNT(AXES) + k];
     }
   }
+}
+
+#endif
+
+void subject_start(void)
+{
+  harness_box.state_bytes = sizeof controller;
+  harness_box.control_bytes = 0;
+  harness_box.words = 0;
+  start_drawing(&now.signals.in);
+  harness_box.status = (uint32_t)(int32_t)STAGE(_init)(&controller);
+}
+
+void subject_fold_start(void) { harness_fold(STAGE(_settings).layout.drives); }
+
+void subject_draw(uint32_t step)
+{
+  for (int i = 0; i < COUNT(MAGNETS); i++) {
+    now.signals.in.read[i] = now.signals.out.current[i];
+  }
+  draw_sample(step, &now.signals.in);
 }
 
 void subject_read(const volatile uint32_t *row)

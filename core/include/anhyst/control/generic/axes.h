@@ -4,12 +4,12 @@
 typedef struct {
   ANHYST_NAME(anhyst_wrench_layout) layout;
   uint16_t heads;
-  const ANHYST_REAL *see;      /* axes rows of heads: pose, m and rad, of what the heads read, m */
-  const ANHYST_REAL *decouple; /* axes rows of axes */
-  const ANHYST_REAL *weigh;    /* axes rows of axes: N and N m of m/s^2 and rad/s^2 */
-  const ANHYST_NAME(anhyst_biquad) *pid; /* of each axis: error to acceleration */
-  const ANHYST_REAL *reach;              /* of each: largest plausible error, > 0 */
-  ANHYST_REAL current_low;               /* of what the amplifiers accept, A */
+  ANHYST_NAME(anhyst_rows) see;      /* axes rows of heads: pose, m and rad, of what they read, m */
+  ANHYST_NAME(anhyst_rows) decouple; /* axes rows of axes */
+  ANHYST_NAME(anhyst_rows) weigh;    /* axes rows of axes: N and N m of m/s^2 and rad/s^2 */
+  const ANHYST_NAME(anhyst_axis_pid) *pid; /* of each axis: error to acceleration */
+  const ANHYST_REAL *reach;                /* of each: largest plausible error, > 0 */
+  ANHYST_REAL current_low;                 /* of what the amplifiers accept, A */
   ANHYST_REAL current_high;
   ANHYST_REAL current_step; /* of their converters, > 0 */
   /* What is done about drives that are lost. */
@@ -22,12 +22,12 @@ typedef struct {
   const ANHYST_REAL *land; /* of each axis, by what is aimed at moves in a tick of it */
   const ANHYST_REAL *lift; /* the same in a tick of lift-off, at most */
   /* And about heads. */
-  const ANHYST_REAL *without; /* see without each of them in its place, its own column zero */
-  uint16_t spare_heads;       /* without one of which the others tell the pose, bit by bit */
-  ANHYST_REAL jump;           /* by which one moves in a tick at most, m; 0: none is looked at */
-  uint16_t doubt;             /* with which one is lost, > 0: 1 a tick in which it stood still,
-                                 ANHYST_AXES_ODD one in which it jumped or said no number */
-  uint16_t noisy;             /* whether none stands still by itself */
+  ANHYST_NAME(anhyst_rows) without; /* see without each of them in its place, its own column zero */
+  uint16_t spare_heads;             /* without one of which the others tell the pose, bit by bit */
+  ANHYST_REAL jump; /* by which one moves in a tick at most, m; 0: none is looked at */
+  uint16_t doubt;   /* with which one is lost, > 0: 1 a tick in which it stood still,
+                       ANHYST_AXES_ODD one in which it jumped or said no number */
+  uint16_t noisy;   /* whether none stands still by itself */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
@@ -53,7 +53,7 @@ typedef struct {
   const ANHYST_NAME(anhyst_axes_settings) *settings;
   ANHYST_NAME(anhyst_force_controller) *const *drive;
   ANHYST_NAME(anhyst_wrench) share;
-  ANHYST_NAME(anhyst_biquad_state) state[ANHYST_WRENCH_AXES];
+  ANHYST_NAME(anhyst_axis_pid_state) state[ANHYST_WRENCH_AXES];
   ANHYST_REAL asked[ANHYST_WRENCH_AXES];       /* accelerations of the last plausible errors */
   ANHYST_REAL commanded[ANHYST_WRENCH_DRIVES]; /* currents */
   ANHYST_REAL due[ANHYST_WRENCH_DRIVES];       /* those that should flow */

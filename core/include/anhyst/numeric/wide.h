@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Rows of 32-bit numbers times 32-bit signals, summed up in 64 bits: of the fixed-point core this
+   alone asks for more than port.h says, a 64-bit type. Every result is rounded to the nearest,
+   halves upwards. "Saturates" is as in fixed.h. Nothing overflows on the way (proved). */
+#ifndef ANHYST_WIDE_H
+#define ANHYST_WIDE_H
+
+#include "anhyst/numeric/fixed.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define ANHYST_ROW_LENGTH 16                           /* numbers of a row at most */
+#define ANHYST_ROW_MOST ((int32_t)134217728)           /* 2^27, of the size of each of them */
+#define ANHYST_ROW_SHIFT 58U                           /* of a row at most */
+#define ANHYST_WIDE_ONE ((int64_t)1152921504606846976) /* 2^60 */
+
+/* Rows one after another; a row is worth its numbers over 2^shift. */
+typedef struct {
+  const int32_t *number;
+  const uint16_t *shift; /* of each row, 0..ANHYST_ROW_SHIFT */
+} anhyst_rows_q31;
+
+/* The nearest int32_t. */
+static inline int32_t anhyst_sat_wide(int64_t a)
+{
+  if (a > ANHYST_Q31_MAX) {
+    return ANHYST_Q31_MAX;
+  }
+  return a < ANHYST_Q31_MIN ? ANHYST_Q31_MIN : (int32_t)a;
+}
+
+/* The number of -most..most nearest to a. Precondition: most >= 0. */
+static inline int64_t anhyst_clamp_wide(int64_t a, int64_t most)
+{
+  if (a > most) {
+    return most;
+  }
+  return a < -most ? -most : a;
+}
+
+/* a*b; its size is at most that of a times 2^31. */
+static inline int64_t anhyst_wide(int32_t a, int32_t b) { return (int64_t)a * b; }
+
+/* a/2^n for |a| <= 2^62 + 2^60 and 0 <= n <= 58. */
+static inline int64_t anhyst_part_wide(int64_t a, uint16_t n)
+{
+  return (a + (((int64_t)1 << n) >> 1)) >> n;
+}
+
+/* a/2^31*b, saturates for (-1)*(-1) alone. */
+static inline int32_t anhyst_product_q31(int32_t a, int32_t b)
+{
+  return anhyst_sat_wide(anhyst_part_wide(anhyst_wide(a, b), 31));
+}
+
+/* Whether so many numbers and shifts are within their ranges. */
+static inline int anhyst_rows_are_valid_q31(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
+{
+  int valid = length <= ANHYST_ROW_LENGTH;
+  int32_t i;
+  for (i = 0; valid && i < (int32_t)count * (int32_t)length; i++) {
+    valid = rows.number[i] >= -ANHYST_ROW_MOST && rows.number[i] <= ANHYST_ROW_MOST;
+  }
+  for (i = 0; valid && i < (int32_t)count; i++) {
+    valid = rows.shift[i] <= ANHYST_ROW_SHIFT;
+  }
+  return valid;
+}
+
+/* A valid row times so many signals; saturates. */
+static inline int32_t anhyst_row_product_q31(const int32_t *number, uint16_t shift, uint16_t length,
+                                             const int32_t *signal)
+{
+  int64_t sum = 0;
+  uint16_t i;
+  for (i = 0; i < length; i++) {
+    sum += anhyst_wide(number[i], signal[i]);
+  }
+  return anhyst_sat_wide(anhyst_part_wide(sum, shift));
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+
+#include "limits_real.h"
+
+static int ANHYST_NAME(are_rows)(const ANHYST_REAL *values, uint16_t rows, uint16_t columns)
+{
+  int found = 1;
+  int i;
+  for (i = 0; i < (int)rows * (int)columns; i++) {
+    found = found && ANHYST_NAME(is_number)(values[i]);
+  }
+  return found;
+}
+
+static int ANHYST_NAME(are_limits)(const ANHYST_NAME(anhyst_axes_settings) *settings)
+{
+  const ANHYST_REAL range = settings->current_high - settings->current_low;
+  return ANHYST_NAME(is_number)(settings->current_low) && range >= R(0.0) &&
+         settings->current_step > R(0.0) && range <= R(1073741824.0) * settings->current_step &&
+         settings->follow <= R(1.0) && settings->off < R(1e30) && settings->jump < R(1e30);
+}
+
+/* Of one axis. */
+static int ANHYST_NAME(are_steps)(const ANHYST_NAME(anhyst_axes_settings) *settings, int k)
+{
+  return ANHYST_NAME(is_number)(settings->reach[k]) && settings->reach[k] > R(0.0) &&
+         ANHYST_NAME(is_number)(settings->lift[k]) && settings->lift[k] > R(0.0) &&
+         ANHYST_NAME(is_number)(settings->land[k]);
+}
+
+static anhyst_status ANHYST_NAME(check_pid)(const ANHYST_NAME(anhyst_axis_pid) *pid)
+{
+  return ANHYST_NAME(anhyst_biquad_check)(pid);
+}
+
+static ANHYST_REAL ANHYST_NAME(step_pid)(const ANHYST_NAME(anhyst_axis_pid) *pid,
+                                         ANHYST_NAME(anhyst_axis_pid_state) *state,
+                                         ANHYST_REAL error)
+{
+  return ANHYST_NAME(anhyst_biquad_step)(pid, state, error);
+}
+
+/* Whether it says anything. */
+static int ANHYST_NAME(is_told)(ANHYST_REAL a) { return a >= R(0.0) || a < R(0.0); }
+
+static ANHYST_REAL ANHYST_NAME(part_of)(ANHYST_REAL a, ANHYST_REAL part) { return part * a; }
+
+/* found = matrix*values; rows of so many. */
+static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int columns,
+                                  const ANHYST_REAL *values, ANHYST_REAL *found)
+{
+  int i;
+  int j;
+  for (i = 0; i < rows; i++) {
+    ANHYST_REAL sum = R(0.0); /* apart: what is written through a pointer is read again each time */
+    for (j = 0; j < columns; j++) {
+      sum += *matrix++ * values[j];
+    }
+    found[i] = sum;
+  }
+}
+
+/* The rows from one of them on; rows of so many. */
+static const ANHYST_REAL *ANHYST_NAME(rows_from)(const ANHYST_REAL *matrix, int row, int columns)
+{
+  return &matrix[(ptrdiff_t)row * columns];
+}

@@ -1,0 +1,232 @@
+"""The controller of several coordinates as words of fixed point: a full scale for each quantity.
+
+``core/include/anhyst/control/axes_fixed.h`` and ``wrench_fixed.h`` run them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst._core import FixedAxes, TrackingAxes
+from anhyst.support.arrays import FloatArray
+from anhyst.support.errors import InputError
+from anhyst.support.fixed_point import q31
+
+_ROW_BITS, _ROW_SHIFT = 27, 58
+_PID_BITS, _PID_SHIFT = 29, 29
+_LEAST_NUMBER = 512  # rounded to 0.1 %
+_Q31, _Q30 = 2.0**31, 2.0**30
+ROOM = 2.0
+"""By how much full scales are larger than what is believed or can be made."""
+
+_ADAPTED = ("wrench", "head", "current", "gap_low", "gap_high")
+Words = dict[str, NDArray[Any]]
+
+
+class Drives(NamedTuple):
+    """How drives stand, SI."""
+
+    pull: FloatArray  # wrench of 1 N of each, a row a drive
+    against: Sequence[int]  # for each that which pulls against it, itself where it is alone
+    yields: Sequence[float]  # how readily each coordinate is given up, of 1
+    allocation: int
+    idle: float  # N, of both of a pair
+    least: float  # N, of a drive that is alone
+    most: float  # N
+
+
+@dataclass(frozen=True)
+class FixedScales:
+    """What full scale of each quantity is, SI."""
+
+    head: float  # m
+    pose: FloatArray  # m or rad, of each coordinate
+    acceleration: FloatArray  # m/s^2 or rad/s^2
+    wrench: FloatArray  # N or N m
+    force: float  # N
+    current: float  # A
+    gap_low: float  # m
+    gap_high: float  # m
+
+    def as_dict(self) -> dict[str, float | list[float]]:
+        """Return all of them, for JSON."""
+        return {key: np.asarray(value).tolist() for key, value in vars(self).items()}
+
+    def gaps(self, gap: FloatArray) -> FloatArray:
+        """Return codes of gaps."""
+        span = self.gap_high - self.gap_low
+        return codes(np.clip(gap - self.gap_low, 0.0, span), span)
+
+
+@dataclass(frozen=True)
+class FixedController:
+    """All of a controller in fixed point, by the names of the core."""
+
+    words: Words  # tables, `..._shift` beside those that are rows
+    numbers: dict[str, int]
+    scales: FixedScales
+    at: FloatArray  # what each head reads of a pose, a row a head
+
+    def over(self, magnets: Sequence[Any], flux: float) -> TrackingAxes:
+        """Return the controller over force controllers whose full scale of the flux density is that."""
+        own = {key: value for key, value in self.scales.as_dict().items() if key in _ADAPTED}
+        full = own | {"at": self.at.ravel().tolist(), "flux": flux}
+        made: TrackingAxes = FixedAxes(list(magnets), self.words, self.numbers, full)
+        return made
+
+
+def codes(value: FloatArray, full: float | FloatArray) -> FloatArray:
+    """Return the nearest codes of signals, the lowest number for what is none."""
+    placed = np.clip(np.floor(value / full * _Q31 + 0.5), 1.0 - _Q31, _Q31 - 1.0)
+    return np.where(np.isnan(placed), -_Q31, placed)
+
+
+def fixed_wrench(drives: Drives, wrench: FloatArray, force: float) -> tuple[Words, dict[str, int]]:
+    """Return words and numbers of how a wrench is shared out, from full scales of both."""
+    against = np.array(drives.against)
+    first = against >= np.arange(len(against))
+    size = np.sqrt((drives.pull**2).sum(axis=0))
+    pull = np.where(first[:, None], drives.pull / size, 0.0).T
+    own = np.diag(first.astype(float))
+    words: Words = {"against": against[:, None].astype(float)}
+    for name, yields in (("whole", 0.0 * size), ("yields", np.array(drives.yields))):
+        made = np.linalg.solve(pull @ pull.T + np.diag(yields), pull).T
+        words |= _rows(name, (made / size) * wrench / (8.0 * force))
+        words[f"{name}_apart"] = np.clip(np.round((own - made @ pull) * _Q30), -_Q30, _Q30)
+    return _exact(words), {
+        "axes": len(size),
+        "drives": len(against),
+        "allocation": int(drives.allocation),
+        "idle": q31(drives.idle / force),
+        "least": max(q31(drives.least / force), 2 - int(_Q31)),
+        "most": q31(min(drives.most / force, 1.0)),
+    }
+
+
+def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
+    """Return the settings of a controller in fixed point: currents and idle force as codes.
+
+    The highest current is the last one of the converter's grid that is within the limit.
+    """
+    current = settings["current_full"]
+    low = q31(settings["current_low"] / current)
+    step = q31(settings["current_step"] / current)
+    steps = (q31(settings["current_high"] / current) - low) // step
+    return {
+        **settings,
+        "idle": q31(settings["idle"] / settings["demand_full"]),
+        "current_low": low,
+        "current_high": low + steps * step,
+        "current_step": step,
+    }
+
+
+def fixed_axes(
+    rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
+) -> FixedController:
+    """Return all words of a controller, from its rows and settings in SI."""
+    scales, currents = _scales(rows, drives, settings), in_codes(settings)
+    pose, wrench = scales.pose, scales.wrench
+    words, numbers = fixed_wrench(drives, wrench, scales.force)
+    heads = len(rows["at"])
+    without = rows["without"].reshape(heads * len(pose), heads)
+    words |= _rows("see", rows["see"] * scales.head / pose[:, None])
+    words |= _rows("without", without * scales.head / np.tile(pose, heads)[:, None])
+    words |= _rows("decouple", rows["decouple"] * pose / pose[:, None])
+    words |= _rows("weigh", rows["weigh"] * scales.acceleration / wrench[:, None])
+    gain = (pose / scales.acceleration).tolist()
+    words["pid"] = np.array([_pid(*line) for line in zip(rows["pid"].tolist(), gain, strict=True)])
+    for name in ("reach", "land", "lift"):
+        words[name] = codes(rows[name], pose[:, None])
+    if not (words["lift"] > 0.0).all():
+        raise _too("small", "control.lift_m_per_s")
+    numbers |= {
+        f"current_{end}": int(currents[f"current_{end}"]) for end in ("low", "high", "step")
+    }
+    numbers |= {"heads": heads, "follow": q31(settings["follow"])}
+    numbers |= {key: q31(settings[key] / scales.current) for key in ("slew", "off")}
+    numbers["jump"] = q31(settings["jump"] / scales.head)
+    whole = ("off_ticks", "spare", "land_ticks", "spare_heads", "doubt", "noisy")
+    numbers |= {key: int(settings[key]) for key in whole}
+    return FixedController(_exact(words), numbers, scales, rows["at"])
+
+
+def feed_rows(
+    mass: FloatArray, weight: FloatArray, scales: FixedScales
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return numbers and shifts of the rows from accelerations to a wrench, and codes of the weight."""
+    made = _rows("mass", mass * scales.acceleration / scales.wrench[:, None])
+    return made["mass"], made["mass_shift"], codes(weight, scales.wrench)
+
+
+def _scales(
+    rows: Mapping[str, FloatArray], drives: Drives, settings: Mapping[str, float]
+) -> FixedScales:
+    """Return full scales: powers of two, but those of the force controllers."""
+    reach = rows["reach"][:, 0]
+    pose = np.maximum(reach, np.abs(rows["decouple"]) @ reach)
+    wrench = _room(np.abs(drives.pull).sum(axis=0) * drives.most)
+    return FixedScales(
+        head=float(_room((np.abs(rows["at"]) @ reach).max())),
+        pose=_room(pose),
+        acceleration=_room(wrench / np.abs(np.diag(rows["weigh"]))),
+        wrench=wrench,
+        force=settings["demand_full"],
+        current=settings["current_full"],
+        gap_low=settings["gap_low"],
+        gap_high=settings["gap_high"],
+    )
+
+
+def _room(most: FloatArray) -> FloatArray:
+    return np.asarray(2.0 ** np.ceil(np.log2(ROOM * most)))
+
+
+def _exact(words: Words) -> Words:
+    """Return whole numbers as the core has them."""
+    short = {name for name in words if name.endswith("_shift") or name == "against"}
+    return {key: words[key].astype(np.uint16 if key in short else np.int32) for key in words}
+
+
+def _rows(name: str, values: FloatArray) -> Words:
+    """Return numbers and shifts of rows of codes."""
+    size = np.abs(values).max(axis=1)
+    shift = np.floor(_ROW_BITS - np.log2(np.maximum(size, 2.0**-1000)))
+    if (shift < 0.0).any():
+        raise _too("large", name)
+    shift = np.minimum(shift, _ROW_SHIFT)
+    return {name: np.round(values * 2.0 ** shift[:, None]), f"{name}_shift": shift[:, None]}
+
+
+def _pid(filter_: Sequence[float], gain: float) -> list[float]:
+    """Return a filter with an integral and one more real pole as the words of its partial fractions.
+
+    Gain takes it from SI to codes.
+    """
+    b0, b1, b2, a1, pole = filter_
+    if abs(1.0 + a1 + pole) > 1e-9 or not -1.0 < pole < 1.0:
+        raise ValueError("a PID has a pole at 1 and one within the unit circle")
+    c1, c0, decay = b1 - b0 * a1, b2 - b0 * pole, 1.0 - pole
+    parts = [gain * b0, gain * (c1 + c0) / decay, -gain * (c1 * pole + c0) / decay]
+    size = max(abs(parts[0]), abs(parts[1]), abs(parts[2]) / min(decay, 1.0))
+    shift = min(math.floor(_PID_BITS - math.log2(size)), _PID_SHIFT)
+    numbers = [round(part * 2.0**shift) for part in parts]
+    if shift < 0:
+        raise _too("large", "control.crossover_Hz")
+    if abs(numbers[1]) < _LEAST_NUMBER:
+        raise _too("small", "control.integral_ratio")
+    return [*numbers, min(round(decay * _Q30), _Q31 - 1.0), shift]
+
+
+def _too(what: str, key: str) -> InputError:
+    return InputError(
+        f"{key}: too {what} for the full scales of fixed point at this rate; compile with io f32",
+        code=f"too-{what}-for-fixed-point",
+        key=key,
+    )
