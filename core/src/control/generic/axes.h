@@ -39,6 +39,7 @@ anhyst_status ANHYST_NAME(anhyst_axes_init)(ANHYST_NAME(anhyst_axes) *c,
   int i;
   for (i = 0; valid && i < (int)axes; i++) {
     valid = settings->reach[i] > R(0.0) && settings->lift[i] > R(0.0) &&
+            (!settings->axis || settings->axis[i] < 6U) &&
             ANHYST_NAME(anhyst_biquad_check)(&settings->pid[i]) == ANHYST_OK;
   }
   if (!valid) {
@@ -201,6 +202,25 @@ static uint16_t ANHYST_NAME(obey)(ANHYST_NAME(anhyst_axes) *c, uint16_t command,
   return flags;
 }
 
+/* Takes a pose that heads on the ground tell to the place where the body is now: they see what a
+   turn moves there, p + target x th. */
+static void ANHYST_NAME(go_along)(const ANHYST_NAME(anhyst_axes_settings) *settings,
+                                  const ANHYST_REAL *target, ANHYST_REAL *pose)
+{
+  ANHYST_REAL way[6] = {R(0.0)};
+  ANHYST_REAL told[6] = {R(0.0)};
+  int i;
+  for (i = 0; i < (int)settings->layout.axes; i++) {
+    way[settings->axis[i]] = target[i];
+    told[settings->axis[i]] = pose[i];
+  }
+  for (i = 0; i < (int)settings->layout.axes && settings->axis[i] < 3U; i++) {
+    const int j = (settings->axis[i] + 1) % 3;
+    const int k = (settings->axis[i] + 2) % 3;
+    pose[i] -= way[j] * told[3 + k] - way[k] * told[3 + j];
+  }
+}
+
 /* The wrench that errors and feedforward ask for; flags. */
 static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
                                      const ANHYST_NAME(anhyst_axes_sample) *sample,
@@ -223,6 +243,9 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
   }
   ANHYST_NAME(lead)(c);
   ANHYST_NAME(multiply)(see, axes, (int)settings->heads, head, error);
+  if (settings->axis) {
+    ANHYST_NAME(go_along)(settings, sample->target, error);
+  }
   for (k = 0; k < axes; k++) {
     error[k] = c->away[k] - error[k];
     plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];

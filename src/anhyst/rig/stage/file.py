@@ -131,6 +131,9 @@ def read_stage(path: PathLike) -> StageRig:
 def _axes_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what keeps a body of several coordinates from being seen, held or moved."""
     free = ", ".join(file.body.free)
+    if len({one.stands for one in file.position_sensors}) > 1:
+        text = "some stand on the ground and some do not; let all do the same"
+        yield FileFault(("sensor",), text, code="option-differs")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
         text = f"the position sensors do not tell {free} apart; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
@@ -183,6 +186,19 @@ def head_rows(file: RigFile) -> FloatArray:
     places, along = file.position_sensors, [1.0, 0.0, 0.0]
     sensors = [(one.position_m or [0.0] * 3, one.direction or along) for one in places]
     return _rows(file, sensors)
+
+
+def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
+    """Return the poses that heads tell, a row a tick, taken to the place where the body is.
+
+    On the ground they see what a turn moves there: p + target x th, as in the core's ``axes.h``.
+    """
+    if not file.position_sensors[0].stands:
+        return poses
+    axes, way, told = axes_of(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
+    way[:, axes], told[:, axes] = targets, poses
+    told[:, :3] -= np.cross(way[:, :3], told[:, 3:])
+    return np.ascontiguousarray(told[:, axes])
 
 
 def layout_of(file: RigFile) -> dict[str, Any]:

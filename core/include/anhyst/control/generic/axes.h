@@ -28,6 +28,8 @@ typedef struct {
   uint16_t doubt;             /* with which one is lost, > 0: 1 a tick in which it stood still,
                                  ANHYST_AXES_ODD one in which it jumped or said no number */
   uint16_t noisy;             /* whether none stands still by itself */
+  const uint16_t *axis;       /* of each axis 0..5, along or about x, y, z, where heads stand on the
+                                 ground and see other places of the body as that goes on; else NULL */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
@@ -38,6 +40,7 @@ typedef struct {
   const ANHYST_REAL *flux;    /* density in each, T; NAN without a probe */
   const ANHYST_REAL *current; /* in each, A; what is no number says nothing */
   uint16_t command;
+  const ANHYST_REAL *target; /* of each axis, m and rad; asked for where heads stand */
 } ANHYST_NAME(anhyst_axes_sample);
 
 /* What follows. */
