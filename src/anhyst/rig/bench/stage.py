@@ -18,7 +18,7 @@ from anhyst._core import POSITION_MAGNETS, PlantLoop
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.control.permitted import Standing, refusal
-from anhyst.control.states import Command, Fault, State
+from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
@@ -64,6 +64,8 @@ LOAD = 0.5
 """Of what the largest force has left beside the set-point: what the load drive may pull with."""
 GAINS = ("acceleration", "jerk", "snap")
 """Of :class:`anhyst.rig.stage.loop.Feedforward`."""
+PHASES = 16
+"""In the state that a loop records: times the state of the controller."""
 LAPS = 100
 """Of which it is known how they were followed."""
 _READ = {
@@ -87,6 +89,8 @@ _OF_BENCH = (
 
 STAGE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
 """Of a stage."""
+AXES_COMMANDS = (*STAGE_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
+"""Of one of several coordinates."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,7 @@ class StageBench:
     every = 1
     lost = ""
     signals: tuple[Signal, ...] = (*_OF_BENCH[:4], *_READ.values(), *_OF_BENCH[4:])
+    _between = False  # whether it is lifted or set down
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         rig = variants[0].setup.rig
@@ -240,6 +245,8 @@ class StageBench:
             if self._lap:
                 self._known = self.laps[-1].begin
             self._course, self._lap = None, 0
+        if self._between:
+            return
         if self._staged or self._corrected:
             self._take()
         if self._state is State.RUN:
@@ -306,13 +313,17 @@ class StageBench:
         kept = len(flowed)
         rows = self._rows(kept, *of_loop)
         self._past, self._at = past[kept : kept + self._past.size], self._at + kept
-        if self._course is not None:
-            self._flowed.append(flowed)
+        self._keep(flowed)
         carried = round(CARRIED_S / self.rig.dt)
         self._latest = np.concatenate([self._latest, flowed])[-carried:]
         if loss is not None:
             self._state, self._fault, self._lap = State.FAULT, Fault.POSITION_RANGE, 0
         return rows
+
+    def _keep(self, flowed: FloatArray) -> None:
+        """Keep what flowed for another law to follow, but at rest."""
+        if self._course is not None:
+            self._flowed.append(flowed)
 
     def _step(
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
@@ -353,9 +364,12 @@ class StageBench:
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        states = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
+        states = [np.full(n, float(one)) for one in (self._fault, self._lap)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *states])
+        return np.column_stack([numbers, *of_loop, self._states(n), *states])
+
+    def _states(self, n: int) -> FloatArray:
+        return np.full(n, float(self._state))
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
@@ -383,12 +397,7 @@ class StageBench:
         if command is Command.STOP:
             self._brake()
             return
-        now = Standing(self._state, False, True, False, True, True)
-        name, why = command.name.lower(), refusal(command, now)
-        if command not in STAGE_COMMANDS:
-            why = "a stage has no such command"
-        if why:
-            raise InputError(f"{name}: {why}", code="wrong-state", key=name)
+        self._permit(command)
         if command is Command.RUN:
             # the first leg leads back to where it all began
             side = -1.0 if self._place > 0.0 else 1.0
@@ -396,6 +405,14 @@ class StageBench:
         else:
             self._state, self._fault = State.READY, Fault.NONE
             self._renew()
+
+    def _permit(self, command: Command) -> None:
+        now = Standing(self._state, False, True, False, True, True)
+        name, why = command.name.lower(), refusal(command, now)
+        if command not in self.commands():
+            why = "a stage has no such command"
+        if why:
+            raise InputError(f"{name}: {why}", code="wrong-state", key=name)
 
     def _brake(self) -> None:
         if self._state is not State.RUN:
@@ -482,7 +499,10 @@ class AxesBench(StageBench):
     """The same of a body of several coordinates.
 
     There is no load drive: its parameters `push_` add to what is demanded of the magnets, at once.
+    Its controller lifts it and sets it down: idle it lies without a current, ready it is held.
     """
+
+    _order = Command.NONE  # to the controller, at the next tick
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
@@ -492,9 +512,11 @@ class AxesBench(StageBench):
             Signal("force", "N", "true force of the magnets"),
         ]
         along = [_OF_BENCH[0], _OF_BENCH[1], _OF_BENCH[3]]
-        self.signals = (*along, *forces, *each, *_OF_BENCH[4:])
+        flight = Signal("flight", "", "what its controller does: Phase of anhyst.control.states")
+        self.signals = (*along, *forces, *each, flight, *_OF_BENCH[4:])
         most = [LOAD * one for one in pushed_with(file)]
         self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))
+        self._flights = np.zeros(0)  # of the last ticks
         super().__init__(variants, seed)
         self._push = dict.fromkeys(self._pushes, 0.0)
         self.load_most = 0.0
@@ -516,9 +538,54 @@ class AxesBench(StageBench):
         """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
         others = {name: one for name, one in values.items() if name not in self._pushes}
         check_values(values, self.parameters())
+        if others and self._between:
+            raise InputError(
+                "the stage is being lifted or set down: wait until it is", code="wrong-state"
+            )
         due = super().apply(others) if others else self.tick + 1
         self._push |= {name: one for name, one in values.items() if name in self._pushes}
         return due
+
+    def commands(self) -> tuple[Command, ...]:
+        """Return the commands of a stage of several coordinates."""
+        return AXES_COMMANDS
+
+    def command(self, command: Command) -> None:
+        """Give a command; a stop of a body that is lifted sets it down again."""
+        if command is Command.STOP and self._between:
+            self._order = Command.LAND
+        elif command in (Command.LIFT, Command.LAND, Command.IDLE):
+            self._permit(command)
+            if not self._between:
+                self._brake()
+            self._order, self._between = command, command is not Command.IDLE
+            self._state = State.RUN if self._between else State.IDLE
+        else:
+            super().command(command)
+
+    def _control(self) -> None:
+        super()._control()
+        self._order = (
+            Command.IDLE if self._state is State.IDLE else Command.NONE
+        )  # it begins in flight
+
+    def _keep(self, flowed: FloatArray) -> None:
+        if self._course is not None or self._between:
+            self._flowed.append(flowed)
+        elif (
+            self._state is State.IDLE
+            and self._flowed
+            and self._flowed[-1][-1, : self._magnets].any()
+        ):
+            self._flowed.append(flowed[-1:])
+
+    def _states(self, n: int) -> FloatArray:
+        if self._state is State.FAULT:
+            return super()._states(n)
+        found = np.full(n, float(State.RUN))
+        found[self._flights == Phase.REST] = State.IDLE
+        found[self._flights == Phase.HOVER] = self._state
+        return found
 
     def _place_body(self, stray: float) -> None:
         along = scan_direction(self.rig.settings)
@@ -532,18 +599,25 @@ class AxesBench(StageBench):
         reference = np.outer(place[:n] + self._offset, along)
         frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
         fed += list(self._push.values())
+        commands = np.zeros(n, dtype=np.uint32)
+        commands[0], self._order = self._order, Command.NONE
         table = self._loop.run(
             reference.ravel(),
             np.zeros(n),
             np.zeros(reference.size),
             (fed + self._carried).ravel(),
-            np.zeros(n, dtype=np.uint32),
+            commands,
             frame.ravel(),
         )
-        loss = axes_loss(rig, Recording.of_table(table, self._names), n)
+        flies = self._state is not State.IDLE and not self._between
+        loss = axes_loss(rig, Recording.of_table(table, self._names), n) if flies else None
         kept = n if loss is None else min(loss.tick + 1, len(table))
         run = Recording.of_table(table[:kept], self._names)
         seen = axes_recorded(rig, run, reference, frame) | self._pulled(run)
+        seen["flight"] = self._flights = run["state"] % PHASES
+        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
+            self._between = False
+            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
         count = range(1, self._magnets + 1)
         flowed = [run[column("command", "A", number)] for number in count]
         flowed += [run[column("gap_read", "m", number)] for number in count]
