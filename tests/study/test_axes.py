@@ -251,6 +251,12 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     assert own.cross_talk("x").mean < 1e-6
     variants = study.figures["variants"]
     assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.cross_talk("x").mean
+    at_rest = variants["full"]["standstill_rms"]
+    assert set(at_rest) == {"x_m", "y_m"}
+    assert all(0.1e-10 < one < 2e-9 for one in at_rest.values())
+    assert variants["full"]["standstill_rms_m"] == at_rest["y_m"]
     page = tmp_path / "report.html"
     write_tracking_report(page, study, "anhyst simulate rig.toml")
-    assert 'id="cross-talk"' in page.read_text()
+    text = page.read_text()
+    assert 'id="cross-talk"' in text
+    assert "Every coordinate at rest, rms" in text

@@ -134,6 +134,7 @@ class StageBench:
     every = 1
     lost = ""
     signals: tuple[Signal, ...] = (*_OF_BENCH[:4], *_READ.values(), *_OF_BENCH[4:])
+    lifted = 0  # tick on which it was lifted last from a rest without current
     _between = False  # whether it is lifted or set down
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
@@ -560,6 +561,8 @@ class AxesBench(StageBench):
                 self._brake()
             self._order, self._between = command, command is not Command.IDLE
             self._state = State.RUN if self._between else State.IDLE
+            if command is Command.LIFT:
+                self._known = self.lifted = self.tick + 1
         else:
             super().command(command)
 

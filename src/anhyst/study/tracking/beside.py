@@ -201,9 +201,12 @@ class StageLearner(BenchLearner):
     def _look(self, rows: FloatArray, do: Do) -> None:
         while len(self._rows) > 1 and sum(map(len, self._rows)) > ROOM_S * self._bench.rate:
             self._rows.popleft()
-        at, behind = self._bench.switched - int(rows[0, 0]), len(self._lifted)
+        lifted, behind = self._bench.lifted, len(self._lifted)
+        at = max(self._bench.switched, lifted) - int(rows[0, 0])
         if 0 <= at < len(rows):
             self._lifted = rows[at:]
+            if lifted > self._bench.switched:  # its iron carries the weight on another branch now
+                self._learners = {name: one.afresh() for name, one in self._learners.items()}
         elif behind < LIFTED_S * self._bench.rate:
             self._lifted = np.concatenate([self._lifted, rows])
         for lap in tuple(self._bench.laps):

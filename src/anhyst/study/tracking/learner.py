@@ -73,6 +73,12 @@ class Learner:
         # comparisons, squares of the force that moved and of what was left of it
         self._sums = np.zeros(3)
 
+    def afresh(self) -> Learner:
+        """Return one that has learnt nothing and goes on from what is applied."""
+        other = Learner(self.law, self.forget_s)
+        other.applied = dict(self.applied)
+        return other
+
     def learn(self, motion: Motion) -> bool:
         """Take a motion in; return whether it taught anything: rest does not, nor does a fault."""
         compared = motion.compared
