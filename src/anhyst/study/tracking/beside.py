@@ -295,7 +295,8 @@ class StageLearner(BenchLearner):
         method = lap.method
         if method not in self._laws:
             self._laws[method] = law_of(self._rig, self._magnet, method)
-        learner = learners.setdefault(method, Learner(self._laws[method], FORGET_S))
+        law = self._laws[method]
+        learner = learners.setdefault(method, Learner(law, law.forget_s))
         before = dict(learner.applied)
         try:
             learner.learn(self._laws[method].motion(read, begin))

@@ -27,8 +27,7 @@ MOST = 4.0
 """Standard deviations within which a parameter stays."""
 PASSES = 3
 """Linear fits, each around the last."""
-FORGET_S = 20.0
-"""Time of asked force in which a stage that works forgets to a third (1/e) what a motion taught."""
+FORGET_S = MotionLaw.forget_s
 RATE = 2.0
 """Standard deviations a second by which what is applied follows the estimate."""
 STEPS: Mapping[str, float] = {
@@ -339,7 +338,8 @@ def at_work(
     rig, method = setup.rig, setup.compensator.method
     if not rig.settings.tracking.calibrate or method not in MOVED:
         return None
-    learner = Learner(law_of(rig, magnet, method), FORGET_S)
+    law = law_of(rig, magnet, method)
+    learner = Learner(law, law.forget_s)
     training = motion_of(rig.settings.scan, rig.settings.scan.train_m_per_s2)
     for scan in range(WORK):
         learner.work(setup.drift, training, gains, seed + scan)
