@@ -31,6 +31,7 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -222,6 +223,33 @@ def layout_of(file: RigFile) -> dict[str, Any]:
         "heads": [{"at": at, "direction": direction} for at, direction in heads],
         "see": np.linalg.pinv(pull_rows(file)).tolist(),
     }
+
+
+def lying(file: RigFile, place: float) -> dict[str, float]:
+    """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
+    free = file.body.free
+    along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
+    falls = file.body.gravity_m_per_s2 > 0.0 and down.any()
+    off = -travel_m(file) * (down if falls else along)
+    way = float(off @ along)
+    values = {"reference": place, "position": place + way, "error": -way}
+    values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
+    pose = zip(free, (place * along + off).tolist(), strict=True)
+    values |= {f"pose_read_{axis}": one for axis, one in pose}
+    for number, one in enumerate(file.placed, 1):
+        pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
+        gap = (one.gap_m or 0.0) - float(pulls @ off)
+        values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
+    return values
+
+
+def pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
+    """Return what each magnet pulls with in a loop's own record."""
+    found, poles = {}, file.magnet.poles
+    for number, one in enumerate(file.placed, 1):
+        density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
+        found[column("pull", "N", number)] = poles.pull(density, gap, one.gap_m or file.gap_m)
+    return found
 
 
 def without(file: RigFile) -> FloatArray:
