@@ -129,6 +129,34 @@ static int take_masses(const anhyst_plant_body *body, anhyst_plant_state *state)
   return 1;
 }
 
+/* Fills in how a cable ties the free coordinates to each other: with u = J*(P, th), J'*J. */
+static void take_cable(const anhyst_plant_body *body, anhyst_plant_state *state)
+{
+  const double *c = body->cable.at;
+  const double moved[AXES][3] = {{1.0, 0.0, 0.0},    {0.0, 1.0, 0.0},    {0.0, 0.0, 1.0},
+                                 {0.0, -c[2], c[1]}, {c[2], 0.0, -c[0]}, {-c[1], c[0], 0.0}};
+  int k;
+  int l;
+  for (k = 0; k < body->coordinates; k++) {
+    for (l = 0; l < body->coordinates; l++) {
+      state->tie[k][l] = dot(moved[body->coordinate[k].axis], moved[body->coordinate[l].axis]);
+    }
+  }
+}
+
+/* What a cable holds a free coordinate back with, of 1 N/m and such a way, or 1 N s/m and such a
+   velocity, of all axes. */
+static double tied(const anhyst_plant_body *body, const anhyst_plant_state *state, int k,
+                   const double *way)
+{
+  double sum = 0.0;
+  int l;
+  for (l = 0; l < body->coordinates; l++) {
+    sum += state->tie[k][l] * way[body->coordinate[l].axis];
+  }
+  return sum;
+}
+
 static double encoder(const anhyst_plant_body *body, const anhyst_plant_state *state)
 {
   const double at = anhyst_plant_moved(&body->load.line, state->pose);
@@ -136,8 +164,21 @@ static double encoder(const anhyst_plant_body *body, const anhyst_plant_state *s
   return step > 0.0 ? floor(at / step + 0.5) * step : at;
 }
 
-static double head_position(const anhyst_plant_head *head, const double *pose)
+static void in_space(const anhyst_plant_state *state, double pose[AXES])
 {
+  int i;
+  for (i = 0; i < AXES; i++) {
+    pose[i] = state->pose[i] + state->frame[i];
+  }
+}
+
+static double head_position(const anhyst_plant_head *head, const anhyst_plant_state *state)
+{
+  double pose[AXES];
+  if (head->base != ANHYST_PLANT_GROUND) {
+    return head->zero + anhyst_plant_moved(&head->line, state->pose);
+  }
+  in_space(state, pose);
   return head->zero + anhyst_plant_moved(&head->line, pose);
 }
 
@@ -161,14 +202,19 @@ static void find_gaps(const anhyst_plant_body *body, anhyst_plant_state *state)
   }
 }
 
+static void start_head(const anhyst_plant_body *body, anhyst_plant_state *state, int j)
+{
+  state->head[j].position = head_position(&body->head[j], state);
+  anhyst_plant_sensor_start(&state->head[j].sensing, state->head[j].position);
+}
+
 static void stand(const anhyst_plant_body *body, anhyst_plant_state *state)
 {
   int j;
   find_gaps(body, state);
   state->load_position = encoder(body, state);
   for (j = 0; j < body->heads; j++) {
-    state->head[j].position = head_position(&body->head[j], state->pose);
-    anhyst_plant_sensor_start(&state->head[j].sensing, state->head[j].position);
+    start_head(body, state, j);
   }
 }
 
@@ -191,6 +237,7 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
   anhyst_plant_noise_start(&state->noise, seed);
   anhyst_plant_sensor_start(&state->force_sensing, 0.0);
   stand(body, state);
+  take_cable(body, state);
   return take_masses(body, state);
 }
 
@@ -203,6 +250,20 @@ void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state
     state->velocity[body->coordinate[k].axis] = velocity[k];
   }
   stand(body, state);
+}
+
+void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
+                       const double *frame)
+{
+  int j;
+  for (j = 0; j < body->coordinates; j++) {
+    state->frame[body->coordinate[j].axis] = frame[j];
+  }
+  for (j = 0; j < body->heads; j++) {
+    if (body->head[j].base == ANHYST_PLANT_GROUND) {
+      start_head(body, state, j);
+    }
+  }
 }
 
 void anhyst_plant_hold(const anhyst_plant_body *body, anhyst_plant_state *state, int j,
@@ -274,7 +335,7 @@ static void magnet_step(const anhyst_plant_actuator *actuator, anhyst_plant_actu
                              state->coil.density);
 }
 
-/* All that pushes the body along its free coordinates now, but for damping. */
+/* All that pushes the body along its free coordinates now, but for damping of guide and cable. */
 static void push(const anhyst_plant_body *body, const anhyst_plant_state *state,
                  double pushing[AXES], double damping[AXES])
 {
@@ -300,6 +361,13 @@ static void push(const anhyst_plant_body *body, const anhyst_plant_state *state,
                  state->wrench[axis] - c->stop_stiffness * over +
                  damping[k] * state->frame_velocity[axis]; /* it rides on the frame */
   }
+  if (body->cable.stiffness > 0.0) {
+    double pose[AXES];
+    in_space(state, pose);
+    for (k = 0; k < body->coordinates; k++) {
+      pushing[k] -= body->cable.stiffness * tied(body, state, k, pose);
+    }
+  }
 }
 
 /* Half a sub-step of the velocity: the damping of its beginning. */
@@ -312,12 +380,26 @@ static void begin_motion(const anhyst_plant_body *body, anhyst_plant_state *stat
   push(body, state, pushing, damping);
   for (l = 0; l < body->coordinates; l++) {
     pushing[l] -= damping[l] * state->velocity[body->coordinate[l].axis];
+    if (body->cable.damping > 0.0) {
+      pushing[l] -= body->cable.damping * tied(body, state, l, state->velocity);
+    }
   }
   for (k = 0; k < body->coordinates; k++) {
     for (l = 0; l < body->coordinates; l++) {
       state->velocity[body->coordinate[k].axis] += state->ease[k][l] * pushing[l];
     }
   }
+}
+
+/* What the damping of a cable takes of a velocity in half a sub-step. */
+static double eased(const anhyst_plant_body *body, const anhyst_plant_state *state, int k, int l)
+{
+  double sum = 0.0;
+  int i;
+  for (i = 0; body->cable.damping > 0.0 && i < body->coordinates; i++) {
+    sum += state->ease[k][i] * body->cable.damping * state->tie[i][l];
+  }
+  return sum;
 }
 
 /* The other half: the damping of its end, (1 + ease*damping)*v = v + ease*pushing. */
@@ -334,7 +416,7 @@ static void end_motion(const anhyst_plant_body *body, anhyst_plant_state *state)
     velocity[k] = state->velocity[body->coordinate[k].axis];
     for (l = 0; l < body->coordinates; l++) {
       velocity[k] += state->ease[k][l] * pushing[l];
-      left[k][l] = (k == l ? 1.0 : 0.0) + state->ease[k][l] * damping[l];
+      left[k][l] = (k == l ? 1.0 : 0.0) + state->ease[k][l] * damping[l] + eased(body, state, k, l);
     }
   }
   (void)solve(body->coordinates, left, velocity);
@@ -359,6 +441,7 @@ static void substep(const anhyst_plant_body *body, anhyst_plant_state *state, do
   for (j = 0; j < body->coordinates; j++) {
     const int axis = body->coordinate[j].axis;
     state->pose[axis] += seconds * (state->velocity[axis] - state->frame_velocity[axis]);
+    state->frame[axis] += seconds * state->frame_velocity[axis];
   }
   find_gaps(body, state);
   for (j = 0; j < body->magnets; j++) {
@@ -369,7 +452,7 @@ static void substep(const anhyst_plant_body *body, anhyst_plant_state *state, do
   end_motion(body, state);
   for (j = 0; j < body->heads; j++) {
     const double before = state->head[j].position;
-    state->head[j].position = head_position(&body->head[j], state->pose);
+    state->head[j].position = head_position(&body->head[j], state);
     anhyst_plant_sensor_follow(&body->head[j].sensor, &state->head[j].sensing, before,
                                state->head[j].position);
   }

@@ -80,7 +80,8 @@ static void take_sample(anhyst_plant_loop *loop, const anhyst_plant_events *even
                   inject[j];
   }
   for (j = 0; j < body->heads; j++) {
-    head[j] += anhyst_plant_moved(&body->head[j].line, body->head[j].absolute ? ridden : away);
+    head[j] += anhyst_plant_moved(&body->head[j].line,
+                                  body->head[j].base == ANHYST_PLANT_BODY ? ridden : away);
     fails = command & ANHYST_LOOP_HEADS && j >= body->magnets &&
             command >> ANHYST_LOOP_FAILS >> (j - body->magnets) & 1U;
     if (command & ANHYST_LOOP_DROP || (fails && command & ANHYST_LOOP_MISSING)) {
@@ -139,8 +140,9 @@ static void move_frame(anhyst_plant_loop *loop, const double *now)
   const anhyst_plant_body *body = loop->body;
   int j;
   for (j = 0; j < body->coordinates; j++) {
-    loop->state->frame_velocity[body->coordinate[j].axis] =
-        (now[body->coordinates + j] - now[j]) / body->tick;
+    const int axis = body->coordinate[j].axis;
+    loop->state->frame[axis] = now[j]; /* of the way here nothing adds up */
+    loop->state->frame_velocity[axis] = (now[body->coordinates + j] - now[j]) / body->tick;
   }
 }
 
@@ -159,6 +161,9 @@ size_t anhyst_plant_loop_run(anhyst_plant_loop *loop, const anhyst_plant_events 
     anhyst_loop_answer answer = {
         answered, answered + magnets, answered + magnets + coordinates, 0, 0, 0};
     memset(answered, 0, (magnets + 2 * coordinates) * sizeof *answered);
+    if (events->frame && loop->ticks == 0) {
+      anhyst_plant_ride(body, loop->state, events->frame);
+    }
     take_sample(loop, events, i, &sample);
     loop->controller.tick(loop->controller.self, &sample, &answer);
     if (answer.gone) {

@@ -75,6 +75,31 @@ def test_the_body_is_drawn_where_it_is_and_turned_by_mouse_and_keys(
     assert "pull_10_N" in heads
 
 
+def test_a_body_is_set_down_and_lifted_by_its_buttons_and_laps_wait_meanwhile(
+    serve: Serve, show: Show
+) -> None:
+    page = show(serve(bench=bench_of(variants(planar()))))
+    ready(page)
+    state_is(page, "ready")
+    assert page.locator(".commands button[data-order=lift]").is_disabled()
+    press(page, "land")
+    state_is(page, "idle")
+    until(page, "document.body.innerText.includes('press lift, then run')")
+    assert page.locator(".commands button[data-order=run]").is_disabled()
+    assert last(page, "error_z") > 0.09e-3
+    page.keyboard.press("0")
+    page.select_option("#pose", "gap")
+    page.wait_for_timeout(300)
+    assert np.ravel(seen(page, "page.body.pose()"))[2] < -0.09e-3
+    press(page, "lift")
+    state_is(page, "ready")
+    assert last(page, "lap") == 0.0
+    press(page, "run")
+    state_is(page, "run")
+    press(page, "idle")
+    state_is(page, "idle")
+
+
 def test_another_layout_is_drawn_as_its_file_says_and_pushed_along_a_coordinate(
     serve: Serve, show: Show, tmp_path: Path
 ) -> None:

@@ -380,6 +380,17 @@ def test_a_body_of_several_coordinates_learns_from_its_laps_too() -> None:
         assert sigma < stated
         assert abs(value) < 4.0 * stated
         assert abs(value - applied) < 0.5 * stated
+    # set down and lifted at once, its iron carries the weight on another branch
+    for command in (Command.STOP, Command.LAND, Command.LIFT):
+        beside.bench.command(command)
+        beside.advance(1600)
+    beside.bench.command(Command.RUN)
+    beside.laps(2)
+    again = beside.learner.laps[-1]
+    assert again.average < before / 2.0
+    assert again.refused == 0
+    assert again.values
+    assert "more than" not in beside.learner.status()["said"]["full"]
 
 
 @pytest.mark.slow

@@ -22,6 +22,8 @@ LINES: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...]
 )
 """Place and direction of each magnet: two pairs along x below the centre of mass, one along y, four
 from above."""
+CABLE = [-0.1, 0.14, -0.06]
+"""Where a cable is fixed to the body."""
 IDEAL = {"step": 0.0, "noise": 0.0, "gain": 1.0, "offset": 0.0, "share": 1.0, "delay": 0}
 
 
@@ -37,6 +39,7 @@ class Body:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s2
     stiffness: tuple[float, float] = (0.0, 0.0)  # of the springs, N/m and N m/rad
     damping: tuple[float, float] = (0.0, 0.0)  # of the guide, N s/m and N m s/rad
+    cable: tuple[float, float] = (0.0, 0.0)  # N/m and N s/m, at :data:`CABLE`
     axes: Sequence[int] = range(6)
     lines: Sequence[tuple[tuple[float, float, float], tuple[float, float, float]]] = LINES
 
@@ -48,6 +51,11 @@ class Body:
         whole = self.mass * jump.T @ jump
         whole[3:, 3:] += self.inertia
         return whole
+
+    def tie(self) -> FloatArray:
+        """Return what a cable of 1 N/m holds back with, for each unit of each coordinate."""
+        moved = np.hstack([np.eye(3), np.cross(np.eye(3), np.array(CABLE)).T])
+        return np.asarray(moved.T @ moved)
 
     def plant(self, rate: float, mode: str = "current") -> Plant:
         """Return it without delays and converters."""
@@ -71,6 +79,7 @@ class Body:
             "centre": list(self.centre),
             "gravity": list(self.gravity),
             "force_sensor": wide,
+            "cable": {"at": CABLE, "stiffness": self.cable[0], "damping": self.cable[1]},
             "substeps": 1,
             "delay": 0,
         }
@@ -82,13 +91,12 @@ class Body:
             for one in self.lines
         ]
         heads = [
-            {"line": line(*one), "zero": 0.0, "sensor": wide, "absolute": 0}
-            for one in self.lines[:6]
+            {"line": line(*one), "zero": 0.0, "sensor": wide, "base": 0} for one in self.lines[:6]
         ]
         return Plant(body, actuators, heads, example.load, [magnet] * len(actuators), 0)
 
 
 HEAVY = Body(centre=(2e-3, -1e-3, 4e-3), gravity=(0.0, 0.0, -9.81))
 """Free in all axes, its centre of mass off."""
-SPRUNG = replace(HEAVY, stiffness=(2e7, 3e5), damping=(12e3, 160.0))
-"""Held by springs stiffer than its magnets are unstable."""
+SPRUNG = replace(HEAVY, stiffness=(2e7, 3e5), damping=(12e3, 160.0), cable=(4e5, 1500.0))
+"""Held by springs stiffer than its magnets are unstable, and by a cable."""

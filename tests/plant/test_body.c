@@ -183,6 +183,7 @@ static void make_stage(anhyst_plant_body *b)
     b->coordinate[j] = way;
     heads[j].line = lines[j + (j > 3 ? 2 : 0)];
     heads[j].sensor = sensor(-1e-3, 1e-3, j);
+    heads[j].base = j % 2 ? ANHYST_PLANT_GROUND : ANHYST_PLANT_FRAME;
   }
   for (j = 0; j < 3; j++) {
     b->coordinate[3 + j].stop_stiffness = 2e6;
@@ -194,6 +195,9 @@ static void make_stage(anhyst_plant_body *b)
   b->centre[2] = -4e-3;
   b->gravity[2] = -9.81;
   b->mass = 20.0;
+  b->cable.at[1] = 0.14;
+  b->cable.stiffness = 500.0;
+  b->cable.damping = 5.0;
   for (j = 0; j < MOST; j++) {
     actuators[j].line = lines[j];
     actuators[j].gap_zero = 0.45e-3;

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from anhyst._core import Plant
@@ -63,6 +64,10 @@ def balance(samples: int) -> dict[str, float]:
         * float(np.diff(np.einsum("ti,ij,tj->t", ends, SPRUNG.mass_matrix(), ends))[0]),
         "springs": float(np.diff(0.5 * pose[[0, -1]] ** 2 @ spring - pose[[0, -1]] @ weight)[0]),
     }
+    tie, (stiffness, damps) = SPRUNG.tie(), SPRUNG.cable
+    parts["cable"] = damps * float(np.sum(middles(velocity) @ tie * np.diff(pose, axis=0)))
+    hung = np.einsum("ti,ij,tj->t", pose[[0, -1]], tie, pose[[0, -1]])
+    parts["springs"] += 0.5 * stiffness * float(np.diff(hung)[0])
     for gap, current, psi, pull, energy, heat in path.coils.transpose(1, 2, 0):
         ledger = Ledger(SHAPE, STEEL, current, gap, psi)
         parts["taken"] += energy[-1] - energy[2 * samples]
@@ -78,10 +83,13 @@ def test_over_a_cycle_of_six_axes_energy_is_heat_and_motion() -> None:
     coarse, fine = balance(400), balance(800)
 
     def left_over(parts: dict[str, float]) -> float:
-        spent = sum(parts[name] for name in ("winding", "iron", "field", "guide", "motion"))
+        spent = sum(
+            parts[name] for name in ("winding", "iron", "field", "guide", "cable", "motion")
+        )
         return parts["taken"] - spent - parts["springs"]
 
-    moved = fine["guide"] + fine["motion"] + fine["springs"]
+    moved = fine["guide"] + fine["cable"] + fine["motion"] + fine["springs"]
+    assert fine["cable"] > 0.01 * fine["guide"]
     assert fine["pulled"] == pytest.approx(moved, abs=1e-3 * fine["guide"])
     assert fine["guide"] > 0.1 * fine["iron"] > abs(fine["field"])
     assert abs(left_over(fine)) < 1e-3 * fine["iron"]
@@ -157,6 +165,25 @@ def test_on_a_hinge_a_body_turns_about_it_and_not_about_its_centre() -> None:
     assert plant.pose == pytest.approx([0.5 * turning * 1e-4], rel=1e-9)
     gap = plant.coils()[6, 0]  # at (0.12, 0.12, 0.05), pulled up
     assert gap - GAP == pytest.approx(0.12 * plant.pose[0], rel=1e-6)
+
+
+def test_a_body_on_a_cable_alone_swings_as_its_linear_equations_say() -> None:
+    """Half of the step leaves a quarter of the error."""
+    body, seconds = replace(HEAVY, gravity=(0.0, 0.0, 0.0), cable=(4e5, 1500.0)), 8e-3
+    pose = np.array([2e-5, -3e-5, 5e-5, 2e-4, -1e-4, 3e-4])
+    pushed = -np.linalg.solve(body.mass_matrix(), body.tie())
+    rate = np.block([[np.zeros((6, 6)), np.eye(6)], [4e5 * pushed, 1500.0 * pushed]])
+    exact = (expm(seconds * rate) @ np.append(pose, np.zeros(6)))[:6]
+    off = []
+    for steps in (80, 160):
+        plant = body.plant(steps / seconds)
+        plant.place(pose.tolist(), [0.0] * 6)
+        for _ in range(steps):
+            plant.advance([0.0] * len(LINES), 0.0)
+        off.append(float(np.abs(np.array(plant.pose) - exact).max()))
+    assert np.abs(exact - pose).max() > 1e-4
+    assert off[0] < 1e-2 * np.abs(pose).max()
+    assert 3.5 < off[0] / off[1] < 4.5
 
 
 def test_heads_show_where_the_body_stands() -> None:

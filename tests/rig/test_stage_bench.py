@@ -325,3 +325,62 @@ def test_a_push_along_a_coordinate_acts_at_once_there_alone_and_the_loop_takes_i
     assert np.abs(column(axes, axes.advance(500), "error_z")).max() < away.max()
     with refused("out-of-range"):
         axes.apply({"push_z": 1000.0})
+
+
+def test_a_body_is_set_down_lies_without_current_and_is_lifted_to_where_it_was(
+    axes: StageBench,
+) -> None:
+    def state(rows: FloatArray) -> list[float]:
+        """Return the states that came, in their order."""
+        found = column(axes, rows, "state")
+        return [float(found[0]), *found[1:][np.diff(found) != 0.0].tolist()]
+
+    axes.advance(1000)
+    for command in (Command.LIFT, Command.CLEAR):
+        with refused(f"wrong-state {command.name.lower()}"):
+            axes.command(command)
+    axes.command(Command.LAND)
+    axes.advance(500)
+    for wanted in (Command.RUN, Command.LAND, Command.LIFT):
+        with refused(f"wrong-state {wanted.name.lower()}"):
+            axes.command(wanted)
+    with refused("wrong-state"):
+        axes.apply({"crossover": 100.0})
+    rows = axes.advance(3000)
+    assert state(rows) == [State.RUN, State.IDLE]
+    assert column(axes, rows, "error_z")[-1] == pytest.approx(0.1e-3, rel=0.05)
+    assert column(axes, rows, "current_7")[-1] == pytest.approx(0.0, abs=1e-3)
+    with refused("wrong-state run"):
+        axes.command(Command.RUN)
+    # another controller does not fly off, and remembers that no current flows
+    axes.apply({"compensation": 0.0})
+    rows = axes.advance(500)
+    assert state(rows) == [State.IDLE]
+    axes.apply({"compensation": 1.0})
+    axes.advance(500)
+    axes.command(Command.LIFT)
+    rows = axes.advance(3000)
+    assert state(rows) == [State.RUN, State.READY]
+    fast = np.diff(column(axes, rows, "error_z")) * axes.rate
+    assert np.abs(fast[1000:]).max() < 3e-3
+    assert np.abs(column(axes, rows, "error_z")[-200:]).max() < 2e-9
+    axes.command(Command.RUN)
+    rows = axes.advance(2000)
+    assert set(column(axes, rows, "lap")) == {1.0}
+    # let go on its way, the set-point brakes and no lap follows
+    axes.command(Command.IDLE)
+    rows = axes.advance(4000)
+    assert state(rows) == [State.IDLE]
+    assert not column(axes, rows, "lap").any()
+    assert np.ptp(column(axes, rows, "reference")[-500:]) == 0.0
+
+
+def test_a_stop_while_it_is_lifted_sets_it_down_again(axes: StageBench) -> None:
+    axes.command(Command.IDLE)
+    axes.advance(1000)
+    axes.command(Command.LIFT)
+    axes.advance(400)
+    axes.command(Command.STOP)
+    rows = axes.advance(3000)
+    assert column(axes, rows, "state")[-1] == State.IDLE
+    assert column(axes, rows, "error_z")[-1] > 0.09e-3

@@ -8,13 +8,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from anhyst.compensate.interface import MethodName
 from anhyst.reports.tracking import write_tracking_report
-from anhyst.rig.recording import Recording
-from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import Feedforward, make_stage, track
-from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.recording import Recording, column
+from anhyst.rig.stage import loop
+from anhyst.rig.stage.file import StageRig, read_stage, scan_direction
+from anhyst.rig.stage.loop import (
+    Feedforward,
+    axes_recorded,
+    axes_rows,
+    fed_wrench,
+    feed,
+    fly,
+    make_stage,
+    of_axes,
+    pose_columns,
+    track,
+)
+from anhyst.rig.stage.setpoint import instants, motion_of, ticks_of
 from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.study.tracking.simulate import explore_stage
 from anhyst.support.errors import InputError
@@ -90,6 +103,63 @@ def test_single_precision_leads_the_body_the_same_way_within_a_nanometre() -> No
         assert np.abs(wide[name] - narrow[name]).max() < most
 
 
+def on_the_ground(rig: StageRig, **beam: float) -> StageRig:
+    """Return a stage whose heads stand, without noise."""
+    file = rig.settings
+    for one in file.position_sensors:
+        changes = {"stands": True, "noise_m": 0.0, **beam}
+        file = file.replaced(one, one.model_copy(update=changes))
+    return replace(rig, settings=file)
+
+
+def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_knows_which() -> None:
+    rig = on_the_ground(planar())
+    file, scan = rig.settings, rig.settings.scan
+    setup = make_stage(rig, bearings.knowledge(), "single-valued")
+    motion = motion_of(scan, scan.test_m_per_s2[:1])
+    n, along = ticks_of(rig, motion), scan_direction(file)
+    reference = np.outer(motion.at(instants(rig, n + 1))[0], along)
+    wrench = fed_wrench(rig, feed(setup, motion, Feedforward()))
+    flown = fly(setup, 0, reference[:n], reference, wrench)
+    pose = np.column_stack([flown[name] for name in of_axes("pose", file.body.free)])
+    pose += reference[:n]
+    turned = Rotation.from_rotvec(pose[:, 3:])
+    assert np.ptp(pose[:, 0]) > 0.02
+    assert np.abs(pose[:, 4]).max() > 3e-6
+    for number, one in enumerate(file.position_sensors, len(file.placed) + 1):
+        # along its beam to a mirror that is turned with the body
+        assert one.position_m is not None
+        normal = turned.apply(one.direction)
+        way = np.sum((pose[:, :3] + turned.apply(one.position_m) - one.position_m) * normal, axis=1)
+        read = flown[column("gap_read", "m", number)]
+        assert read == pytest.approx(way / (normal @ one.direction), abs=2e-11)
+    seen = axes_recorded(rig, flown, reference, reference)
+    read = np.column_stack([seen[name] for name in pose_columns(file.body.free)])
+    assert read == pytest.approx(pose, abs=1e-10)
+    # z is held as if they rode along; a controller that does not know takes a turn for height
+    riding, knows = (
+        track(one, motion, Feedforward()) for one in (replace(setup, rig=planar()), setup)
+    )
+    unaware = axes_rows(setup) | {"ground": np.zeros(0)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loop, "axes_rows", lambda _: unaware)
+        takes = track(setup, motion, Feedforward())
+    apart, same = (np.abs(one["error_z_m"] - knows["error_z_m"]).max() for one in (takes, riding))
+    turn = np.abs(knows["error_ry_rad"] * knows["reference_m"]).max()
+    assert apart > 0.5 * turn > 10.0 * same
+
+
+def test_air_that_changed_lengthens_a_beam_with_its_dead_path() -> None:
+    rig = on_the_ground(planar(), dead_path_m=0.3, refraction_ppm=0.1)
+    motion = motion_of(rig.settings.scan, rig.settings.scan.test_m_per_s2[:1])
+    setup = make_stage(rig, bearings.knowledge(), "full")
+    run = track(setup, motion, Feedforward())
+    late = slice(len(run) // 2, None)
+    off = 1e-7 * (0.3 + run["reference_m"][late])
+    assert run["pose_read_x_m"][late] - run["position_m"][late] == pytest.approx(off, abs=1e-12)
+    assert np.mean(run["error_m"][late]) == pytest.approx(np.mean(off), rel=0.1)
+
+
 Y1 = 'like = "x1"\nposition_m = [0.0, 0.15, 0.0]\ndirection = '
 SCAN = "direction = [1.0, 0.0, 0.0]           # of the"
 
@@ -102,6 +172,16 @@ SCAN = "direction = [1.0, 0.0, 0.0]           # of the"
         ("gravity_m_per_s2 = 9.81", "gravity_m_per_s2 = -9.81", "load-too-large"),
         (f"{Y1}[0.0, 1.0, 0.0]", f"{Y1}[1.0, 0.0, 0.0]", "load-too-large"),
         ('free = ["x", "y"', 'free = ["y", "x"', "wrong-order"),
+        (
+            "position_m = [0.0, 0.15, 0.02]",
+            "stands = true\nposition_m = [0.0, 0.15, 0.02]",
+            "option-differs",
+        ),
+        (
+            "position_m = [0.0, 0.15, 0.02]",
+            "dead_path_m = 0.3\nposition_m = [0.0, 0.15, 0.02]",
+            "missing",
+        ),
     ],
 )
 def test_a_layout_that_cannot_fly_is_refused(tmp_path: Path, old: str, new: str, code: str) -> None:
@@ -171,6 +251,12 @@ def test_a_new_body_is_a_file(tmp_path: Path) -> None:
     assert own.cross_talk("x").mean < 1e-6
     variants = study.figures["variants"]
     assert variants["full"]["cross_talk"]["x_m"]["mean"] == own.cross_talk("x").mean
+    at_rest = variants["full"]["standstill_rms"]
+    assert set(at_rest) == {"x_m", "y_m"}
+    assert all(0.1e-10 < one < 2e-9 for one in at_rest.values())
+    assert variants["full"]["standstill_rms_m"] == at_rest["y_m"]
     page = tmp_path / "report.html"
     write_tracking_report(page, study, "anhyst simulate rig.toml")
-    assert 'id="cross-talk"' in page.read_text()
+    text = page.read_text()
+    assert 'id="cross-talk"' in text
+    assert "Every coordinate at rest, rms" in text

@@ -16,7 +16,7 @@ static int are_rows_q31(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 
 static int are_limits_q31(const anhyst_axes_settings_q31 *settings)
 {
-  return settings->current_step > 0 &&
+  return !settings->axis && settings->current_step > 0 &&
          are_on_grid(settings->current_low, settings->current_high, settings->current_step);
 }
 
@@ -57,6 +57,13 @@ static void multiply_q31(anhyst_rows_q31 matrix, int rows, int columns, const in
     found[i] = anhyst_row_product_q31(&matrix.number[i * columns], matrix.shift[i],
                                       (uint16_t)columns, values);
   }
+}
+
+static void look_q31(const anhyst_axes_settings_q31 *settings, anhyst_rows_q31 see,
+                     const int32_t *head, const int32_t *target, int32_t *pose)
+{
+  (void)target; /* heads stand on the ground in floating point alone */
+  multiply_q31(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
 }
 
 static anhyst_rows_q31 rows_from_q31(anhyst_rows_q31 matrix, int row, int columns)

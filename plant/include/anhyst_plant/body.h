@@ -18,6 +18,11 @@
    centrifugal forces), and the tilt of a gap across its pole. A coordinate that is not free stays
    where it is; the guide carries what pushes it.
 
+   A cable goes from a place c on the body to the ground: a spring and a damper, alike along x, y,
+   z,
+
+     u = P + th x c,   F_cable = -stiffness*u - damping*u',   P, th: pose and frame together
+
    Each magnet has an amplifier behind a digital-analogue converter. The frame may move (the long
    stroke of a stage): the pose is seen from the frame, the velocity is absolute. The load is a
    moving coil with a current amplifier (a lag of first order) and a state controller of its own,
@@ -65,13 +70,24 @@ typedef struct {
   int has_probe; /* else its flux density reads as NAN */
 } anhyst_plant_actuator;
 
+/* What a head is fixed to: the frame; the body, on which it looks past the frame at something long,
+   so that a loop adds how far the frame has moved along its line; or the ground, from where it sees
+   another place of the body as that goes on: its line is counted from frame and pose together. */
+typedef enum { ANHYST_PLANT_FRAME, ANHYST_PLANT_BODY, ANHYST_PLANT_GROUND } anhyst_plant_base;
+
 /* A position sensor: an interferometer, or the sensor of a gap (zero that gap, d away from it). */
 typedef struct {
   anhyst_plant_line line;
   double zero; /* m */
   anhyst_plant_sensor sensor;
-  int absolute; /* looks past the frame: a loop adds how far that has moved along the line */
+  anhyst_plant_base base;
 } anhyst_plant_head;
+
+typedef struct {
+  double at[3];     /* on the body, m */
+  double stiffness; /* N/m; 0: none */
+  double damping;   /* N s/m */
+} anhyst_plant_cable;
 
 typedef struct {
   anhyst_plant_line line;
@@ -107,6 +123,7 @@ typedef struct {
   int heads;
   const anhyst_plant_head *head;
   anhyst_plant_load load;
+  anhyst_plant_cable cable;
   double force_along[3];            /* unit vector: what part of the net force its sensor shows */
   anhyst_plant_sensor force_sensor; /* of the magnets' net force */
   double tick;                      /* s */
@@ -145,13 +162,16 @@ typedef struct {
   double pose[ANHYST_PLANT_AXES];           /* true, from the frame; m, rad */
   double velocity[ANHYST_PLANT_AXES];       /* absolute, m/s, rad/s */
   double frame_velocity[ANHYST_PLANT_AXES]; /* of the magnets; set from outside */
+  double frame[ANHYST_PLANT_AXES];          /* where they are; set from outside */
   double wrench[ANHYST_PLANT_AXES];         /* of the magnets, N, N m */
   double force;                             /* of the magnets, as its sensor is turned, N */
   double load;                              /* of the load drive, N */
   double ease[ANHYST_PLANT_AXES][ANHYST_PLANT_AXES]; /* velocity that half a sub-step gives for
                                                         each N or N m */
-  anhyst_plant_actuator_state *actuator;             /* the caller's, one a magnet */
-  anhyst_plant_head_state *head;                     /* and one a head */
+  double tie[ANHYST_PLANT_AXES]
+            [ANHYST_PLANT_AXES];              /* force of a cable of 1 N/m for each m or rad */
+  anhyst_plant_actuator_state *actuator;      /* the caller's, one a magnet */
+  anhyst_plant_head_state *head;              /* and one a head */
   unsigned char due[ANHYST_PLANT_DELAY_MOST]; /* whether lines have something for this sub-step */
   unsigned at;                                /* sub-step, modulo ANHYST_PLANT_DELAY_MOST */
   double load_velocity;                       /* as the load drive estimates it */
@@ -167,6 +187,11 @@ int anhyst_plant_start(const anhyst_plant_body *body, anhyst_plant_state *state,
 /* Puts the body somewhere else; a number a free coordinate. */
 void anhyst_plant_place(const anhyst_plant_body *body, anhyst_plant_state *state,
                         const double *pose, const double *velocity);
+
+/* Puts the frame somewhere else; a number a free coordinate. A head on the ground has seen the body
+   there for ever. */
+void anhyst_plant_ride(const anhyst_plant_body *body, anhyst_plant_state *state,
+                       const double *frame);
 
 /* Takes the current of a magnet so slowly to another that nothing is induced; there the amplifier
    holds it. */

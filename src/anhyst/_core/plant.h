@@ -159,7 +159,8 @@ public:
     for (const nb::dict &head : heads) {
       Settings given(head);
       heads_.push_back({to_line(given.take<nb::dict>("line")), given.take<double>("zero"),
-                        to_sensor(given.take<nb::dict>("sensor")), given.take<int>("absolute")});
+                        to_sensor(given.take<nb::dict>("sensor")),
+                        static_cast<anhyst_plant_base>(given.take<int>("base"))});
       given.finish();
     }
     read_load(load);
@@ -261,6 +262,11 @@ private:
     }
     copy_three(given.take<Three>("gravity"), body_.gravity);
     copy_three(given.take<Three>("force_along"), body_.force_along);
+    Settings cable(given.take<nb::dict>("cable"));
+    copy_three(cable.take<Three>("at"), body_.cable.at);
+    body_.cable.stiffness = cable.take<double>("stiffness");
+    body_.cable.damping = cable.take<double>("damping");
+    cable.finish();
     body_.force_sensor = to_sensor(given.take<nb::dict>("force_sensor"));
     body_.tick = given.take<double>("tick");
     body_.substeps = given.take<int>("substeps");

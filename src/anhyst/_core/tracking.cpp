@@ -150,7 +150,15 @@ public:
                  given.take<uint16_t>("spare_heads"),
                  given.take<Real>("jump"),
                  given.take<uint16_t>("doubt"),
-                 given.take<uint16_t>("noisy")};
+                 given.take<uint16_t>("noisy"),
+                 nullptr};
+    for (double one : matrices.take<std::vector<double>>("ground")) {
+      axis_.push_back(static_cast<uint16_t>(one));
+    }
+    if (!axis_.empty()) {
+      same_length(axes, axis_.size(), "ground");
+      settings_.axis = axis_.data();
+    }
     matrices.finish();
     given.finish();
     if (F::axes_init(&axes_, &settings_, drives_.data()) != ANHYST_OK) {
@@ -164,23 +172,24 @@ public:
   // One tick without a plant, heads counted from the target: currents, wrench, flags, what is lost,
   // state.
   nb::tuple tick(const Row &head, const Row &forward, const Row &gap, const Row &read,
-                 uint16_t command)
+                 uint16_t command, const Row &target)
   {
+    same_length(axis_.size(), target.size(), "target");
     same_length(settings_.heads, head.size(), "head");
     same_length(settings_.layout.axes, forward.size(), "forward");
     same_length(drives_.size(), gap.size(), "gap");
     same_length(drives_.size(), read.size(), "read");
     const Row flux(gap.size(), std::numeric_limits<Real>::quiet_NaN());
-    const auto out = run(head, forward, gap, flux, read, command);
+    const auto out = run(head, forward, gap, flux, read, command, target);
     return nb::make_tuple(current_, demand_, out.flags, out.lost, out.state);
   }
 
 private:
   typename F::AxesAnswer run(const Row &head, const Row &forward, const Row &gap, const Row &flux,
-                             const Row &read, uint16_t command)
+                             const Row &read, uint16_t command, const Row &target)
   {
-    const typename F::AxesSample in = {head.data(), forward.data(), gap.data(),
-                                       flux.data(), read.data(),    command};
+    const typename F::AxesSample in = {head.data(), forward.data(), gap.data(),   flux.data(),
+                                       read.data(), command,        target.data()};
     typename F::AxesAnswer out = {current_.data(), demand_.data(), 0, 0, 0};
     F::axes_tick(&axes_, &in, &out);
     return out;
@@ -198,10 +207,11 @@ private:
       head[i / axes] -= c.at_[i] * sample->target[i % axes];
     }
     const double *gap = sample->head;
-    const auto out = c.run(Row(head.begin(), head.end()), Row(sample->load, sample->load + axes),
-                           Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
-                           Row(sample->current, sample->current + drives),
-                           static_cast<uint16_t>(sample->command));
+    const auto out =
+        c.run(Row(head.begin(), head.end()), Row(sample->load, sample->load + axes),
+              Row(gap, gap + drives), Row(sample->flux, sample->flux + drives),
+              Row(sample->current, sample->current + drives),
+              static_cast<uint16_t>(sample->command), Row(sample->target, sample->target + axes));
     answer->flags = out.flags;
     answer->state = anhyst_axes_word(out.state, out.lost);
     std::copy(c.current_.begin(), c.current_.end(), answer->current);
@@ -211,7 +221,8 @@ private:
 
   Drives<F> drives_;
   std::vector<double> at_;
-  std::deque<Row> rows_; // what the settings point to
+  std::vector<uint16_t> axis_; // of each coordinate where heads stand on the ground, else none
+  std::deque<Row> rows_;       // what the settings point to
   Row current_;
   Row demand_;
   std::vector<typename F::Filter> pid_;
@@ -225,7 +236,8 @@ template <class F> void bind_axes(nb::module_ &m, const char *name)
   nb::class_<Axes, LoopController>(m, name)
       .def(nb::init<const nb::list &, const Layout &, const nb::dict &, const nb::dict &>(),
            "magnets"_a, "layout"_a, "rows"_a, "settings"_a, nb::keep_alive<1, 3>())
-      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a, "command"_a = 0)
+      .def("tick", &Axes::tick, "head"_a, "forward"_a, "gap"_a, "read"_a, "command"_a = 0,
+           "target"_a = std::vector<typename F::Real>())
       .def("correct", &Axes::correct, "rows"_a.noconvert());
 }
 

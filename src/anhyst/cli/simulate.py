@@ -323,6 +323,9 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
         crossed.add_row(
             name, *(interval_text(one.cross_talk(axis), factor=1e9) for axis in one.crossed)
         )
+    rests = table("rms at rest, the long stroke moving", ["", *own.at_rest])
+    for name, one in found.tried.items():
+        rests.add_row(name, *(f"{1e9 * rest:.3g}" for rest in one.at_rest.values()))
     judged = (
         f"verdict: {verdict(found).sentence}",
         *(f"against '{name}': {one.sentence}" for name, one in verdicts(found).items()),
@@ -331,7 +334,7 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
     show(
         *(f"lost: {one}" for one in found.lost_in),
         rows,
-        *((crossed, "in nm and nrad") if own.crossed else ()),
+        *((crossed, rests, "in nm and nrad") if own.crossed else ()),
         *((_losses(found), *LOSS_NOTES) if found.losses else ()),
         f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
         f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",

@@ -8,8 +8,15 @@ from typing import NamedTuple
 from anhyst import _core
 from anhyst.control.states import Command, Flag, Phase, State
 
-_WAY = ((Command.CLEAR,), (Command.CONDITION, Command.DEMAGNETISED), (Command.LIFT, Command.RUN))
+_WAY = (
+    (Command.CLEAR,),
+    (Command.CONDITION, Command.DEMAGNETISED),
+    (Command.LIFT,),
+    (Command.RUN,),
+)
 """From a fault to run, a step after the other; one command of each."""
+_OF_STAGE = {Command.LIFT: State.IDLE, Command.LAND: State.READY}
+"""Of a stage of several coordinates, which goes from rest to ready and back: where it takes them."""
 
 
 class Standing(NamedTuple):
@@ -47,12 +54,14 @@ def standing(values: Mapping[str, float]) -> Standing:
 
 def refusal(command: Command, now: Standing) -> str:
     """Return why a controller would refuse a command; empty where it would do it."""
+    states = _states_for(command, now.levitates)
+    if command in _OF_STAGE and not now.levitates:
+        return "" if now.name in states else f"only in the state {states[0]}, not in {now.name}"
     found = _core.obstacle(command, **now._asdict())
     if found == "current":
         return "only once the current is zero"
     if found != "state":
         return found and "this controller has no such command"
-    states = _states_for(command, now.levitates)
     if now.name not in states:
         return f"only in the state {' or '.join(states)}, not in {now.name}"
     return "only once the armature is down" if now.plausible else "only with a plausible sample"
@@ -62,6 +71,8 @@ def next_step(commands: Sequence[Command], now: Standing) -> str:
     """Return what leads to run, in words; empty in run."""
     if now.state is State.RUN:
         return ""
+    if Command.RUN in commands and now.state is not State.IDLE:
+        commands = [one for one in commands if one is not Command.LIFT]  # it is up, or cleared so
     way = [found for step in _WAY if (found := [one for one in step if one in commands])]
     begins = [n for n, step in enumerate(way) if any(_may(one, now) for one in step)]
     begin = begins[-1] if begins else 1 + now.conditioning
@@ -81,6 +92,8 @@ def _may(command: Command, now: Standing) -> bool:
 
 def _states_for(command: Command, levitates: bool) -> list[str]:
     """Return the states in which a command is done, once nothing moves and no current flows."""
+    if command in _OF_STAGE and not levitates:
+        return [_OF_STAGE[command].name.lower()]
     still = [Standing(state, False, True, levitates, True, True) for state in State]
     still.append(Standing(State.IDLE, True, True, levitates, True, True))
     return [one.name for one in still if not _core.obstacle(command, **one._asdict())]

@@ -97,6 +97,12 @@ def _refuse_stage(rig: StageRig) -> None:
             code="not-compiled-controller",
             key="control.format",
         )
+    if rig.settings.several and rig.settings.position_sensors[0].stands:
+        raise InputError(
+            f"{rig.path}: sensor.stands: an FMU of a stage has no heads on the ground; leave it out",
+            code="not-compiled-controller",
+            key="sensor.stands",
+        )
     if control.calibrate:
         raise InputError(
             f"{rig.path}: control.calibrate: an FMU of a stage does not learn; name what anhyst "

@@ -86,8 +86,11 @@ _SEVERAL_NEED: Mapping[type[Table], tuple[str, ...]] = {
 _ONE_UNUSED: Mapping[type[Table], tuple[str, ...]] = {
     MagnetTable: ("position_m",),
     LikeTable: ("position_m",),
-    PositionSensorTable: ("direction", "position_m"),
-    BodyTable: ("centre_m", "inertia_kg_m2", "tilt_rad"),
+    PositionSensorTable: ("direction", "position_m", "stands", "dead_path_m", "refraction_ppm"),
+    BodyTable: (
+        *("centre_m", "inertia_kg_m2", "tilt_rad"),
+        *("cable_N_per_m", "cable_N_s_per_m", "cable_m"),
+    ),
     ScanCase: ("direction",),
     TrackingTable: (
         "force_min_N",

@@ -144,6 +144,24 @@ class PositionSensorTable(Table):
     # where it looks at a body of several coordinates, and the way in which its reading rises
     position_m: Place | None = None
     direction: Direction | None = None
+    stands: bool = False  # on the ground: as the body goes on, its beam meets another place of it
+    dead_path_m: NotNegative = 0.0  # of that beam, with the body where its motion begins
+    refraction_ppm: Number = 0.0  # by which air has changed since the head was zeroed
+
+    @property
+    def air(self) -> float:
+        """By what part of the length of its beam it reads too much."""
+        return 1e-6 * self.refraction_ppm
+
+    @model_validator(mode="after")
+    def _of_a_beam(self) -> Self:
+        if not self.stands and (self.dead_path_m or self.refraction_ppm):
+            raise InputError(
+                "dead_path_m and refraction_ppm are of a beam from the ground; add stands = true, "
+                "or remove them",
+                code="missing",
+            )
+        return self
 
 
 SensorEntry = Annotated[

@@ -121,6 +121,10 @@ class BodyTable(Table):
     stop_high_m: Positive
     damping_N_s_per_m: NotNegative = 0.0
     gravity_m_per_s2: Number = 0.0
+    # from a place on the body to the ground: a spring and a damper, without force where it begins
+    cable_N_per_m: NotNegative = 0.0
+    cable_N_s_per_m: NotNegative = 0.0
+    cable_m: Place = ORIGIN
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -197,7 +197,7 @@ static uint16_t ANHYST_NAME(control)(ANHYST_NAME(anhyst_axes) *c,
     see = ANHYST_NAME(rows_from)(settings->without, (int)c->gone * axes, (int)settings->heads);
   }
   ANHYST_NAME(lead)(c);
-  ANHYST_NAME(multiply)(see, axes, (int)settings->heads, head, error);
+  ANHYST_NAME(look)(settings, see, head, sample->target, error);
   for (k = 0; k < axes; k++) {
     error[k] = ANHYST_NAME(anhyst_sub)(c->away[k], error[k]);
     plausible = plausible && error[k] <= settings->reach[k] && error[k] >= -settings->reach[k];

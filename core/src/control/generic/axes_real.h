@@ -25,7 +25,7 @@ static int ANHYST_NAME(are_steps)(const ANHYST_NAME(anhyst_axes_settings) *setti
 {
   return ANHYST_NAME(is_number)(settings->reach[k]) && settings->reach[k] > R(0.0) &&
          ANHYST_NAME(is_number)(settings->lift[k]) && settings->lift[k] > R(0.0) &&
-         ANHYST_NAME(is_number)(settings->land[k]);
+         ANHYST_NAME(is_number)(settings->land[k]) && (!settings->axis || settings->axis[k] < 6U);
 }
 
 static anhyst_status ANHYST_NAME(check_pid)(const ANHYST_NAME(anhyst_axis_pid) *pid)
@@ -57,6 +57,36 @@ static void ANHYST_NAME(multiply)(const ANHYST_REAL *matrix, int rows, int colum
       sum += *matrix++ * values[j];
     }
     found[i] = sum;
+  }
+}
+
+/* Takes a pose that heads on the ground tell to the place where the body is now: they see what a
+   turn moves there, p + target x th. */
+static void ANHYST_NAME(go_along)(const ANHYST_NAME(anhyst_axes_settings) *settings,
+                                  const ANHYST_REAL *target, ANHYST_REAL *pose)
+{
+  ANHYST_REAL way[6] = {R(0.0)};
+  ANHYST_REAL told[6] = {R(0.0)};
+  int i;
+  for (i = 0; i < (int)settings->layout.axes; i++) {
+    way[settings->axis[i]] = target[i];
+    told[settings->axis[i]] = pose[i];
+  }
+  for (i = 0; i < (int)settings->layout.axes && settings->axis[i] < 3U; i++) {
+    const int j = (settings->axis[i] + 1) % 3;
+    const int k = (settings->axis[i] + 2) % 3;
+    pose[i] -= way[j] * told[3 + k] - way[k] * told[3 + j];
+  }
+}
+
+/* The pose that heads tell. */
+static void ANHYST_NAME(look)(const ANHYST_NAME(anhyst_axes_settings) *settings,
+                              const ANHYST_REAL *see, const ANHYST_REAL *head,
+                              const ANHYST_REAL *target, ANHYST_REAL *pose)
+{
+  ANHYST_NAME(multiply)(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
+  if (settings->axis) {
+    ANHYST_NAME(go_along)(settings, target, pose);
   }
 }
 

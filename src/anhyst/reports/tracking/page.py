@@ -196,7 +196,16 @@ def _cross_talk(study: TrackingStudy) -> Section:
         rows,
         "On the test set-point, the first scan left out.",
     )
-    return Section("cross-talk", "Cross-talk", (section,))
+    rests = table(
+        "Every coordinate at rest, rms",
+        ["variant", *(f"{axis.replace('_', ' [n')}]" for axis in study.tried[OWN].at_rest)],
+        [
+            [name, *(number(1e9 * rest, 3) for rest in one.at_rest.values())]
+            for name, one in study.tried.items()
+        ],
+        "The long stroke moves.",
+    )
+    return Section("cross-talk", "Cross-talk", (section, rests))
 
 
 def _tiles(study: TrackingStudy) -> tuple[Tile, ...]:

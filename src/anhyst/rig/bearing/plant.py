@@ -128,6 +128,9 @@ _OPENS = {"r": [0.0, 0.0, 0.0], "d": [1.0, 0.0, 0.0]}
 _CLOSES = {"r": [0.0, 0.0, 0.0], "d": [-1.0, 0.0, 0.0]}
 """Lines along the one coordinate, the gap of the first magnet."""
 
+ON_FRAME, ON_BODY, ON_GROUND = range(3)
+"""What a head is fixed to: ``anhyst_plant_base``."""
+
 ROWS = 129
 """Places over the gap at which a law's gap map is looked at."""
 
@@ -227,7 +230,7 @@ def plant_numbers(rig: BearingRig) -> PlantNumbers:
     sensors = _sensors(rig)
     places = ((_CLOSES, 0.0), (_OPENS, rig.settings.gap_total_m or 0.0))
     actuators = [_actuator(rig, sensors, *place) for place in places[: len(rig.magnets)]]
-    heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"], "absolute": 0}]
+    heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"], "base": ON_FRAME}]
     return PlantNumbers(_body(rig, sensors["force"]), actuators, heads, _load(rig))
 
 
@@ -264,7 +267,7 @@ def axes_numbers(rig: BearingRig) -> PlantNumbers:
             "line": {"r": magnet.position_m, "d": [-part for part in magnet.direction]},
             "zero": magnet.gap_m,
             "sensor": sensors["gap"],
-            "absolute": 0,
+            "base": ON_FRAME,
         }
         for magnet in file.placed
     ]
@@ -272,8 +275,10 @@ def axes_numbers(rig: BearingRig) -> PlantNumbers:
         {
             "line": {"r": one.position_m, "d": one.direction},
             "zero": 0.0,
-            "sensor": _sensor((-1.0, 1.0), 0.0, one.noise_m) | _lag(rig.step, math.inf),
-            "absolute": 1,
+            "sensor": _sensor((-1.0, 1.0), 0.0, one.noise_m)
+            | _lag(rig.step, math.inf)
+            | {"gain": 1.0 + one.air, "offset": one.air * one.dead_path_m},
+            "base": ON_GROUND if one.stands else ON_BODY,
         }
         for one in file.position_sensors
     ]
@@ -360,6 +365,11 @@ def _body(rig: BearingRig, force_sensor: Mapping[str, float]) -> dict[str, Any]:
         "gravity": [body.gravity_m_per_s2, 0.0, 0.0],
         "force_along": _CLOSES["d"],
         "force_sensor": force_sensor,
+        "cable": {
+            "at": body.cable_m,
+            "stiffness": body.cable_N_per_m,
+            "damping": body.cable_N_s_per_m,
+        },
         "tick": rig.dt,
         "substeps": timing.substeps,
         "delay": round(late),

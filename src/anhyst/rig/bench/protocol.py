@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from anhyst._core import POSITION_MAGNETS
 from anhyst.control.states import Command
 from anhyst.rig.recording import column
 from anhyst.rig.stage.loop import WRENCH
@@ -31,6 +32,29 @@ def currents_of(first: int, last: int) -> dict[str, Signal]:
     }
 
 
+STAGE_READ = {
+    "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
+    "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
+    "load_N": Signal("load", "N", "true force of the load drive"),
+    "gap_m": Signal("gap", "m", "true gap of the first magnet"),
+    "gap_read_m": Signal("gap_read", "m", "the same as its sensor says"),
+    **currents_of(1, POSITION_MAGNETS),
+}
+"""Columns of a simulated loop, and what they are called here."""
+STAGE_OWN = (
+    Signal("reference", "m", "position wanted: the set-point and the target beside it"),
+    Signal("position", "m", "true position in space"),
+    Signal("position_read", "m", "the same as the controller sees it"),
+    Signal("error", "m", "reference less true position"),
+    Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
+    Signal("fault", "", "its reason: Fault of anhyst.control.states"),
+    Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
+)
+
+STAGE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
+"""Of a stage."""
+AXES_COMMANDS = (*STAGE_COMMANDS[:2], Command.LIFT, Command.LAND, Command.IDLE, Command.CLEAR)
+"""Of one of several coordinates."""
 _OF_AXIS = (
     ("error", ("m", "rad"), "error along {}, or about it"),
     ("demand", WRENCH, "force that the controller wants along {}, or moment about it"),

@@ -21,6 +21,10 @@ _GAINS = {
 """Of which a firmware takes shares of what was compiled; one of zero stays zero."""
 
 
+PLANTS = 999
+"""Drawn ones that can be asked for."""
+
+
 class SettingsLine(Protocol):
     """What reads and writes them."""
 
@@ -146,8 +150,10 @@ def heartbeat_setting(rate: float) -> KnownSetting:
     return KnownSetting("heartbeat", Setting.HEARTBEAT_TICKS, "s", low, high, 1.0 / rate, doc)
 
 
-def check_values(values: Mapping[str, float], parameters: Sequence[Parameter]) -> None:
-    """Refuse values that a bench cannot take."""
+def check_values(
+    values: Mapping[str, float], parameters: Sequence[Parameter], whole: Sequence[str] = ()
+) -> None:
+    """Refuse values that a bench cannot take, and of whole numbers those between."""
     known = {one.name: one for one in parameters}
     for name, value in values.items():
         if name not in known:
@@ -164,3 +170,25 @@ def check_values(values: Mapping[str, float], parameters: Sequence[Parameter]) -
                 code="out-of-range",
                 key=name,
             )
+        if name in whole and value % 1.0:
+            text = f"{name}: is {value:g}; choose a whole number"
+            raise InputError(text, code="out-of-range", key=name)
+
+
+def stage_parameters(
+    values: Mapping[str, float], methods: tuple[str, str], crossover: float
+) -> tuple[Parameter, ...]:
+    """Return what may be changed of a stage that runs, without memory and with the compensator."""
+    off, on = methods
+    known = (
+        ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
+        ("gain_acceleration", "", 0.0, 2.0, "of mass times acceleration that is fed forward"),
+        ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
+        ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
+        ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
+        ("motion", "", 0.1, 1.0, "part of the accelerations that the rig file states"),
+        ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),
+    )
+    return tuple(
+        Parameter(name, unit, low, high, doc, values[name]) for name, unit, low, high, doc in known
+    )

@@ -14,18 +14,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst._core import POSITION_MAGNETS, PlantLoop
+from anhyst._core import PlantLoop
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.interface import MethodName
 from anhyst.control.permitted import Standing, refusal
-from anhyst.control.states import Command, Fault, State
+from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
-from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.plant import current_loops
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of, of_axes_and_magnets
-from anhyst.rig.bench.settings import check_values
+from anhyst.rig.bench.protocol import (
+    AXES_COMMANDS,
+    STAGE_COMMANDS,
+    STAGE_OWN,
+    STAGE_READ,
+    Aim,
+    Parameter,
+    Signal,
+    of_axes_and_magnets,
+)
+from anhyst.rig.bench.settings import check_values, stage_parameters
 from anhyst.rig.recording import Loss, Recording, column, peak
-from anhyst.rig.stage.file import axes_of, layout_of, pushed_with, scan_direction
+from anhyst.rig.stage.file import layout_of, lying, pulls, pushed_with, scan_direction
 from anhyst.rig.stage.loop import (
     COMMANDS,
     WRENCH,
@@ -58,35 +66,14 @@ CARRIED_S = 1e-3
 """Over which the force of the integral is taken that another controller goes on with, s."""
 REMEMBERED = 4
 """Set-points of which it is kept what flowed, for another law to follow."""
-PLANTS = 999
-"""Drawn ones that can be asked for."""
 LOAD = 0.5
 """Of what the largest force has left beside the set-point: what the load drive may pull with."""
 GAINS = ("acceleration", "jerk", "snap")
 """Of :class:`anhyst.rig.stage.loop.Feedforward`."""
+PHASES = 16
+"""In the state that a loop records: times the state of the controller."""
 LAPS = 100
 """Of which it is known how they were followed."""
-_READ = {
-    "demand_N": Signal("demand", "N", "net force that the controller wants; against the position"),
-    "force_N": Signal("force", "N", "true net force of the magnets; against the position"),
-    "load_N": Signal("load", "N", "true force of the load drive"),
-    "gap_m": Signal("gap", "m", "true gap of the first magnet"),
-    "gap_read_m": Signal("gap_read", "m", "the same as its sensor says"),
-    **currents_of(1, POSITION_MAGNETS),
-}
-"""Columns of a simulated loop, and what they are called here."""
-_OF_BENCH = (
-    Signal("reference", "m", "position wanted: the set-point and the target beside it"),
-    Signal("position", "m", "true position in space"),
-    Signal("position_read", "m", "the same as the controller sees it"),
-    Signal("error", "m", "reference less true position"),
-    Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
-    Signal("fault", "", "its reason: Fault of anhyst.control.states"),
-    Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
-)
-
-STAGE_COMMANDS = (Command.RUN, Command.STOP, Command.CLEAR)
-"""Of a stage."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +116,9 @@ class StageBench:
     keeps_time = False
     every = 1
     lost = ""
-    signals: tuple[Signal, ...] = (*_OF_BENCH[:4], *_READ.values(), *_OF_BENCH[4:])
+    signals: tuple[Signal, ...] = (*STAGE_OWN[:4], *STAGE_READ.values(), *STAGE_OWN[4:])
+    lifted = 0  # tick on which it was lifted last from a rest without current
+    _between = False  # whether it is lifted or set down
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         rig = variants[0].setup.rig
@@ -240,6 +229,8 @@ class StageBench:
             if self._lap:
                 self._known = self.laps[-1].begin
             self._course, self._lap = None, 0
+        if self._between:
+            return
         if self._staged or self._corrected:
             self._take()
         if self._state is State.RUN:
@@ -279,19 +270,15 @@ class StageBench:
         """Return set-point and accelerations of the next ticks and one more, and what is fed forward."""
         course, at = self._course, self._at
         if course is None:
-            place, accelerations = np.zeros(n + 1), np.zeros(n)
-            ahead = np.zeros((n, 4))
+            place, accelerations, ahead = np.zeros(n + 1), np.zeros(n), np.zeros((n, 4))
         else:
             place, accelerations = course.place[at : at + n + 1], course.acceleration[at : at + n]
             ahead = course.ahead[at : at + n]
         setup, gains = self._setup, self._gains[int(self._values["compensation"])]
         mass = setup.believed.settings.body.mass_kg
         moved = ahead[:, :3] @ [gains.acceleration, gains.jerk, gains.snap]
-        return (
-            self._place + place,
-            accelerations,
-            mass * moved + setup.cable * (self._place + ahead[:, 3]),
-        )
+        forward = mass * moved + setup.cable * (self._place + ahead[:, 3])
+        return self._place + place, accelerations, forward
 
     def _strayed(self, n: int, late: FloatArray | float) -> FloatArray:
         """Return how far the long stroke is off at the next ticks, m, as a simulated one is."""
@@ -306,13 +293,17 @@ class StageBench:
         kept = len(flowed)
         rows = self._rows(kept, *of_loop)
         self._past, self._at = past[kept : kept + self._past.size], self._at + kept
-        if self._course is not None:
-            self._flowed.append(flowed)
+        self._keep(flowed)
         carried = round(CARRIED_S / self.rig.dt)
         self._latest = np.concatenate([self._latest, flowed])[-carried:]
         if loss is not None:
             self._state, self._fault, self._lap = State.FAULT, Fault.POSITION_RANGE, 0
         return rows
+
+    def _keep(self, flowed: FloatArray) -> None:
+        """Keep what flowed for another law to follow, but at rest."""
+        if self._course is not None:
+            self._flowed.append(flowed)
 
     def _step(
         self, place: FloatArray, stray: FloatArray, forward: FloatArray
@@ -344,7 +335,7 @@ class StageBench:
             position,
             position + noise[:kept],
             reference[:kept] - position,
-            *(read[name] for name in _READ),
+            *(read[name] for name in STAGE_READ),
         ]
         gap = read["gap_read_m"]
         gaps = [gap, (settings.gap_total_m or 0.0) - gap]
@@ -353,9 +344,12 @@ class StageBench:
 
     def _rows(self, n: int, *of_loop: FloatArray) -> FloatArray:
         numbers = np.arange(self.tick + 1, self.tick + n + 1, dtype=np.float64)
-        states = [np.full(n, float(one)) for one in (self._state, self._fault, self._lap)]
+        states = [np.full(n, float(one)) for one in (self._fault, self._lap)]
         self.tick += n
-        return np.column_stack([numbers, *of_loop, *states])
+        return np.column_stack([numbers, *of_loop, self._states(n), *states])
+
+    def _states(self, n: int) -> FloatArray:
+        return np.full(n, float(self._state))
 
     def _lie(self, n: int) -> FloatArray:
         """Let the body lie on a stop without a current: a stage that was lost is not simulated."""
@@ -365,7 +359,7 @@ class StageBench:
     @property
     def _of_loop(self) -> Sequence[Signal]:
         """The signals that come from the loop; the others are the bench's own."""
-        return self.signals[: -len(_OF_BENCH[4:])]
+        return self.signals[: -len(STAGE_OWN[4:])]
 
     def _lying(self) -> dict[str, float]:
         """Return what is read of a body that lies on a stop, but for zeros."""
@@ -383,12 +377,7 @@ class StageBench:
         if command is Command.STOP:
             self._brake()
             return
-        now = Standing(self._state, False, True, False, True, True)
-        name, why = command.name.lower(), refusal(command, now)
-        if command not in STAGE_COMMANDS:
-            why = "a stage has no such command"
-        if why:
-            raise InputError(f"{name}: {why}", code="wrong-state", key=name)
+        self._permit(command)
         if command is Command.RUN:
             # the first leg leads back to where it all began
             side = -1.0 if self._place > 0.0 else 1.0
@@ -396,6 +385,14 @@ class StageBench:
         else:
             self._state, self._fault = State.READY, Fault.NONE
             self._renew()
+
+    def _permit(self, command: Command) -> None:
+        now = Standing(self._state, False, True, False, True, True)
+        name, why = command.name.lower(), refusal(command, now)
+        if command not in self.commands():
+            why = "a stage has no such command"
+        if why:
+            raise InputError(f"{name}: {why}", code="wrong-state", key=name)
 
     def _brake(self) -> None:
         if self._state is not State.RUN:
@@ -411,7 +408,7 @@ class StageBench:
 
     def commands(self) -> tuple[Command, ...]:
         """Return the commands of a stage."""
-        return STAGE_COMMANDS
+        return AXES_COMMANDS if self.rig.settings.several else STAGE_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a place beside the set-point, m."""
@@ -434,30 +431,11 @@ class StageBench:
         gains = self._gains[int(values["compensation"])]
         values = {**{f"gain_{name}": getattr(gains, name) for name in GAINS}, **values}
         off, on = (one.compensator.method for one in self._setups)
-        known = (
-            ("compensation", "", 0.0, 1.0, f"1: {on}; 0: {off}; each with its own gains"),
-            ("gain_acceleration", "", 0.0, 2.0, "of mass times acceleration that is fed forward"),
-            ("gain_jerk", "s", -1e-3, 1e-3, "the same of the jerk"),
-            ("gain_snap", "s2", -1e-6, 1e-6, "and of the snap"),
-            ("crossover", "Hz", 0.25 * crossover, 1.5 * crossover, "of the position loop"),
-            ("motion", "", 0.1, 1.0, "part of the accelerations that the rig file states"),
-            ("plant", "", 0.0, float(PLANTS), "0: as the file says; n: as drawn n-th of [spread]"),
-        )
-        return tuple(
-            Parameter(name, unit, low, high, doc, values[name])
-            for name, unit, low, high, doc in known
-        )
+        return stage_parameters(values, (off, on), crossover)
 
     def apply(self, values: Mapping[str, float]) -> int:
         """Put parameters in force together, on the tick on which the body next rests."""
-        check_values(values, self.parameters())
-        for name in ("compensation", "plant"):
-            if values.get(name, 0.0) % 1.0:
-                raise InputError(
-                    f"{name}: is {values[name]:g}; choose a whole number",
-                    code="out-of-range",
-                    key=name,
-                )
+        check_values(values, self.parameters(), whole=("compensation", "plant"))
         if self._state is State.FAULT:
             raise InputError("the stage is lost: press clear first", code="wrong-state")
         self._staged |= values
@@ -482,7 +460,10 @@ class AxesBench(StageBench):
     """The same of a body of several coordinates.
 
     There is no load drive: its parameters `push_` add to what is demanded of the magnets, at once.
+    Its controller lifts it and sets it down: idle it lies without a current, ready it is held.
     """
+
+    _order = Command.NONE  # to the controller, at the next tick
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
         file = variants[0].setup.rig.settings
@@ -491,10 +472,12 @@ class AxesBench(StageBench):
             Signal("demand", "N", "force that the controller wants along the set-point"),
             Signal("force", "N", "true force of the magnets"),
         ]
-        along = [_OF_BENCH[0], _OF_BENCH[1], _OF_BENCH[3]]
-        self.signals = (*along, *forces, *each, *_OF_BENCH[4:])
+        along = [STAGE_OWN[0], STAGE_OWN[1], STAGE_OWN[3]]
+        flight = Signal("flight", "", "what its controller does: Phase of anhyst.control.states")
+        self.signals = (*along, *forces, *each, flight, *STAGE_OWN[4:])
         most = [LOAD * one for one in pushed_with(file)]
         self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))
+        self._flights = np.zeros(0)  # of the last ticks
         super().__init__(variants, seed)
         self._push = dict.fromkeys(self._pushes, 0.0)
         self.load_most = 0.0
@@ -516,9 +499,46 @@ class AxesBench(StageBench):
         """Put parameters in force, on the tick on which the body next rests, or pushes on the next."""
         others = {name: one for name, one in values.items() if name not in self._pushes}
         check_values(values, self.parameters())
+        if others and self._between:
+            raise InputError("the stage is lifted or set down: wait", code="wrong-state")
         due = super().apply(others) if others else self.tick + 1
         self._push |= {name: one for name, one in values.items() if name in self._pushes}
         return due
+
+    def command(self, command: Command) -> None:
+        """Give a command; a stop of a body that is lifted sets it down again."""
+        if command is Command.STOP and self._between:
+            self._order = Command.LAND
+        elif command in (Command.LIFT, Command.LAND, Command.IDLE):
+            self._permit(command)
+            if not self._between:
+                self._brake()
+            self._order, self._between = command, command is not Command.IDLE
+            self._state = State.RUN if self._between else State.IDLE
+            if command is Command.LIFT:
+                self._known = self.lifted = self.tick + 1
+        else:
+            super().command(command)
+
+    def _control(self) -> None:
+        super()._control()
+        # it begins in flight
+        self._order = Command.IDLE if self._state is State.IDLE else Command.NONE
+
+    def _keep(self, flowed: FloatArray) -> None:
+        driven = bool(self._flowed) and self._flowed[-1][-1:, : self._magnets].any()
+        if self._course is not None or self._between:
+            self._flowed.append(flowed)
+        elif self._state is State.IDLE and driven:
+            self._flowed.append(flowed[-1:])
+
+    def _states(self, n: int) -> FloatArray:
+        if self._state is State.FAULT:
+            return super()._states(n)
+        found = np.full(n, float(State.RUN))
+        found[self._flights == Phase.REST] = State.IDLE
+        found[self._flights == Phase.HOVER] = self._state
+        return found
 
     def _place_body(self, stray: float) -> None:
         along = scan_direction(self.rig.settings)
@@ -532,55 +552,42 @@ class AxesBench(StageBench):
         reference = np.outer(place[:n] + self._offset, along)
         frame, fed = np.outer(place + stray, along), fed_wrench(self._setup.believed, forward)
         fed += list(self._push.values())
+        commands = np.zeros(n, dtype=np.uint32)
+        commands[0], self._order = self._order, Command.NONE
         table = self._loop.run(
             reference.ravel(),
             np.zeros(n),
             np.zeros(reference.size),
             (fed + self._carried).ravel(),
-            np.zeros(n, dtype=np.uint32),
+            commands,
             frame.ravel(),
         )
-        loss = axes_loss(rig, Recording.of_table(table, self._names), n)
+        flies = self._state is not State.IDLE and not self._between
+        loss = axes_loss(rig, Recording.of_table(table, self._names), n) if flies else None
         kept = n if loss is None else min(loss.tick + 1, len(table))
         run = Recording.of_table(table[:kept], self._names)
         seen = axes_recorded(rig, run, reference, frame) | self._pulled(run)
+        seen["flight"] = self._flights = run["state"] % PHASES
+        if self._between and self._flights[-1] in (Phase.HOVER, Phase.REST):
+            self._between = False
+            self._state = State.READY if self._flights[-1] == Phase.HOVER else State.IDLE
         count = range(1, self._magnets + 1)
-        flowed = [run[column("command", "A", number)] for number in count]
-        flowed += [run[column("gap_read", "m", number)] for number in count]
+        each = (("command", "A"), ("gap_read", "m"))
+        flowed = [run[column(*one, number)] for one in each for number in count]
         flowed += [run[name] for name in of_axes("demand", file.body.free, WRENCH)]
         of_loop = [seen[column(one.name, one.unit)] for one in self._of_loop]
         return of_loop, np.column_stack([*flowed, fed[:kept]]), loss
 
     def _pulled(self, run: Recording) -> dict[str, FloatArray]:
         """Return what each magnet pulls with, and what all do along each coordinate."""
-        file, poles, free = (
-            self.rig.settings,
-            self.rig.settings.magnet.poles,
-            self.rig.settings.body.free,
-        )
+        free = self.rig.settings.body.free
         own = of_axes("wrench", free, WRENCH)
         read = dict(zip(demand_columns(free, "wrench"), (run[name] for name in own), strict=True))
-        for number, one in enumerate(file.placed, 1):
-            density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
-            read[column("pull", "N", number)] = poles.pull(density, gap, one.gap_m or self.rig.gap)
-        return read
+        return read | pulls(self.rig.settings, run)
 
     def _lying(self) -> dict[str, float]:
         """Return the same where weight pulls the body down, or at the low end of its way."""
-        file, place, free = self.rig.settings, self._place, self.rig.settings.body.free
-        along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
-        falls = file.body.gravity_m_per_s2 > 0.0 and down.any()
-        off = -travel_m(file) * (down if falls else along)
-        way = float(off @ along)
-        values = {"reference": place, "position": place + way, "error": -way}
-        values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
-        pose = zip(free, (place * along + off).tolist(), strict=True)
-        values |= {f"pose_read_{axis}": one for axis, one in pose}
-        for number, one in enumerate(file.placed, 1):
-            pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
-            gap = (one.gap_m or 0.0) - float(pulls @ off)
-            values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
-        return values
+        return lying(self.rig.settings, self._place)
 
 
 def bench_of(variants: Sequence[StageVariant]) -> StageBench:

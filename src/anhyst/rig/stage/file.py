@@ -31,6 +31,7 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.loop_files import Measured
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
@@ -129,6 +130,9 @@ def read_stage(path: PathLike) -> StageRig:
 def _axes_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what keeps a body of several coordinates from being seen, held or moved."""
     free = ", ".join(file.body.free)
+    if len({one.stands for one in file.position_sensors}) > 1:
+        text = "some stand on the ground and some do not; let all do the same"
+        yield FileFault(("sensor",), text, code="option-differs")
     if np.linalg.matrix_rank(head_rows(file)) < len(file.body.free):
         text = f"the position sensors do not tell {free} apart; add one, or move them"
         yield FileFault(("sensor",), text, code="axis-not-seen")
@@ -183,6 +187,19 @@ def head_rows(file: RigFile) -> FloatArray:
     return _rows(file, sensors)
 
 
+def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArray:
+    """Return the poses that heads tell, a row a tick, taken to the place where the body is.
+
+    On the ground they see what a turn moves there: p + target x th, as in the core's ``axes.h``.
+    """
+    if not file.position_sensors[0].stands:
+        return poses
+    axes, way, told = axes_of(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
+    way[:, axes], told[:, axes] = targets, poses
+    told[:, :3] -= np.cross(way[:, :3], told[:, 3:])
+    return np.ascontiguousarray(told[:, axes])
+
+
 def layout_of(file: RigFile) -> dict[str, Any]:
     """Return where magnets and heads are; `see` takes by how much gaps are smaller to a pose."""
     along = list(file.scan.direction)
@@ -204,6 +221,33 @@ def layout_of(file: RigFile) -> dict[str, Any]:
         "heads": [{"at": at, "direction": direction} for at, direction in heads],
         "see": np.linalg.pinv(pull_rows(file)).tolist(),
     }
+
+
+def lying(file: RigFile, place: float) -> dict[str, float]:
+    """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
+    free = file.body.free
+    along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
+    falls = file.body.gravity_m_per_s2 > 0.0 and down.any()
+    off = -travel_m(file) * (down if falls else along)
+    way = float(off @ along)
+    values = {"reference": place, "position": place + way, "error": -way}
+    values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
+    pose = zip(free, (place * along + off).tolist(), strict=True)
+    values |= {f"pose_read_{axis}": one for axis, one in pose}
+    for number, one in enumerate(file.placed, 1):
+        pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
+        gap = (one.gap_m or 0.0) - float(pulls @ off)
+        values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
+    return values
+
+
+def pulls(file: RigFile, run: Recording) -> dict[str, FloatArray]:
+    """Return what each magnet pulls with in a loop's own record."""
+    found, poles = {}, file.magnet.poles
+    for number, one in enumerate(file.placed, 1):
+        density, gap = run[column("flux_density", "T", number)], run[column("gap", "m", number)]
+        found[column("pull", "N", number)] = poles.pull(density, gap, one.gap_m or file.gap_m)
+    return found
 
 
 def without(file: RigFile) -> FloatArray:

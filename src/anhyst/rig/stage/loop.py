@@ -50,6 +50,7 @@ from anhyst.rig.recording import (
 )
 from anhyst.rig.stage.file import (
     StageRig,
+    axes_of,
     believed,
     calibration_of,
     correction,
@@ -61,6 +62,7 @@ from anhyst.rig.stage.file import (
     opposed,
     pull_rows,
     scan_direction,
+    seen_from,
     unit_of,
     usual_allocation,
     watch_settings,
@@ -278,17 +280,17 @@ def axes_recorded(
         "force_error_N": _force_error(rig, run, demand),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
-        **_axes_read(rig, run),
+        **_axes_read(rig, run, reference[:n]),
     }
 
 
-def _axes_read(rig: StageRig, run: Recording) -> dict[str, FloatArray]:
+def _axes_read(rig: StageRig, run: Recording, target: FloatArray) -> dict[str, FloatArray]:
     """Return what the controller of several coordinates was given and asked for."""
     file, count = rig.settings, len(rig.settings.placed)
     signals = [("gap_read", "m"), *([("flux_read", "T")] if file.hall_probe is not None else [])]
     behind = range(count + 1, count + len(file.position_sensors) + 1)
     heads = np.column_stack([run[column("gap_read", "m", number)] for number in behind])
-    poses = heads @ np.linalg.pinv(head_rows(file)).T
+    poses = seen_from(file, heads @ np.linalg.pinv(head_rows(file)).T, target)
     free = file.body.free
     return {
         **{name: run[name] for name in of_magnets(signals, 1, count)},
@@ -436,6 +438,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
         "without": without(file).reshape(at.size, len(at)),
+        "ground": np.array(axes_of(file) if file.position_sensors[0].stands else [], dtype=float),
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),

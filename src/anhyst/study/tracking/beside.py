@@ -178,6 +178,8 @@ class StageLearner(BenchLearner):
         self._rig, self._magnet, self._bench = rig, magnet, bench
         self._needed = needed(rig)[1:]  # the clock is the tick here
         self._columns = [_place(bench.signals, one) for one in (*self._needed, "error_m", "lap")]
+        # in rows of them
+        self._commands = [1 + n for n, one in enumerate(self._needed) if one.startswith("command")]
         self._left_out = 0
         # rows of that, since it was switched on
         self._lifted = np.zeros((0, 1 + len(self._columns)))
@@ -201,14 +203,28 @@ class StageLearner(BenchLearner):
     def _look(self, rows: FloatArray, do: Do) -> None:
         while len(self._rows) > 1 and sum(map(len, self._rows)) > ROOM_S * self._bench.rate:
             self._rows.popleft()
-        at, behind = self._bench.switched - int(rows[0, 0]), len(self._lifted)
-        if 0 <= at < len(rows):
-            self._lifted = rows[at:]
-        elif behind < LIFTED_S * self._bench.rate:
+        since, first = max(self._bench.switched, self._bench.lifted), int(rows[0, 0])
+        if 0 <= since - first < len(rows):
+            again = since != self._bench.switched
+            past = self._before_lift(since) if again else self._lifted[:0]
+            self._lifted = np.concatenate([past, rows[since - first :]])
+            if again:  # its iron carries the weight on another branch now
+                self._learners = {name: one.afresh() for name, one in self._learners.items()}
+        elif since <= first < since + LIFTED_S * self._bench.rate:
             self._lifted = np.concatenate([self._lifted, rows])
         for lap in tuple(self._bench.laps):
             if rows[0, 0] <= lap.end <= rows[-1, 0]:
                 self._end(lap, do)
+
+    def _before_lift(self, tick: int) -> FloatArray:
+        """Return what the iron remembers of before a lift: the first one, the last lap, the way down."""
+        known = max((one.known for one in tuple(self._bench.laps) if one.begin < tick), default=0)
+        rows = np.concatenate(self._rows)
+        rows = rows[(rows[:, 0] >= known) & (rows[:, 0] < tick)]
+        driven = rows[:, self._commands].any(axis=1)
+        before = self._lifted[:, 0] < (rows[0, 0] if len(rows) else tick)
+        # of a rest without current its first row says as much
+        return np.concatenate([self._lifted[before], rows[driven | np.roll(driven, 1)]])
 
     def _end(self, lap: StageLap, do: Do) -> None:
         """Learn from a lap, unless it was broken off, and let what was found act."""
@@ -279,7 +295,8 @@ class StageLearner(BenchLearner):
         method = lap.method
         if method not in self._laws:
             self._laws[method] = law_of(self._rig, self._magnet, method)
-        learner = learners.setdefault(method, Learner(self._laws[method], FORGET_S))
+        law = self._laws[method]
+        learner = learners.setdefault(method, Learner(law, law.forget_s))
         before = dict(learner.applied)
         try:
             learner.learn(self._laws[method].motion(read, begin))

@@ -256,6 +256,13 @@ def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
             code="option-differs",
             key="timing.rate_Hz",
         )
+    if rig.settings.several and rig.settings.position_sensors[0].stands:
+        raise InputError(
+            f"{rig.path}: sensor.stands: a compiled controller has no heads on the ground; leave it "
+            "out",
+            code="not-compilable",
+            key="sensor.stands",
+        )
     if rig.settings.tracking.calibrate:
         raise InputError(
             f"{rig.path}: control.calibrate: a compiled controller does not learn; name what "

@@ -27,8 +27,7 @@ MOST = 4.0
 """Standard deviations within which a parameter stays."""
 PASSES = 3
 """Linear fits, each around the last."""
-FORGET_S = 20.0
-"""Time of asked force in which a stage that works forgets to a third (1/e) what a motion taught."""
+FORGET_S = MotionLaw.forget_s
 RATE = 2.0
 """Standard deviations a second by which what is applied follows the estimate."""
 STEPS: Mapping[str, float] = {
@@ -72,6 +71,12 @@ class Learner:
         self._rows = np.zeros((0, len(self._names) + 1))
         # comparisons, squares of the force that moved and of what was left of it
         self._sums = np.zeros(3)
+
+    def afresh(self) -> Learner:
+        """Return one that has learnt nothing and goes on from what is applied."""
+        other = Learner(self.law, self.forget_s)
+        other.applied = dict(self.applied)
+        return other
 
     def learn(self, motion: Motion) -> bool:
         """Take a motion in; return whether it taught anything: rest does not, nor does a fault."""
@@ -333,7 +338,8 @@ def at_work(
     rig, method = setup.rig, setup.compensator.method
     if not rig.settings.tracking.calibrate or method not in MOVED:
         return None
-    learner = Learner(law_of(rig, magnet, method), FORGET_S)
+    law = law_of(rig, magnet, method)
+    learner = Learner(law, law.forget_s)
     training = motion_of(rig.settings.scan, rig.settings.scan.train_m_per_s2)
     for scan in range(WORK):
         learner.work(setup.drift, training, gains, seed + scan)

@@ -20,7 +20,7 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording, rms
-from anhyst.rig.stage.file import StageRig, read_stage, unit_of
+from anhyst.rig.stage.file import StageRig, error_columns, read_stage, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, make_stage, pid, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
@@ -160,7 +160,7 @@ class TriedVariant:
     small: Measures  # the same gains, a tenth of the accelerations
     # gains found on the very test set-point: what a single, repeated one would show
     repeated: Measures
-    standstill_m: float  # error at rest, rms, the long stroke moving
+    standstill: Mapping[str, float]  # by column, errors at rest, rms, the long stroke moving
     trials_m: tuple[float, ...]  # peak of each trial of learning control, m
     # of each coordinate that the set-point does not move the largest error, one a seed, m or rad;
     # none of a body of one coordinate
@@ -178,6 +178,17 @@ class TriedVariant:
         """Return the largest error of another coordinate over the seeds."""
         lost, count = sum(one.lost for one in self.measures), len(self.measures)
         return no_mean(lost, count) if lost else mean_interval(self.crossed[axis])
+
+    @property
+    def standstill_m(self) -> float:
+        """Error at rest along the set-point, rms."""
+        return self.standstill["error_m"]
+
+    @property
+    def at_rest(self) -> dict[str, float]:
+        """Error at rest of each coordinate with its unit, rms; none of a body of one."""
+        own = self.standstill.items()
+        return {name.removeprefix("error_"): one for name, one in own if name != "error_m"}
 
     @property
     def lost_in(self) -> list[str]:
@@ -304,6 +315,7 @@ def _figures(one: TriedVariant) -> dict[str, Any]:
         "small_forces": one.small.as_dict(),
         "one_repeated_setpoint": one.repeated.as_dict(),
         "standstill_rms_m": one.standstill_m,
+        **({"standstill_rms": one.at_rest} if one.at_rest else {}),
         "learning_peaks_m": list(one.trials_m),
         **({"cross_talk": _crossed(one)} if one.crossed else {}),
         **({"learnt": one.learnt.model_dump()} if one.learnt else {}),
@@ -346,7 +358,7 @@ def try_variant(magnet: IdentifiedMagnet, setup: StageSetup) -> TriedVariant:
         shown=runs[0],
         small=measure(track(setup, small, gains, 1), small, table.slit_s),
         repeated=measure(track(setup, motion, here, 1), motion, table.slit_s),
-        standstill_m=standing(setup, gains),
+        standstill=standing(setup, gains),
         trials_m=tuple(measure(run, motion, table.slit_s).peak_m for run in trials),
         crossed=_cross_talks(setup.rig.settings, runs, motion),
         learnt=None if learner is None else learner.found,
@@ -369,14 +381,16 @@ def _cross_talks(
     return {axis: tuple(one[axis] for one in found) for axis in still}
 
 
-def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> float:
-    """Return the error of a mass that has moved and now stands still, rms, m."""
-    table = setup.rig.settings.scan
+def standing(setup: StageSetup, gains: Feedforward, seed: int = 1) -> dict[str, float]:
+    """Return the errors of a mass that stands still, rms, by column, m or rad."""
+    file, table = setup.rig.settings, setup.rig.settings.scan
+    columns = ["error_m", *(error_columns(file.body.free) if file.several else [])]
     moved = replace(motion_of(table, table.test_m_per_s2[:2]), cruise=_STILL_S, speed=0.0)
     run = track(setup, moved, gains, seed)
     if run.loss is not None:
-        return math.inf
-    return rms(np.concatenate([run["error_m"][part] for part in cruises(moved, run.dt)]))
+        return dict.fromkeys(columns, math.inf)
+    parts = cruises(moved, run.dt)
+    return {name: rms(np.concatenate([run[name][part] for part in parts])) for name in columns}
 
 
 def make_variants(

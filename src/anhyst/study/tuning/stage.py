@@ -215,7 +215,7 @@ class StageLoop:
         found: StageFigures,
     ) -> StageFigures | None:
         if condition == STILL:
-            rest = standing(self.setup, feedforward, seed)
+            rest = standing(self.setup, feedforward, seed)["error_m"]
             return None if math.isinf(rest) else replace(found, standstill_rms_m=rest)
         motion = self._motion(condition)
         return self._judged(track(self.setup, motion, feedforward, seed), motion, found)

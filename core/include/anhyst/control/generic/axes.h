@@ -24,10 +24,13 @@ typedef struct {
   /* And about heads. */
   ANHYST_NAME(anhyst_rows) without; /* see without each of them in its place, its own column zero */
   uint16_t spare_heads;             /* without one of which the others tell the pose, bit by bit */
-  ANHYST_REAL jump; /* by which one moves in a tick at most, m; 0: none is looked at */
-  uint16_t doubt;   /* with which one is lost, > 0: 1 a tick in which it stood still,
-                       ANHYST_AXES_ODD one in which it jumped or said no number */
-  uint16_t noisy;   /* whether none stands still by itself */
+  ANHYST_REAL jump;     /* by which one moves in a tick at most, m; 0: none is looked at */
+  uint16_t doubt;       /* with which one is lost, > 0: 1 a tick in which it stood still,
+                           ANHYST_AXES_ODD one in which it jumped or said no number */
+  uint16_t noisy;       /* whether none stands still by itself */
+  const uint16_t *axis; /* of each axis 0..5, along or about x, y, z, where heads stand on the
+                           ground and see other places of the body as that goes on; else NULL;
+                           always NULL in fixed point */
 } ANHYST_NAME(anhyst_axes_settings);
 
 /* What is known at one tick. */
@@ -38,6 +41,7 @@ typedef struct {
   const ANHYST_REAL *flux;    /* density in each, T; NAN without a probe */
   const ANHYST_REAL *current; /* in each, A; what is no number says nothing */
   uint16_t command;
+  const ANHYST_REAL *target; /* of each axis, m and rad; asked for where heads stand */
 } ANHYST_NAME(anhyst_axes_sample);
 
 /* What follows. */
