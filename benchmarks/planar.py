@@ -15,11 +15,11 @@ import numpy as np
 from tests.study.test_losses import laid
 
 from anhyst.compensate.interface import MethodName
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import Feedforward, make_stage, track
+from anhyst.rig.stage.loop import Feedforward, identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.verdict import Interval
 from anhyst.study.tracking.losses import Losses
@@ -48,7 +48,6 @@ MEASURES = (
     ("rz, peak", "rz", 1e9, "nrad", None),
 )
 """What, name, factor, unit, and what is to be reached in parts of the best curve's."""
-METHODS: tuple[MethodName, ...] = (*OF_AXES[1:], "fused")
 FAST_HZ, FAST_M = 300.0, 2e-9
 """The high crossover, and the moving average in the cruise that `full` is to reach there."""
 
@@ -88,7 +87,8 @@ def at_300(
 
 def fast_row(iron: str, rig: StageRig, magnet: IdentifiedMagnet) -> Row:
     """Return the line of one iron at the high crossover."""
-    found = dict(zip(METHODS, all_of(partial(at_300, rig, magnet), METHODS), strict=True))
+    held = OF_AXES[1:]  # the constant ratio loses the loop
+    found = dict(zip(held, all_of(partial(at_300, rig, magnet), held), strict=True))
     text = "; ".join(
         f"{name} {1e9 * average:.3g} nm, peak {1e9 * peak:.3g} nm, ry {1e9 * turned:.3g} nrad"
         for name, (average, peak, turned) in found.items()
@@ -139,8 +139,8 @@ def rows() -> list[Row]:
     found = []
     for name in NAMES:
         rig = with_iron(read_stage(RIG), families[name])
-        magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
-        found += of_iron(name, explore_stage(rig, magnet, (OF_AXES[0], *METHODS)))
+        magnet = identify_stage(rig, measure_loops(rig.bearing))
+        found += of_iron(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
         found.append(fast_row(name, fast, magnet))
     return found + lost_rows() + head_rows()

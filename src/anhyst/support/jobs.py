@@ -93,7 +93,9 @@ def _on_cluster(
     work: Callable[[A], B], inputs: Sequence[A], progress: Progress | None
 ) -> Iterator[tuple[int, B]]:
     client = _cluster.get()
-    futures = client.map(work, inputs, pure=False)
+    # What all tasks share goes to each worker once, and is made again where it was lost.
+    shared = client.submit(_given, work, pure=False)
+    futures = client.map(_done, [shared] * len(inputs), inputs, pure=False)
     places = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
@@ -101,6 +103,14 @@ def _on_cluster(
         if progress is not None:
             progress(done, len(inputs))
         yield places[ready], result
+
+
+def _given(work: Callable[[A], B]) -> Callable[[A], B]:
+    return work
+
+
+def _done(work: Callable[[A], B], item: A) -> B:
+    return work(item)
 
 
 def _library() -> Any:

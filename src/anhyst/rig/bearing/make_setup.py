@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,14 +21,15 @@ from anhyst.data.speeds import slow_loops
 from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
+from anhyst.model.schema import LawName
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
 from anhyst.rig.bearing.drift import Drift, drifted_law
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, check_position
 from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
-from anhyst.rig.loop_files import identify_loops
-from anhyst.support.errors import InputError
+from anhyst.rig.loop_files import identify_loops, misclosures
+from anhyst.support.errors import CreepWarning, InputError
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,53 @@ class IdentifiedMagnet:
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
     """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
+
+
+_FORGETS: LawName = "effective-field"
+"""The law that is tried where iron does not keep its turning points."""
+_DOUBTFUL, _OPEN = 1.5, 2.0
+"""Mean square of what play cells leave of the closings of small loops, in squares of its error, from
+which on another law is tried, and from which on nobody takes it for noise."""
+_CERTAIN = 2.0
+"""Standard errors by which another law must be nearer to the closings."""
+
+
+def identify_rippling(
+    loops: Loops, options: IdentifyTable, usable: Callable[[IdentifiedMagnet], bool]
+) -> IdentifiedMagnet:
+    """Identify a magnet whose current ripples: by the law that small loops close as.
+
+    A law of cells keeps every turning point, follows loops best, and leads astray on iron that
+    forgets them a little with every ripple. One that forgets too is taken instead where the
+    closings of the small loops are certainly nearer to it. What does not close is said.
+    """
+    known = identify_magnet(loops, options)
+    model = known.model
+    if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
+        return known
+    alone = misclosures(loops, [model])
+    if alone.size == 0 or alone.mean() <= _DOUBTFUL:
+        return known
+    other = identify_magnet(loops, options.model_copy(update={"law": _FORGETS}))
+    left = misclosures(loops, [model, other.model])
+    own, its = left.mean(axis=0).tolist()
+    nearer = len(left) * (own - its) / max(its, 1.0) > _CERTAIN**2
+    open_ = "small loops do not close: this iron does not keep its turning points"
+    if nearer and other.model.acceptance().passed is not False and usable(other):
+        text = (
+            f"{open_}; law {_FORGETS} is taken, which forgets them too, though play cells follow the "
+            "loops better; with a flux probe, 'fused' leaves less"
+        )
+    elif nearer or own > _OPEN:
+        text = (
+            f"{open_}, and no law follows that: where the current ripples 'full' may be worse than "
+            "'single-valued'; take that, or a flux probe ('fused')"
+        )
+        other = known
+    else:
+        return known
+    warnings.warn(text, CreepWarning, stacklevel=3)
+    return other
 
 
 def make_setup(

@@ -30,9 +30,10 @@ from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
+from anhyst.data import Loops
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_rippling
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.file import RigFile
@@ -520,9 +521,20 @@ def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def identify_stage(rig: StageRig) -> IdentifiedMagnet:
-    """Identify what is known of the magnets of a stage, with what answers late, from its loops."""
-    return identify_magnet(rig.measured.read(), rig.settings.loops)
+def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagnet:
+    """Identify what is known of the magnets of a stage, with what answers late.
+
+    From the loops that its file names, or from others of the same magnets.
+    """
+
+    def usable(known: IdentifiedMagnet) -> bool:
+        try:
+            fit_method(rig, known, "full")
+        except InputError:
+            return False
+        return True
+
+    return identify_rippling(loops or rig.measured.read(), rig.settings.loops, usable)
 
 
 def make_stage(
