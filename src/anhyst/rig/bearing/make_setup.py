@@ -49,9 +49,9 @@ def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> Ident
 
 _FORGETS: LawName = "effective-field"
 """The law that is tried where iron does not keep its turning points."""
-_DOUBTFUL, _OPEN = 1.5, 2.0
-"""Mean square of what play cells leave of the closings of small loops, in squares of its error, from
-which on another law is tried, and from which on nobody takes it for noise."""
+_NOISE, _OPEN = 1.0, 2.0
+"""Mean square of what play cells leave of the closings of small loops, in squares of its error: of
+noise, and from where on nobody takes it for noise."""
 _CERTAIN = 2.0
 """Standard errors by which another law must be nearer to the closings."""
 
@@ -70,7 +70,7 @@ def identify_rippling(
     if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
         return known
     alone = misclosures(loops, [model])
-    if alone.size == 0 or alone.mean() <= _DOUBTFUL:
+    if alone.size == 0 or alone.mean() <= _NOISE:
         return known
     other = identify_magnet(loops, options.model_copy(update={"law": _FORGETS}))
     left = misclosures(loops, [model, other.model])
