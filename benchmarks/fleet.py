@@ -159,7 +159,7 @@ def empty_tasks() -> tuple[list[Row], Costs]:
 
 def sharing() -> list[Row]:
     """Cost of an empty task of a study whose tasks share much, and of one that brings it along."""
-    tried: tuple[tuple[str, Callable[[Any], int], list[Any]], ...] = (
+    tried: tuple[tuple[str, Callable[[Any], Any], list[Any]], ...] = (
         ("share", partial(operator.getitem, SHARED), list(range(SHARING))),
         ("bring", operator.itemgetter(1), [(SHARED, place) for place in range(SHARING)]),
     )
