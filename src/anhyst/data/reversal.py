@@ -93,8 +93,6 @@ _WINDOW = 0.08
 """Share of the range, to either side of where a small loop closes, that is looked at."""
 _SAME = 0.02
 """Share of the range within which an input comes back to where it was turned."""
-_SAMPLES = 4
-"""To either side that show whether a loop closes, at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +103,8 @@ class Closing:
     """
 
     at: float  # input there
-    before: slice  # samples of the branch on which it was turned first, or which leaves from there
-    after: slice  # of the branch that passes there again, or which leaves from there again
+    before: slice  # samples of the branch that was turned there, or of that which leaves from there
+    after: slice  # of the one that passes there again, or leaves from there again
     beyond: float  # 1 or -1: to which side of it `after` counts; 0 for both
 
     def step(self, loop: Loop, output: FloatArray) -> float:
@@ -126,7 +124,7 @@ class Closing:
         for rows, side in ((self.before, 0.0), (self.after, self.beyond)):
             place = (loop.input[rows] - self.at) / window
             near = (np.abs(place) <= 1.0) & (side * place >= 0.0)
-            if np.count_nonzero(near) < _SAMPLES:
+            if np.count_nonzero(near) < _FEWEST // 2:
                 return None
             places.append(place[near])
             left.append((loop.output - followed)[rows][near])
@@ -143,24 +141,21 @@ class Closing:
 def closings(loop: Loop) -> Iterator[Closing]:
     """Yield where the small loops of a record close."""
     drive, span = loop.input, float(np.ptp(loop.input))
-    turns = turning_points(drive, _SAME / 2.0 * span).tolist()
+    turns = turning_points(drive, _SAME / 2.0 * span)
+    ways = [slice(begin, end + 1) for begin, end in itertools.pairwise(turns.tolist())]
     open_: list[int] = []
-    for place in range(1, len(turns)):
-        begin, end = turns[place - 1 : place + 1]
-        up = math.copysign(1.0, drive[end] - drive[begin])
+    for place, end in enumerate(drive[turns[1:]].tolist(), start=1):
+        up = math.copysign(1.0, end - drive[turns[place - 1]])
         while len(open_) > 1:
             first = open_[-2]
             at = float(drive[turns[first]])
-            ahead = up * (drive[end] - at) / span
+            ahead = up * (end - at) / span
             if ahead < -_SAME:
                 break
-            if ahead > _SAME:
-                before = slice(turns[first - 1], turns[first] + 1)
-                yield Closing(at, before, slice(begin, end + 1), up)
-            elif place + 1 < len(turns):
-                before = slice(turns[first], turns[first + 1] + 1)
-                yield Closing(at, before, slice(end, turns[place + 1] + 1), 0.0)
+            passed = int(ahead > _SAME)  # else it turns where it was turned before
+            if place - passed < len(ways):
+                yield Closing(at, ways[first - passed], ways[place - passed], passed * up)
             del open_[-2:]
-            if ahead <= _SAME:
+            if not passed:
                 break
         open_.append(place)

@@ -109,8 +109,7 @@ _FINEST = 2e-4
 def misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
     """Return what each model leaves of how small loops close, squared, in squares of its error.
 
-    A row a closing, a column a model. Of a law that keeps its turning points all that was measured
-    is left, on average about 1 where that is noise. The first model must follow the loops.
+    A row a closing, a column a model, about 1 where it is noise. The first must follow the loops.
     """
     left: list[list[float]] = []
     least = _FINEST * largest_output(loops)

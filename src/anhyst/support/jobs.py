@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from typing import Any, TypeVar
 
 from anhyst.support.errors import InputError
@@ -94,8 +96,8 @@ def _on_cluster(
 ) -> Iterator[tuple[int, B]]:
     client = _cluster.get()
     # What all tasks share goes to each worker once, and is made again where it was lost.
-    shared = client.submit(_given, work, pure=False)
-    futures = client.map(_done, [shared] * len(inputs), inputs, pure=False)
+    shared = client.submit(partial, work, pure=False)
+    futures = client.map(operator.call, [shared] * len(inputs), inputs, pure=False)
     places = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)
@@ -103,14 +105,6 @@ def _on_cluster(
         if progress is not None:
             progress(done, len(inputs))
         yield places[ready], result
-
-
-def _given(work: Callable[[A], B]) -> Callable[[A], B]:
-    return work
-
-
-def _done(work: Callable[[A], B], item: A) -> B:
-    return work(item)
 
 
 def _library() -> Any:

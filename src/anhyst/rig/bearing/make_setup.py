@@ -48,22 +48,19 @@ def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> Ident
 
 
 _FORGETS: LawName = "effective-field"
-"""The law that is tried where iron does not keep its turning points."""
 _NOISE, _OPEN = 1.0, 2.0
 """Mean square of what play cells leave of the closings of small loops, in squares of its error: of
 noise, and from where on nobody takes it for noise."""
 _CERTAIN = 2.0
-"""Standard errors by which another law must be nearer to the closings."""
+"""Standard errors by which a law that forgets must be nearer to them."""
 
 
 def identify_rippling(
     loops: Loops, options: IdentifyTable, usable: Callable[[IdentifiedMagnet], bool]
 ) -> IdentifiedMagnet:
-    """Identify a magnet whose current ripples: by the law that small loops close as.
+    """Identify a magnet whose current ripples, by the law as which its small loops close.
 
-    A law of cells keeps every turning point, follows loops best, and leads astray on iron that
-    forgets them a little with every ripple. One that forgets too is taken instead where the
-    closings of the small loops are certainly nearer to it. What does not close is said.
+    Cells keep every turning point, and lead astray on iron that forgets them with every ripple.
     """
     known = identify_magnet(loops, options)
     model = known.model
@@ -76,20 +73,14 @@ def identify_rippling(
     left = misclosures(loops, [model, other.model])
     own, its = left.mean(axis=0).tolist()
     nearer = len(left) * (own - its) / max(its, 1.0) > _CERTAIN**2
-    open_ = "small loops do not close: this iron does not keep its turning points"
     if nearer and other.model.acceptance().passed is not False and usable(other):
-        text = (
-            f"{open_}; law {_FORGETS} is taken, which forgets them too, though play cells follow the "
-            "loops better; with a flux probe, 'fused' leaves less"
-        )
+        text = f"law {_FORGETS} is taken, which forgets them too; with a probe, 'fused' leaves less"
     elif nearer or own > _OPEN:
-        text = (
-            f"{open_}, and no law follows that: where the current ripples 'full' may be worse than "
-            "'single-valued'; take that, or a flux probe ('fused')"
-        )
         other = known
+        text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
     else:
         return known
+    text = f"small loops do not close: this iron does not keep its turning points; {text}"
     warnings.warn(text, CreepWarning, stacklevel=3)
     return other
 

@@ -522,17 +522,13 @@ def in_codes(settings: Mapping[str, float]) -> dict[str, float]:
 
 
 def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagnet:
-    """Identify what is known of the magnets of a stage, with what answers late.
-
-    From the loops that its file names, or from others of the same magnets.
-    """
+    """Identify what is known of the magnets of a stage, from its loops or others of them."""
 
     def usable(known: IdentifiedMagnet) -> bool:
         try:
-            fit_method(rig, known, "full")
+            return bool(fit_method(rig, known, "full"))
         except InputError:
             return False
-        return True
 
     return identify_rippling(loops or rig.measured.read(), rig.settings.loops, usable)
 
