@@ -63,6 +63,7 @@ def drawn(family: str, number: int) -> dict[str, Any]:
         }
         if family == "duhem"
         else {
+            "cells": 30,
             "pinning_scale_A_per_m": width,
             "reversible_fraction": even(0.05, 0.3),
             "pinning_shape": log(1.0, 3.0),
