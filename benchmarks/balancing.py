@@ -31,7 +31,7 @@ from calibration_trials import SCANS, Bench, bench_of, training
 from planar import RIG
 from rows import Row
 
-METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "single-valued")
+METHODS: tuple[MethodName, ...] = ("full", "play", "flux", "fused", "single-valued")
 PLANTS, FEWER = 12, 4
 FIGURES = ("average", "peak", "settling", "z", "ry", "rz")
 UNITS = ("nm", "nm", "ms", "nm", "nrad", "nrad")

@@ -18,11 +18,11 @@ import balancing
 import levitated
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.calibration import CalibratedMethod
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import StageSetup, track
+from anhyst.rig.stage.loop import StageSetup, identify_stage, track
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner
 from anhyst.study.tracking.measures import Measures
 from anhyst.support.jobs import all_of
@@ -229,7 +229,7 @@ def iron_of(given: tuple[str, StageRig]) -> tuple[str, StageRig, IdentifiedMagne
     else:
         iron = tomllib.loads(IRONS.read_text(encoding="utf-8"))[name]
     other = with_iron(rig, iron)
-    return name, other, identify_magnet(measure_loops(other.bearing), rig.settings.loops)
+    return name, other, identify_stage(other, measure_loops(other.bearing))
 
 
 def kept_at_it(bench: Bench) -> tuple[float, float]:
@@ -285,7 +285,7 @@ def rows() -> list[Row]:
             print(f"{row.what} | {row.reach}{met} | {row.measured}", file=sys.stderr, flush=True)
 
     rig = changed(read_stage(RIG), {"scan.average_weight": AVERAGE})
-    own = "own", rig, identify_magnet(rig.measured.read(), rig.settings.loops)
+    own = "own", rig, identify_stage(rig)
     benches = all_of(bench_of, [(*own, method) for method in METHODS])
     told(of_example(all_plants(trials_of_example(benches))))
     others = all_of(iron_of, [(name, rig) for name in OTHERS])

@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,8 @@ TASKS = 1000
 SETTINGS = FleetSettings(
     rate=1e4, law="effective-field", gap_map="reluctance", tolerance=0.5, history="settled"
 )
+SHARED, SHARING = bytes(285_000), 300
+"""As large as what a plant of examples/planar shares with all others, and tasks that do so."""
 SLEEPS_S = (0.05, 0.2, 1.0)
 SIZES = (1, 10, 100, 1000, 10_000)
 TASKS_A_WORKER = 10
@@ -153,6 +157,19 @@ def empty_tasks() -> tuple[list[Row], Costs]:
     return rows, worst
 
 
+def sharing() -> list[Row]:
+    """Cost of an empty task of a study whose tasks share much, and of one that brings it along."""
+    tried: tuple[tuple[str, Callable[[Any], Any], list[Any]], ...] = (
+        ("share", partial(operator.getitem, SHARED), list(range(SHARING))),
+        ("bring", operator.itemgetter(1), [(SHARED, place) for place in range(SHARING)]),
+    )
+    rows = []
+    for name, work, inputs in tried:
+        spent = there(8, partial(all_of, work, inputs))
+        rows.append(_empty(f"{name} {len(SHARED) // 1000} kB, 8 workers", SHARING, spent))
+    return rows
+
+
 def _empty(name: str, tasks: int, spent: Spent) -> Row:
     each = 1e6 / tasks
     return Row(
@@ -241,7 +258,7 @@ def rows() -> list[Row]:
         found = fleet_rows(whole_fleet(place / "magnets", place))
         empty, costs = empty_tasks()
         tasks = durations(place / "magnets", place)
-    return [*found, *empty, *checked(50), *checked(200), *larger(tasks, costs)]
+    return [*found, *empty, *sharing(), *checked(50), *checked(200), *larger(tasks, costs)]
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ LONG, PITCH = 0.2, 0.004
 """Of a field along x, with half a turnaround at each end, and from one to the next along y, m."""
 ASIDE = SetPoint((10.0, 10.0), 0.12, 0.0, 7.5e-3, 2e-3, rests=True)
 """Acceleration, m/s2, and speed, m/s, of a step aside."""
-METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux")
+METHODS: tuple[MethodName, ...] = ("single-valued", "play", "full", "flux", "fused")
 PIECE = 20_000
 SETTLED_S = 5e-3
 """After the acceleration, until what is exposed begins."""

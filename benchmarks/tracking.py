@@ -15,11 +15,11 @@ from pydantic import TypeAdapter
 
 from anhyst.compensate.interface import MethodName
 from anhyst.rig.bearing.drift import changed
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.stage.file import StageRig, read_stage
-from anhyst.rig.stage.loop import make_stage, track
+from anhyst.rig.stage.loop import identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
 from rows import ROOT, Row
@@ -162,7 +162,7 @@ def rows() -> list[Row]:
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
-        magnet = identify_magnet(measure_loops(slow.bearing), rig.settings.loops)
+        magnet = identify_stage(slow, measure_loops(slow.bearing))
         study = explore_stage(slow, magnet)
         found += of_iron(title, study)
         if title == CREEPS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from anhyst.data import History, Loop, Loops
 from anhyst.data.inspection import inspect
 from anhyst.data.plot import plot_inspection
+from anhyst.data.reversal import closings
 from anhyst.data.start import propose_histories
 from anhyst.data.verdict import judge, monotone_fit
 from anhyst.support.arrays import FloatArray
@@ -232,3 +234,20 @@ def test_a_steep_cycle_without_its_last_sample_comes_back_to_its_start() -> None
     rising = np.arange(200) <= 100
     force = np.where(rising, drive**2, 0.45 * drive + 0.55 * drive**2) + 0.03
     assert propose_histories([Loop("1", drive, force)], even=True)[0][0].kind == "settled"
+
+
+def test_where_small_loops_close_is_found_and_how_far_they_are_off() -> None:
+    ends = np.array([0.0, 1.0, 0.0, 0.75, 0.15, 0.9, 0.3, 0.9, 0.3, 0.6, 0.0])
+    drive = np.concatenate([np.linspace(*pair, 60) for pair in itertools.pairwise(ends)])
+    noise = np.random.default_rng(1).normal(0.0, 0.01, drive.size)
+    kept = Loop("1", drive, drive**2 + noise)
+    # so much is lost before the last small loop closes
+    lost = replace(kept, output=kept.output + 0.1 * (np.arange(drive.size) > 8.5 * 60))
+    found = list(closings(kept))
+    assert [round(one.at, 2) for one in found] == [0.75, 0.9, 0.3]
+    assert [one.step(kept, drive**2) for one in found] == pytest.approx([0.0] * 3, abs=1e-4)
+    for loop, off in ((kept, (0.0, 0.0, 0.0)), (lost, (0.0, 0.0, 0.1))):
+        for one, expected in zip(found, off, strict=True):
+            measured = one.measured(loop, drive**2)
+            assert measured is not None
+            assert abs(measured[0] - expected) < 4.0 * measured[1] < 0.08

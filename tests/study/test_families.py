@@ -21,13 +21,19 @@ from anhyst.identification.options import IdentifyTable
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
+from anhyst.rig.bearing.make_setup import (
+    IdentifiedMagnet,
+    identify_magnet,
+    identify_rippling,
+    make_setup,
+)
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import make_magnet
 from anhyst.rig.case_table import TrajectoryCase
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
+from anhyst.support.errors import CreepWarning
 from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP
@@ -63,6 +69,23 @@ def triangle_error(name: str, variant: MethodName, law: str = "play-cells") -> f
     found = experiments.of_all(experiments.follow, setups, range(2), slow)[variant]
     assert found["lost"] == 0
     return float(found["force_error_rms_N"]["mean"])
+
+
+@pytest.mark.slow
+def test_where_small_loops_do_not_close_a_stage_takes_a_law_that_forgets_or_says_so() -> None:
+    """Play cells leave 3 times as much of the closings of that iron as of noise, and follow its loops best."""
+    loops, options = measure_loops(rig_of("duhem-hard")), IdentifyTable()
+    with pytest.warns(CreepWarning, match="law effective-field is taken"):
+        assert identify_rippling(loops, options, lambda _: True).model.law == "effective-field"
+    with pytest.warns(CreepWarning, match="no law follows"):
+        known = identify_rippling(loops, options, lambda _: False)
+    assert known.model.law.startswith("play-cells")
+
+
+@pytest.mark.slow
+def test_an_iron_that_keeps_its_turning_points_is_given_play_cells() -> None:
+    known = identify_rippling(knowledge("preisach-usual").loops, IdentifyTable(), lambda _: True)
+    assert known.model.law.startswith("play-cells")
 
 
 def overshoot(setup: Setup, height: float) -> float:

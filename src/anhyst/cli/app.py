@@ -32,7 +32,13 @@ from anhyst.cli.use import invert, predict
 from anhyst.cli.verify import verify
 from anhyst.cli.watch import watch
 from anhyst.cli.xcp import xcp
-from anhyst.support.errors import InputError, Interrupted, NegativeResult, RenamedWarning
+from anhyst.support.errors import (
+    CreepWarning,
+    InputError,
+    Interrupted,
+    NegativeResult,
+    RenamedWarning,
+)
 
 BAD_INPUT = 2
 NEGATIVE = 1
@@ -132,7 +138,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         with warnings.catch_warnings():
             # Verbs say themselves what a user has to know; lines of libraries are for developers.
             warnings.simplefilter("ignore")
-            warnings.simplefilter("always", RenamedWarning)
+            for own in (RenamedWarning, CreepWarning):
+                warnings.simplefilter("always", own)
             warnings.showwarning = lambda text, *_: warn(str(text))
             return int(
                 command_of(app)(args=arguments, prog_name="anhyst", standalone_mode=False) or 0

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import is_actuator
 from anhyst.data.reading import files_read
+from anhyst.data.reversal import closings
+from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.options import IdentifyTable
@@ -16,6 +21,7 @@ from anhyst.laws.registry import LAWS, OWN
 from anhyst.model.actuator import Model
 from anhyst.rig.measurement_table import LoopsTable
 from anhyst.rig.old_files import rig_error
+from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
 from anhyst.support.progress import Progress
@@ -94,3 +100,26 @@ def identify_loops(
 
     # What else is registered has sources that the cache does not know.
     return whole() if LAWS.keys() - OWN else kept("models", whole, loops, wanted)
+
+
+_FINEST = 2e-4
+"""Of the largest output: loops are not known to close better, however little noise they have."""
+
+
+def misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
+    """Return what each model leaves of how small loops close, squared, in squares of its error.
+
+    A row a closing, a column a model, about 1 where it is noise. The first must follow the loops.
+    """
+    left: list[list[float]] = []
+    least = _FINEST * largest_output(loops)
+    for loop in loops.loops:
+        given = loop.input, loop.schedule, loop.time, loop.history
+        runs = [model.predict(*given).output for model in models]
+        for closing in closings(loop):
+            if (measured := closing.measured(loop, runs[0])) is None:
+                continue
+            step, unsure = measured
+            off = [(step - closing.step(loop, run)) / max(unsure, least) for run in runs]
+            left.append([one**2 for one in off])
+    return np.array(left).reshape(-1, len(models))

@@ -86,3 +86,7 @@ class NoResponseError(ArithmeticError):
 
 class NowhereNearError(InputError):
     """No set of parameters that a search begins with comes near the loops."""
+
+
+class CreepWarning(UserWarning):
+    """Loops show that an iron does not keep its turning points; says what was done about it."""

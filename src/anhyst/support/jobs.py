@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from typing import Any, TypeVar
 
 from anhyst.support.errors import InputError
@@ -93,7 +95,9 @@ def _on_cluster(
     work: Callable[[A], B], inputs: Sequence[A], progress: Progress | None
 ) -> Iterator[tuple[int, B]]:
     client = _cluster.get()
-    futures = client.map(work, inputs, pure=False)
+    # What all tasks share goes to each worker once, and is made again where it was lost.
+    shared = client.submit(partial, work, pure=False)
+    futures = client.map(operator.call, [shared] * len(inputs), inputs, pure=False)
     places = {future: index for index, future in enumerate(futures)}
     # Results that are ready come together: asking for each alone costs a message there and back.
     waiting = _library().as_completed(futures, loop=client.loop, with_results=True)

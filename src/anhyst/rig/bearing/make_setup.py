@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,14 +21,15 @@ from anhyst.data.speeds import slow_loops
 from anhyst.identification.options import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
+from anhyst.model.schema import LawName
 from anhyst.rig.bearing.controller_check import check_controller, pair_of
 from anhyst.rig.bearing.drift import Drift, drifted_law
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, check_position
 from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
-from anhyst.rig.loop_files import identify_loops
-from anhyst.support.errors import InputError
+from anhyst.rig.loop_files import identify_loops, misclosures
+from anhyst.support.errors import CreepWarning, InputError
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,44 @@ class IdentifiedMagnet:
 def identify_magnet(loops: Loops, options: IdentifyTable | None = None) -> IdentifiedMagnet:
     """Identify the model of a bearing's magnet from its loops; the armature may move under it."""
     return IdentifiedMagnet(loops, identify_loops(loops, options or IdentifyTable(), "circuit"))
+
+
+_FORGETS: LawName = "effective-field"
+_NOISE, _OPEN = 1.0, 2.0
+"""Mean square of what play cells leave of the closings of small loops, in squares of its error: of
+noise, and from where on nobody takes it for noise."""
+_CERTAIN = 2.0
+"""Standard errors by which a law that forgets must be nearer to them."""
+
+
+def identify_rippling(
+    loops: Loops, options: IdentifyTable, usable: Callable[[IdentifiedMagnet], bool]
+) -> IdentifiedMagnet:
+    """Identify a magnet whose current ripples, by the law as which its small loops close.
+
+    Cells keep every turning point, and lead astray on iron that forgets them with every ripple.
+    """
+    known = identify_magnet(loops, options)
+    model = known.model
+    if options.law != "auto" or model.operator_law.cells is None or model.has_eddy_currents:
+        return known
+    alone = misclosures(loops, [model])
+    if alone.size == 0 or alone.mean() <= _NOISE:
+        return known
+    other = identify_magnet(loops, options.model_copy(update={"law": _FORGETS}))
+    left = misclosures(loops, [model, other.model])
+    own, its = left.mean(axis=0).tolist()
+    nearer = len(left) * (own - its) / max(its, 1.0) > _CERTAIN**2
+    if nearer and other.model.acceptance().passed is not False and usable(other):
+        text = f"law {_FORGETS} is taken, which forgets them too; with a probe, 'fused' leaves less"
+    elif nearer or own > _OPEN:
+        other = known
+        text = "no law follows that, 'single-valued' may be better than 'full', and a probe is"
+    else:
+        return known
+    text = f"small loops do not close: this iron does not keep its turning points; {text}"
+    warnings.warn(text, CreepWarning, stacklevel=3)
+    return other
 
 
 def make_setup(

@@ -31,9 +31,10 @@ from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
+from anhyst.data import Loops
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_magnet
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_rippling
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.file import RigFile
@@ -522,9 +523,16 @@ def fixed_pid(setup: StageSetup) -> FixedPidd2:
     return as_pidd2(Biquad((b0, b1, b2), (a1, a2)), 1.0 / rig.dt, full).fixed(scales)
 
 
-def identify_stage(rig: StageRig) -> IdentifiedMagnet:
-    """Identify what is known of the magnets of a stage, with what answers late, from its loops."""
-    return identify_magnet(rig.measured.read(), rig.settings.loops)
+def identify_stage(rig: StageRig, loops: Loops | None = None) -> IdentifiedMagnet:
+    """Identify what is known of the magnets of a stage, from its loops or others of them."""
+
+    def usable(known: IdentifiedMagnet) -> bool:
+        try:
+            return bool(fit_method(rig, known, "full"))
+        except InputError:
+            return False
+
+    return identify_rippling(loops or rig.measured.read(), rig.settings.loops, usable)
 
 
 def make_stage(

@@ -9,6 +9,7 @@ import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -281,9 +282,9 @@ def monte_carlo(
         return fault_of(row, plants)
 
     with ResultsFile(path, plants.header(), "plant", fault) as results:
-        left = [(plants, number) for number in range(count) if number not in results.done]
+        left = [number for number in range(count) if number not in results.done]
         try:
-            for _, result in each(run_plant, left, progress, jobs):
+            for _, result in each(partial(run_plant, plants), left, progress, jobs):
                 results.add(result)
         except KeyboardInterrupt:
             kept = sum(number in results.done for number in range(count))
@@ -299,9 +300,8 @@ def monte_carlo(
     )
 
 
-def run_plant(task: tuple[Plants, int]) -> dict[str, Any]:
+def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     """Run one plant behind every method; returns the line of the file of results."""
-    plants, number = task
     drift, noise = plants.draw(number)
     found: dict[str, Any] = {}
     for method in plants.methods:

@@ -141,7 +141,7 @@ OWN: MethodName = "full"
 _NOT_SHOWN = ("ratio", "secant", "simplified", "at-rest")
 COMPARED = tuple(name for name in METHODS if name not in _NOT_SHOWN)
 """Variants, in the order of every table."""
-OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux")
+OF_AXES: tuple[MethodName, ...] = ("ratio", "single-valued", "play", "full", "flux", "fused")
 """The same of a body of several coordinates."""
 SMALL = 0.1
 """Of the accelerations of the test set-point: what is called small forces."""
