@@ -208,7 +208,10 @@ def controllers(made: Body) -> tuple[FixedController, TrackingAxes, TrackingAxes
     settings = {key: value for key, value in made.settings.items() if key != "idle"}
     full = {"error_full": 1e-4, "forward_full": 1.0, "flux_full": 2.0}
     wide = TrackingAxes(
-        [force.fresh().native for _ in range(count)], layout, made.rows, settings | full
+        [force.fresh().native for _ in range(count)],
+        layout,
+        made.rows | {"ground": np.zeros(0)},
+        settings | full,
     )
     return fixed, own, wide
 

@@ -227,7 +227,7 @@ static void any_tick(anhyst_axes_q31 *c)
   int32_t demand[AXES];
   const anhyst_axes_settings_q31 *settings = c->settings;
   const anhyst_axes_sample_q31 sample = {
-      head, forward, gap, gap, read, (uint16_t)(any_within(0, 3) ? 0 : any_within(0, 9))};
+      head, forward, gap, gap, read, (uint16_t)(any_within(0, 3) ? 0 : any_within(0, 9)), NULL};
   anhyst_axes_answer_q31 out = {current, demand, 0, 0, 0};
   for (int j = 0; j < HEADS; j++) {
     head[j] = any_edge() >> any_within(0, 31);
@@ -289,7 +289,7 @@ static void a_head_that_says_nothing_moves_no_pid(void)
     any_tick(&c);
     const anhyst_axis_pid_state_q31 before = c.state[0];
     silent[any_within(0, (int32_t)settings.heads - 1)] = ANHYST_Q31_MIN;
-    const anhyst_axes_sample_q31 sample = {silent, none, none, none, none, 0};
+    const anhyst_axes_sample_q31 sample = {silent, none, none, none, none, 0, NULL};
     anhyst_axes_tick_q31(&c, &sample, &out);
     CHECK(out.flags & ANHYST_SAMPLE_IMPLAUSIBLE);
     if (c.flight == ANHYST_AXES_FLY) {
