@@ -295,8 +295,7 @@ class StageLearner(BenchLearner):
         method = lap.method
         if method not in self._laws:
             self._laws[method] = law_of(self._rig, self._magnet, method)
-        law = self._laws[method]
-        learner = learners.setdefault(method, Learner(law, law.forget_s))
+        learner = learners.setdefault(method, Learner(self._laws[method], FORGET_S))
         before = dict(learner.applied)
         try:
             learner.learn(self._laws[method].motion(read, begin))

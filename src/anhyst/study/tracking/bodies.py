@@ -136,9 +136,6 @@ class AxesLaw(MotionLaw):
 
     trust = 0.0015
     seen = 0.9
-    # Many numbers do much the same: along what is hardly seen they go on for as long as the stated
-    # deviations weigh less, away from where the rows of older motions were taken.
-    forget_s = 1.0
 
     def __init__(self, rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> None:
         super().__init__(rig, magnet, method)

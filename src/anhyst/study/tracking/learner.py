@@ -27,7 +27,8 @@ MOST = 4.0
 """Standard deviations within which a parameter stays."""
 PASSES = 3
 """Linear fits, each around the last."""
-FORGET_S = MotionLaw.forget_s
+FORGET_S = 20.0
+"""Time of asked force in which a stage that works forgets to a third (1/e) what a motion taught."""
 RATE = 2.0
 """Standard deviations a second by which what is applied follows the estimate."""
 STEPS: Mapping[str, float] = {
@@ -338,8 +339,7 @@ def at_work(
     rig, method = setup.rig, setup.compensator.method
     if not rig.settings.tracking.calibrate or method not in MOVED:
         return None
-    law = law_of(rig, magnet, method)
-    learner = Learner(law, law.forget_s)
+    learner = Learner(law_of(rig, magnet, method), FORGET_S)
     training = motion_of(rig.settings.scan, rig.settings.scan.train_m_per_s2)
     for scan in range(WORK):
         learner.work(setup.drift, training, gains, seed + scan)

@@ -168,9 +168,6 @@ class MotionLaw:
         self.rig, self.method = rig, method
         self.compensator = cache(lambda width: fit_method(rig, magnet, method, width))
 
-    forget_s = 20.0
-    """Time of asked force in which a stage that works forgets to a third (1/e) what a motion taught."""
-
     @property
     def moved(self) -> Sequence[ParameterName]:
         """The numbers that a motion may move."""
