@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -40,7 +41,7 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
         *("--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", str(file))
     )
     end = time.monotonic() + 120.0
-    while not file.exists():
+    while not (file.exists() and file.read_text()):
         assert time.monotonic() < end, "the scheduler did not start"
         time.sleep(0.1)
     import json
@@ -53,28 +54,39 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
         process.wait()
 
 
-def slowly(number: int) -> tuple[int, int]:
-    """Return a square, and which process found it."""
+class Shared:
+    """What all tasks need; counts how many have used it here."""
+
+    used = 0
+
+
+def slowly(shared: Shared, number: int) -> tuple[int, int, int]:
+    """Return a square, which process found it, and as which of its tasks."""
     time.sleep(0.3)
-    return number**2, os.getpid()
+    shared.used += 1
+    return number**2, os.getpid(), shared.used
 
 
 @pytest.mark.slow
-def test_a_lost_worker_loses_no_work(
+def test_a_lost_worker_loses_no_work_and_what_tasks_share_travels_once(
     cluster: tuple[str, list[subprocess.Popen[bytes]]],
 ) -> None:
     address, workers = cluster
-    seen: dict[int, tuple[int, int]] = {}
+    seen: dict[int, tuple[int, int, int]] = {}
     told: list[tuple[float, float]] = []
     with workers_of(address):
-        for place, result in each(slowly, range(24), lambda *at: told.append(at)):
+        for place, result in each(
+            partial(slowly, Shared()), range(24), lambda *at: told.append(at)
+        ):
             seen[place] = result
             if len(seen) == 4:
                 os.kill(workers[0].pid, signal.SIGKILL)
-    assert {place: square for place, (square, _) in seen.items()} == {
+    assert {place: one[0] for place, one in seen.items()} == {
         number: number**2 for number in range(24)
     }
-    assert os.getpid() not in {process for _, process in seen.values()}
+    used = [one[2] for one in seen.values() if one[1] == workers[1].pid]
+    assert max(used) >= len(used)  # more where a task was done twice
+    assert os.getpid() not in {one[1] for one in seen.values()}
     assert told[-1] == (24, 24)
 
 
