@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The PID of an axis in fixed point: a step from any state whatever, any valid words, any error; the
-   state keeps within its bounds. */
+/* The PID of an axis in fixed point: a step from any state, any valid words, any error; the state
+   keeps within its bounds. */
 #include "any.h"
 
 #include "control/axes_fixed.c"

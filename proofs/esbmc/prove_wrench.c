@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A wrench shared out in fixed point: RATIO and the rest, the two functions of one number that a held
-   drive takes. */
+/* A wrench shared out in fixed point: the two functions of one number that a held drive takes. */
 #include "any.h"
 
 #include "control/wrench_fixed.c"

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/control/axes_fixed.h"
 
+#include <stddef.h>
+
 #include "anhyst/compensator/flags.h"
 #include "anhyst/numeric/q31.h"
 #include "limits.h"
@@ -54,7 +56,7 @@ static void multiply_q31(anhyst_rows_q31 matrix, int rows, int columns, const in
 {
   int i;
   for (i = 0; i < rows; i++) {
-    found[i] = anhyst_row_product_q31(&matrix.number[i * columns], matrix.shift[i],
+    found[i] = anhyst_row_product_q31(&matrix.number[(ptrdiff_t)i * columns], matrix.shift[i],
                                       (uint16_t)columns, values);
   }
 }
@@ -68,7 +70,7 @@ static void look_q31(const anhyst_axes_settings_q31 *settings, anhyst_rows_q31 s
 
 static anhyst_rows_q31 rows_from_q31(anhyst_rows_q31 matrix, int row, int columns)
 {
-  const anhyst_rows_q31 from = {&matrix.number[row * columns], &matrix.shift[row]};
+  const anhyst_rows_q31 from = {&matrix.number[(ptrdiff_t)row * columns], &matrix.shift[row]};
   return from;
 }
 

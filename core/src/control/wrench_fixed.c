@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/control/wrench_fixed.h"
 
+#include <stddef.h>
+
 #define DRIVES ANHYST_WRENCH_DRIVES
 
 /* Least pivot, q30: a drive with less is one that the others cannot do without. */
@@ -128,11 +130,13 @@ static int start(const anhyst_wrench_q31 *w, sharing *s, const anhyst_wrench_way
   s->way = way;
   s->free = 0;
   s->changed = 0;
-  for (j = 0; j < (int)w->layout->drives; j++) {
+  for (j = 0; j < DRIVES; j++) {
     s->force[j] = 0;
+  }
+  for (j = 0; j < (int)w->layout->drives; j++) {
     if (is_unit(w, j)) {
-      s->force[j] = anhyst_row_product_q31(&way->make.number[j * (int)axes], way->make.shift[j],
-                                           axes, wrench);
+      s->force[j] = anhyst_row_product_q31(&way->make.number[(ptrdiff_t)j * axes],
+                                           way->make.shift[j], axes, wrench);
       s->free = (uint16_t)(s->free | (1U << j));
     }
   }
