@@ -24,9 +24,9 @@ from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.identification.creeping import moved
 from anhyst.model.writer import write_model
-from anhyst.rig.piezo.file import read_piezo_rig
-from anhyst.study.piezo.track import measure, reference, track
-from anhyst.support.arrays import FloatArray
+from anhyst.rig.piezo import read_piezo_rig
+from anhyst.study.piezo import measure, reference, track
+from anhyst.support.numeric import FloatArray
 from anhyst.verification import verify
 from anhyst.verification.protocol import COMPENSATOR, ON_GRID
 from compiled import ported_costs

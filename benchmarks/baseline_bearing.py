@@ -27,7 +27,7 @@ import numpy as np
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Array = FloatArray
 Method = Literal["RK23", "RK45", "LSODA", "Radau"]

@@ -28,7 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Array = FloatArray
 MU_0 = 4e-7 * math.pi

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig, read_bearing

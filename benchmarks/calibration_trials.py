@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CalibratedMethod
@@ -27,13 +27,13 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
+from anhyst.study.plants import ERRORS
 from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.compiled import compiled_rig
 from anhyst.study.tracking.excitation import design
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.motion import MotionLaw
-from anhyst.study.tracking.plants import ERRORS
 from anhyst.study.tracking.simulate import find_gains
 from tracking import RIG
 

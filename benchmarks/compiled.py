@@ -21,7 +21,7 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
 from anhyst.verification.protocol import COMPENSATOR, ON_GRID, START, VECTORS, WINDOW, Request

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.rig.parts.magnet import Poles
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import Answer, Core, Iron, Job, answers

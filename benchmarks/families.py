@@ -14,13 +14,13 @@ import numpy as np
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
-from anhyst.compensate.interface import MethodName
-from anhyst.compensate.paths import find_reach
+from anhyst.compensate.force_controller import MethodName
+from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data import Loops
-from anhyst.identification.options import IdentifyTable
+from anhyst.identification.run import IdentifyTable
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup

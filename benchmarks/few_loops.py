@@ -24,10 +24,9 @@ import numpy as np
 import drawn
 from anhyst.data import Loop, Loops
 from anhyst.data.verdict import largest_output
-from anhyst.identification import choice, contest, identify
+from anhyst.identification import candidates, choice, identify
 from anhyst.identification.bare import model_of
-from anhyst.identification.candidates import ModelCandidate
-from anhyst.identification.contest import Contest
+from anhyst.identification.candidates import Contest, ModelCandidate
 from anhyst.support.errors import InputError, NegativeResult
 from drawn_families import FAMILIES, SETTINGS, draw_iron, from_ranges
 from drawn_irons import answers
@@ -43,7 +42,7 @@ RULES: dict[str, dict[str, Any]] = {
     "two standard errors": {"_PLAIN": np.inf},
     "one standard error": {"_PLAIN": np.inf, "_CERTAIN": 1.0},
     "least left out": {"_PLAIN": np.inf, "_CERTAIN": 0.0},
-    "two, or two thirds of both": {"_PLAIN": contest._PLAIN},
+    "two, or two thirds of both": {"_PLAIN": candidates._PLAIN},
 }
 
 
@@ -135,7 +134,7 @@ def _judged(all_of_it: Contest, loops: Loops, tests: Sequence[drawn.Test]) -> Tr
         missed[one] = float(np.sqrt(np.mean(np.concatenate(off) ** 2))) / largest_output(loops)
     chosen = {}
     for name, settings in RULES.items():
-        with mock.patch.multiple(contest, **settings):
+        with mock.patch.multiple(candidates, **settings):
             again = replace(all_of_it, entrants=list(all_of_it.entrants))
             chosen[name] = choice._accepted(again, loops)
     return Tried(

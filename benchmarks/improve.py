@@ -24,7 +24,7 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import prepare
 from anhyst.study.bench import prepare_bench
 from anhyst.study.prepared import PreparedForce
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"

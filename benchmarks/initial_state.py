@@ -23,7 +23,7 @@ from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from rows import ROOT, Row
 

@@ -32,22 +32,20 @@ import numpy as np
 
 from anhyst.data import Loops
 from anhyst.data.output_map import is_electromagnet
-from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
-from anhyst.identification.cell_response import CellResponder
 from anhyst.identification.default import FoundModel, follow, reference_gap
-from anhyst.identification.fit_records import FitRecords, records_of
-from anhyst.identification.gauge import form_of
-from anhyst.identification.offsets import OFFSETS
+from anhyst.identification.fit_records import FitRecords, records_of, rest_of
+from anhyst.identification.objective import CellResponder
 from anhyst.identification.response import Local, Responder, ResponseForm
-from anhyst.identification.rest import rest_of
 from anhyst.identification.space import CoordinateSpace
+from anhyst.identification.uncertainty import OFFSETS
 from anhyst.laws.cells import Shape
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.compilable import obstacle
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError
+from anhyst.support.numeric import FloatArray
 from drawn import draw
 from drawn_families import SETTINGS
 from search import KNOWN, loops_rms

@@ -22,7 +22,7 @@ from anhyst.data.reading import read_loops
 from anhyst.data.verdict import single_valued
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from rows import ROOT, Row, Stopwatch, measurements
 
 PAPER = "effective-field"

@@ -22,17 +22,16 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_bearing
-from anhyst.rig.bearing.levitation_run import parts_of_run
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
-from anhyst.study.bearing.plants import BearingWork
-from anhyst.study.bearing.ready import Ready, make_ready, read_files
+from anhyst.study.bearing.operating import Ready, make_ready, read_files
+from anhyst.study.plants import BearingWork
 from anhyst.support.jobs import all_of
 from rows import ROOT, Row
 from tracking import IRONS

@@ -18,7 +18,7 @@ from anhyst.rig.bearing.scenario import Scenario, Script, land_time
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.pace import PacedBench, Pacing
 from anhyst.study.bearing.on_board import build_firmware
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
 from rows import ROOT, Row, Stopwatch
 
 RIG = ROOT / "examples" / "bearing" / "rig.toml"

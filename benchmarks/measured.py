@@ -17,11 +17,11 @@ from anhyst.data import Loop, Loops
 from anhyst.data.clean import thin
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
+from anhyst.identification.bare import form_of
 from anhyst.identification.default import search_one_gap
 from anhyst.identification.fit_records import records_of
-from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from rows import Row
 
 Array = FloatArray

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from tests.study.test_losses import laid
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.case_table import LossCase

@@ -29,8 +29,8 @@ from anhyst.data.verdict import largest_output
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import CHOSEN
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 from drawn import COUNT, Draw, Test, draw
 from drawn_families import FAMILIES
 from rows import ROOT, Row, Stopwatch

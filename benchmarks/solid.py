@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import Io, twin_of
 from anhyst.data import Loop
@@ -29,7 +29,7 @@ from anhyst.rig.magnet_table import SolidTable
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.ready import read_files
+from anhyst.study.bearing.operating import read_files
 from anhyst.study.bearing.responses import StepCell, compare
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains

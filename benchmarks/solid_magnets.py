@@ -16,7 +16,7 @@ import numpy as np
 
 from anhyst._core import Piece, Steel
 from anhyst.data import Loop, Loops
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 from drawn_families import draw_iron
 from drawn_irons import PlantIron

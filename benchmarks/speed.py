@@ -24,7 +24,7 @@ from anhyst._core import (
 )
 from anhyst.laws.cells import Population, populations
 from anhyst.laws.play_cells import iron_of
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from rows import Row
 
 Array = FloatArray

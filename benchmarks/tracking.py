@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import TypeAdapter
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops

@@ -9,9 +9,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from anhyst.compensate.interface import MethodName
-from anhyst.study.bearing.plants import bearing_plants
+from anhyst.compensate.force_controller import MethodName
 from anhyst.study.engine.monte_carlo import monte_carlo
+from anhyst.study.plants import bearing_plants
 from anhyst.study.tuning.aims import Aims, Figures
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions
 from anhyst.study.tuning.search import GainSearch

@@ -19,17 +19,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from anhyst.data.reading import read_loops
+from anhyst.identification.bare import form_of
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
 from anhyst.identification.cell_starts import draw_starts, placed, possible
-from anhyst.identification.default import follow
-from anhyst.identification.fit_records import records_of
-from anhyst.identification.fitting import descend
-from anhyst.identification.gauge import form_of
+from anhyst.identification.default import descend, follow
+from anhyst.identification.fit_records import records_of, rest_of
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import Local
-from anhyst.identification.rest import rest_of
 from anhyst.identification.space import CoordinateSpace
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from rows import ROOT
 
 _STARTS, _SHORT, _LONG, _GRID = 48, 6, 60, 31

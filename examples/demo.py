@@ -31,7 +31,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
@@ -52,13 +52,13 @@ from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import StageSetup, track
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.responses import compare, default_seeds
 from anhyst.study.engine.verdict import TITLES, Interval, mean_interval, strongest
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
-from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
+from anhyst.support.numeric import FloatArray
 from anhyst.support.pays import FEEDBACK
 from anhyst.support.result import dress
 from anhyst.verification import verify

@@ -37,8 +37,8 @@ from anhyst.identification import IdentifyResult, identify
 from anhyst.identification.paper_search import spline_model_at
 from anhyst.model.actuator import Model
 from anhyst.reports.model.figures import figure_reduction
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.style import (
     ALARM,
     FALLING,

@@ -12,7 +12,7 @@ from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
 GAPS = (0.3e-3, 0.4e-3, 0.6e-3)

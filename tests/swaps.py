@@ -5,7 +5,7 @@ from __future__ import annotations
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block
 from anhyst.compensate.twin import FixedTwin
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 
 def jump(here: Block, there: Block, demand: FloatArray, gap: float) -> float:

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from anhyst._core import Piece
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 HERE = Path(__file__).resolve().parent

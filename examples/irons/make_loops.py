@@ -28,8 +28,7 @@ from anhyst._core import Coil, Magnet
 from anhyst.rig.iron_table import IronEntry, NamedIron
 from anhyst.rig.parts.iron import AnySteel
 from anhyst.rig.parts.magnet import Electromagnet, Poles, iron_magnet
-from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import sine
+from anhyst.support.numeric import FloatArray, sine
 
 HERE = Path(__file__).resolve().parent
 SEED = 20261122

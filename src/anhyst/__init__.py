@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from anhyst.data.inspection import Inspection, inspect
     from anhyst.data.loops import Loop, Loops
     from anhyst.data.reading import read_loops
-    from anhyst.draft.drafting import Drafted, init
-    from anhyst.draft.examples import example_files
+    from anhyst.draft.drafting import Drafted, example_files, init
     from anhyst.exchange.convert import convert
     from anhyst.exchange.verb import export
     from anhyst.identification.identify import identify
@@ -58,7 +57,7 @@ if TYPE_CHECKING:
     from anhyst.study.fleet.fleet import Fleet
     from anhyst.study.fleet.fleet import judge_fleet as fleet
     from anhyst.study.force.force_control import ForceControl, force_control
-    from anhyst.study.piezo.track import PiezoTracking
+    from anhyst.study.piezo import PiezoTracking
     from anhyst.study.tracking.calibrate import Calibration, calibrate
     from anhyst.study.tracking.compiled import CompiledStage
     from anhyst.study.tracking.compiled import compile_file as compile  # noqa: A004
@@ -66,7 +65,7 @@ if TYPE_CHECKING:
     from anhyst.study.tracking.simulate import TrackingStudy
     from anhyst.study.tuning.result import Tuning
     from anhyst.study.tuning.tuning import tune
-    from anhyst.study.watch.recording import watch
+    from anhyst.study.watch import watch
     from anhyst.support.errors import InputError, NegativeResult
     from anhyst.verification.result import Verification
     from anhyst.verification.verify import verify
@@ -149,7 +148,7 @@ _PLACES = {
     "ModelDiff": "model.diff",
     "MonteCarlo": "study.engine.monte_carlo",
     "NegativeResult": "support.errors",
-    "PiezoTracking": "study.piezo.track",
+    "PiezoTracking": "study.piezo",
     "Prediction": "model.prediction",
     "RunSummary": "model.predict_file",
     "Simulation": "study.bearing.simulate",
@@ -161,7 +160,7 @@ _PLACES = {
     "compile": "study.tracking.compiled:compile_file",
     "convert": "exchange.convert",
     "diff": "model.diff",
-    "example_files": "draft.examples",
+    "example_files": "draft.drafting",
     "excite": "reports.measuring:excite_rig",
     "excite_to_calibrate": "study.tracking.excitation",
     "export": "exchange.verb",
@@ -180,7 +179,7 @@ _PLACES = {
     "simulate": "reports.simulate:simulate_rig",
     "tune": "study.tuning.tuning:tune",
     "verify": "verification.verify",
-    "watch": "study.watch.recording",
+    "watch": "study.watch",
     "xcp": "link.xcp_bridge",
 }
 """Where each name lives, and what it is called there if not the same."""

@@ -18,7 +18,7 @@ from anhyst.cli.app import app, main
 from anhyst.data.formats import FORMATS
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import MEASUREMENTS, FileKind, kind_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from anhyst.study.piezo.track import WORTH_IT, verdict
+from anhyst.study.piezo import WORTH_IT, verdict
 from anhyst.support.pays import PIEZO
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.cli.progress import Pace
+from anhyst.cli.console import Pace
 from tests.foreign.magnets import MAGNETS
 
 from .command import quick, shares_said, speaking

@@ -13,8 +13,8 @@ import pytest
 from anhyst.cli import app as cli
 from anhyst.rig.stage.file import calibration_of, read_stage
 from anhyst.rig.stage.loop import Feedforward, track
+from anhyst.study.plants import ERRORS
 from anhyst.study.tracking import calibrate as calibration
-from anhyst.study.tracking.plants import ERRORS
 from tests.refusals import says
 from tests.study import bearings
 from tests.study.stages import recorded, setup, training

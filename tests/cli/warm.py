@@ -44,7 +44,7 @@ def load() -> None:
             "compilation",
             "draft.bearing",
         ),
-        *("data.plot", "verification"),
+        *("data.inspection", "verification"),
     )
     others = (
         "scipy.interpolate",

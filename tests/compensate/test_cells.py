@@ -18,13 +18,12 @@ from anhyst.compensate.block import Block, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import build_cells, cell_rows, fewer
 from anhyst.compensate.floating import RealIo, build_real
 from anhyst.compensate.full import build_full
-from anhyst.compensate.irons import cell_weights
-from anhyst.compensate.scheduled import Arms, flux_unit
+from anhyst.compensate.scheduled import Arms, cell_weights, flux_unit
 from anhyst.compensate.twin import FixedTwin, Io, RealTwin
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import GAPS, magnet
 from tests.oracles.play_cells import PlayCells

@@ -10,7 +10,7 @@ from anhyst.compensate.block import Block, Conditioning, Kind, Scales, TableSize
 from anhyst.compensate.full import build_full
 from anhyst.compensate.plan import find_limits, find_scales, left_after, plan_start
 from anhyst.compensate.twin import FixedTwin
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
     GAPS,

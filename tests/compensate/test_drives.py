@@ -22,7 +22,7 @@ from anhyst._core import (
     ParametersF32,
 )
 from anhyst.compensate.floating import RealKind, build_real
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
     GAPS,

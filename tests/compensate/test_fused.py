@@ -9,7 +9,7 @@ import pytest
 
 from anhyst._core import FixedForceController, ForceController, ForceControllerF32
 from anhyst.compensate.floating import RealKind, build_real
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import SIZES, WIDE, closed_form, compiled, magnet, ranges, reversals
 
 ONE, NO_FLUX, NAN = 2**31, -(2**31), math.nan

@@ -12,16 +12,15 @@ import pytest
 from anhyst.compensate import holding
 from anhyst.compensate.block import Block
 from anhyst.compensate.holding import Held, hold
-from anhyst.compensate.measure import exact_output
-from anhyst.compensate.paths import Path as Way
-from anhyst.compensate.paths import find_reach
+from anhyst.compensate.measure import Path as Way
+from anhyst.compensate.measure import exact_output, find_reach
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compensate.twin import FixedTwin, Io, twin_of
 from anhyst.data.read_options import ReadOptions
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick
 from tests.foreign.magnets import MAGNETS
 from tests.refusals import says

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.current_map import single_valued_map
-from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import ForceController, NumberFormat
 from anhyst.compensate.play_map import (
     PlayMap,
     best_radius,
@@ -20,7 +19,7 @@ from anhyst.compensate.play_map import (
 )
 from anhyst.compensate.sources import Sources
 from anhyst.compensate.surface import fit_surface
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS
 from tests.compensate.test_methods import POINT, RANGE, WIDTH, around, known, roots
 

@@ -16,12 +16,12 @@ from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
 from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.compensate.words import Names
-from anhyst.compilation.core import SINGLE
-from anhyst.compilation.floating_source import c_parameters, literal
+from anhyst.compilation.parameters import c_parameters, literal
+from anhyst.compilation.toolchain import SINGLE
 from anhyst.model.compilable import least_slope
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
-from anhyst.support.folder import core_folder
+from anhyst.support.atomic import core_folder
+from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
     GAPS,

@@ -14,7 +14,7 @@ import pytest
 from anhyst.compensate.block import Block, DemandLimits, Kind, Scales, TableSizes
 from anhyst.compensate.simplified import ClosedForm, build_simplified
 from anhyst.compensate.twin import FixedTwin
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import reversals, ring
 from tests.oracles.linear_anhysteretic import LinearAnhysteretic

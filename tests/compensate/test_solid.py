@@ -10,16 +10,15 @@ import pytest
 from anhyst import _core
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
 from anhyst.compensate.floating import RealBlock, RealIo, build_real
-from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.force_controller import ForceController, NumberFormat
 from anhyst.compensate.hysteresis_inverse import full_inverse
-from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.compensate.cycles import rms, worst
-from anhyst.compilation.play import CompiledPlay, compile_play
+from anhyst.compilation.play import CompiledPlay, compile_play, rms, worst
 from anhyst.model.writer import write_model
 from anhyst.verification import verify
 from tests.actuators import magnet, ring

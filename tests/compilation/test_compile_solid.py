@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compilation.core import ROOM
 from anhyst.compilation.output import Compiled, compile_model
-from anhyst.compilation.toolchain import Build, compile_c
-from anhyst.support.folder import core_folder
+from anhyst.compilation.toolchain import ROOM, Build, compile_c
+from anhyst.support.atomic import core_folder
 from anhyst.verification.verify import verify
 from tests.compensate.test_solid import LAYERS, RATE, TOP, magnet
 from tests.compilation.test_compile import compiles_alone_on_16_bits

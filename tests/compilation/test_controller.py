@@ -15,8 +15,8 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.compensate.plan import CompileRequest
-from anhyst.compilation.lifting import COLUMNS, INPUTS
 from anhyst.compilation.output import Compiled, compile_model
+from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
 from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.data.reading import read_loops
@@ -94,7 +94,9 @@ def test_c_compiles_without_a_warning_and_gives_the_golden_answers(
     for column in ("drive_1", "reference", "demand", "state", "flags"):
         lines = vectors.splitlines()
         cells = lines[700].split(",")
-        cells[COLUMNS.index(column)] = str(int(cells[COLUMNS.index(column)]) ^ 1)
+        cells[LEVITATION_COLUMNS.index(column)] = str(
+            int(cells[LEVITATION_COLUMNS.index(column)]) ^ 1
+        )
         lines[700] = ",".join(cells)
         assert played(program, "\n".join(lines)) == f"{rows} rows, 1 differ\n"
 
@@ -120,7 +122,7 @@ def test_what_is_written_for_an_actuator_breaks_no_rule_but_those_listed(
 
 def test_the_golden_flight_lifts_steps_loses_a_sample_and_lands(compiled: Compiled) -> None:
     table = np.loadtxt(compiled.out / "controller.csv", delimiter=",", skiprows=1, dtype=np.int64)
-    column = {name: table[:, i] for i, name in enumerate(COLUMNS)}
+    column = {name: table[:, i] for i, name in enumerate(LEVITATION_COLUMNS)}
     run = [16 * State.RUN + phase for phase in (1, 2, 3, 4, 5)]
     ready = 16 * State.READY + Phase.REST
     places = [0, *np.flatnonzero(np.diff(column["state"])) + 1]
@@ -142,7 +144,7 @@ def test_currents_are_words_of_the_converter(compiled: Compiled) -> None:
     """In codes the grid of 16 bits over 0 to 4.5 A is exact, in amperes to the full scale's."""
     table = np.loadtxt(compiled.out / "controller.csv", delimiter=",", skiprows=1, dtype=np.int64)
     current = compiled.manifest["controller"]["signals"]["current"]
-    driven = table[:, COLUMNS.index("drive_1")]
+    driven = table[:, LEVITATION_COLUMNS.index("drive_1")]
     assert (driven % current["step_codes"] == 0).all()
     amperes = driven / 2.0**31 * current["scale"]
     words = amperes / (4.5 / 65535.0)
@@ -181,7 +183,7 @@ def as_rows(recording: Recording, scenario: Scenario, compiled: Compiled) -> str
     def position(gap: float) -> int:
         return 0 if math.isnan(gap) else code(middle - gap, "position")
 
-    lines = [",".join(COLUMNS)]
+    lines = [",".join(LEVITATION_COLUMNS)]
     for i, row in enumerate(recording.table):
         at = dict(zip(recording.columns, row.tolist(), strict=True))
         cells = [position(at["gap_read_m"]), position(float(scenario.target[i])), 0]
@@ -268,7 +270,7 @@ def test_the_manifest_reports_what_the_codes_mean(compiled: Compiled) -> None:
         assert found
         assert float(found[1]) == value
     assert controller["signals"]["position"]["zero_gap"] == pytest.approx(0.45e-3)
-    assert COLUMNS.index("drive_1") == INPUTS
+    assert LEVITATION_COLUMNS.index("drive_1") == INPUTS
 
 
 def test_fragments_for_make_and_cmake_name_its_source(compiled: Compiled, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from anhyst._core import (
     PositionF32,
 )
 from anhyst.compensate.block import Scales
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control import (
     Levitation,
     Pidd2,
@@ -27,7 +27,7 @@ from anhyst.control import (
     design,
 )
 from anhyst.control.states import Command, Phase, State
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 RATE = 20e3
 MASS, LOAD = 2.0, 150.0

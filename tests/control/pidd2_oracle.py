@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from anhyst.control.pidd2 import Pidd2
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 
 def respond(

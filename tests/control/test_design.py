@@ -78,6 +78,6 @@ def test_numbers_out_of_range_are_named(numbers: tuple[float, ...], reported: st
 
 
 def test_the_example_is_true() -> None:
-    result = doctest.testmod(importlib.import_module("anhyst.control.design"))
+    result = doctest.testmod(importlib.import_module("anhyst.control.pidd2"))
     assert result.attempted > 0
     assert result.failed == 0

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import control
 from anhyst._core import Controller, FixedController
 from anhyst.control import FullScales, Pidd2, design, from_control, to_control
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
 RATE = 20e3

@@ -20,7 +20,7 @@ from anhyst.control.fixed_axes import (
     fixed_wrench,
 )
 from anhyst.control.position import Allocation
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.compilation.test_compile_stage import single
 from tests.refusals import refused
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.states import Command, Fault, Flag, Phase, State
 from tests.control.levitating import (
     CONTROL,

@@ -13,7 +13,7 @@ import pytest
 from anhyst._core import FixedForceController, FixedPosition, ForceController, Position
 from anhyst.compensate.block import Scales
 from anhyst.compensate.floating import build_real
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control import PositionControl, ReferenceConverter
 from anhyst.control.states import Command, Phase, State
 from tests.actuators import CURRENTS, compiled, magnet, ranges

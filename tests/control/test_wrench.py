@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from anhyst._core import WrenchLayout
 from anhyst.control.position import Allocation
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 LEAST = 0.5
 ARM, DEEP, HIGH = 0.12, -0.005, 0.05

@@ -17,7 +17,7 @@ from anhyst._core import (
     langevin,
     status_text,
 )
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 IRON = Iron(1.3e6, 300.0, 200.0, 0.2, 5e-4)
 OPERATOR = Operator(0.7, 0.2)

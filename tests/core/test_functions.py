@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Operator, batch, batch_functions, batch_levels, demagnetised, langevin
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Array = FloatArray
 

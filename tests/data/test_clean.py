@@ -9,9 +9,9 @@ import pytest
 
 from anhyst.data import History, Loop, Loops, estimates
 from anhyst.data.clean import DEFAULT_STEPS, STEPS, clean, thin
-from anhyst.data.noise import noise
+from anhyst.data.estimates import noise
 from anhyst.data.path import turning_points
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from anhyst.data import read_loops
-from anhyst.data.formats import WRITERS, mat_guard, open_table, workbook_guard
+from anhyst.data.formats import WRITERS, excel, mat, open_table
 from anhyst.data.formats.channels import ChannelGroup, Series
-from anhyst.data.listing import list_channels
+from anhyst.data.table import list_channels
 from tests.cli.command import quick
 from tests.data import recordings
 from tests.data.recordings import PACKAGES, loop, workbook
@@ -120,11 +120,11 @@ def test_sizes_that_a_mat_file_lies_about_are_found_before_memory_is_taken(
     path.write_bytes(head + part(14, many))
     with refused("damaged-file"):
         open_table(path)
-    monkeypatch.setattr(mat_guard, "MOST_BYTES", 1 << 20)
+    monkeypatch.setattr(mat, "MOST_BYTES", 1 << 20)
     packed = zlib.compress(part(14, bytes(1 << 21)))
     path.write_bytes(head + struct.pack("<2I", 15, len(packed)) + packed)
     with refused("too-large"):
-        mat_guard.MatGuard(path).check(path.read_bytes())
+        mat.MatGuard(path).check(path.read_bytes())
 
 
 def test_hdf5_is_not_led_out_of_the_file_nor_round_in_it(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_a_workbook_that_would_fill_the_memory_is_refused(
     path = workbook(tmp_path / "run.xlsx", rows, cells=far)
     with refused("too-large: 17179869184"):
         list_channels(path)
-    monkeypatch.setattr(workbook_guard, "_MOST_BYTES", 1 << 16)
+    monkeypatch.setattr(excel, "_MOST_BYTES", 1 << 16)
     path = workbook(tmp_path / "bomb.xlsx", rows, cells=" " * (1 << 18))
     with refused("too-large"):
         list_channels(path)

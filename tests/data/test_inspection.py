@@ -11,12 +11,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from anhyst.data import History, Loop, Loops
-from anhyst.data.inspection import inspect
-from anhyst.data.plot import plot_inspection
-from anhyst.data.reversal import closings
+from anhyst.data.inspection import inspect, plot_inspection
 from anhyst.data.start import propose_histories
-from anhyst.data.verdict import judge, monotone_fit
-from anhyst.support.arrays import FloatArray
+from anhyst.data.verdict import closings, judge, monotone_fit
+from anhyst.support.numeric import FloatArray
 from anhyst.support.pays import LOOPS
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from anhyst.data.history import SETTLED, History
+from anhyst.data.joining import one_after_another
 from anhyst.data.loops import Loop
-from anhyst.data.sequence import one_after_another
 from anhyst.model.actuator import Model
 from anhyst.support.units import QUANTITIES
 from tests.model.test_cells import CIRCUIT, NUMBERS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.data import read_columns, write_csv
-from anhyst.data.formats.columns import Texts
+from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.layout import read_layout
 from anhyst.support.atomic import atomic_writer
 from tests.refusals import refused

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.data.formats import WRITERS
-from anhyst.data.table import read_columns
-from anhyst.data.writing import check_format, check_recording, write_recording
+from anhyst.data.table import check_format, check_recording, read_columns, write_recording
 from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, split_header

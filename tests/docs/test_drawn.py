@@ -11,7 +11,7 @@ import pytest
 
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 STEEL = CellSteel(20, 0.1, 90.0, 2.0, 1.2, 150.0, 0.5, 3000.0)

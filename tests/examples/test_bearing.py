@@ -19,7 +19,7 @@ from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.iron_table import SteelTable
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 README = (FOLDER / "README.md").read_text()

@@ -12,7 +12,7 @@ from anhyst._core import Coil, Piece
 from anhyst.data.reading import read_loops
 from anhyst.rig.parts.iron import AnySteel
 from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.plant.irons import FOLDER, STEELS, generator
 
 README = (FOLDER / "README.md").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.cell_iron import CellIron
 

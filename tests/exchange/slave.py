@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from anhyst.exchange.fmu_file import PLATFORMS
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 fmpy = pytest.importorskip("fmpy")
 fmi2, fmi3 = pytest.importorskip("fmpy.fmi2"), pytest.importorskip("fmpy.fmi3")

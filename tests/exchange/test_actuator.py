@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.part import FmiVersion
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.cli.command import quick as run
 from tests.exchange.conftest import Fmu

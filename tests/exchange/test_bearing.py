@@ -14,9 +14,8 @@ import pytest
 import anhyst
 from anhyst.control.states import Command, Phase, State
 from anhyst.exchange import stage_part
-from anhyst.exchange.description import model_description
 from anhyst.exchange.fmu_file import export_fmu
-from anhyst.exchange.part import Part
+from anhyst.exchange.part import Part, model_description
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
 from anhyst.rig.bearing.scenario import Scenario, Script
@@ -34,7 +33,7 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once

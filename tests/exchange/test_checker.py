@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import Of, export_fmu
+from anhyst.exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import needs_binary
 from tests.exchange.test_actuator import magnet

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst.exchange.description import FmiVersion
 from anhyst.exchange.fmu_file import Of
+from anhyst.exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import Slave, fmi2, needs_binary, slave
 from tests.exchange.test_actuator import magnet

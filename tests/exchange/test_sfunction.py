@@ -13,8 +13,8 @@ import pytest
 import anhyst
 from anhyst.exchange import stage_part
 from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
-from anhyst.exchange.sfunction import export_sfunction
-from anhyst.support.arrays import FloatArray
+from anhyst.exchange.verb import export_sfunction
+from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick as run
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.slave import HERE, RATE, fmpy, needs_binary, slave

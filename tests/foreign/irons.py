@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 MU_0 = 4e-7 * np.pi
 Floats = FloatArray

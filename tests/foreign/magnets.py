@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.foreign.irons import FrictionIron, FrictionSteel, Iron, PreisachIron, PreisachSteel
 

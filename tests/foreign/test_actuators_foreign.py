@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.model.file import read_model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick
 from tests.once import made_once
 from tests.refusals import says

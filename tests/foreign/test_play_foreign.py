@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.cycles import CycleErrors, cycle_errors, rms
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
+from anhyst.compilation.play import CycleErrors, cycle_errors, rms
 from anhyst.data.reading import read_loops
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.foreign.magnets import MAGNETS
 
 WHOLE = {"u": 0.25, "hard": 0.6, "soft": 1.0}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick, refused
 from tests.cli.records import model
 from tests.foreign.magnets import MAGNETS

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compilation.core import AXES_FIXED, CONTROL, SINGLE, SOURCES
+from anhyst.compilation.toolchain import AXES_FIXED, CONTROL, SINGLE, SOURCES
 
 ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "core" / "src"
@@ -49,7 +49,7 @@ def listed(group: str) -> dict[str, int]:
 
 @pytest.mark.slow
 @pytest.mark.depends(
-    "core", "firmware", "tests/firmware", "docs/proofs.md", "src/anhyst/compilation/core.py"
+    "core", "firmware", "tests/firmware", "docs/proofs.md", "src/anhyst/compilation/toolchain.py"
 )
 @pytest.mark.parametrize("group", GROUPS)
 def test_deviations_are_those_listed(group: str, tmp_path: Path) -> None:

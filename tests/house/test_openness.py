@@ -29,8 +29,8 @@ from anhyst.model.parameters import Parameter
 from anhyst.rig.parts.magnet import ACTUATORS
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
-from anhyst.study.kept import prepared_once
-from anhyst.support.arrays import FloatArray
+from anhyst.study.bench import prepared_once
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell

@@ -12,18 +12,17 @@ from anhyst.data import Loop, Loops
 from anhyst.data.history import History
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
-from anhyst.identification.bare import model_of
+from anhyst.identification.bare import form_of, model_of
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.default import FoundModel
 from anhyst.identification.fit_records import Past, records_of
-from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
-from anhyst.identification.offsets import OFFSETS
 from anhyst.identification.space import CoordinateSpace
+from anhyst.identification.uncertainty import OFFSETS
 from anhyst.laws.cells import Shape
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.identification.truths import HISTORIES, loops_of, magnet, noisy
 from tests.truths import truth as kept
 

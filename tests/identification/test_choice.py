@@ -10,16 +10,15 @@ import pytest
 
 from anhyst.data import Loop, Loops
 from anhyst.data.reading import read_loops
-from anhyst.identification import IdentifyResult, choice, contest, identify
-from anhyst.identification.bare import model_of
+from anhyst.identification import IdentifyResult, candidates, choice, identify
+from anhyst.identification.bare import form_of, model_of
 from anhyst.identification.default import FoundModel, search_each_gap, search_one_gap
 from anhyst.identification.fit_records import records_of
-from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.identification.truths import (
     GAPS,
@@ -198,7 +197,7 @@ def test_a_map_that_bends_between_the_gaps_is_not_taken(
         return replace(model, parameters={**model.parameters, "rho": tuple(rho.tolist())})
 
     monkeypatch.setattr(choice, "model_of", bent)
-    monkeypatch.setattr(contest, "better", lambda *_: True)  # luck at the gaps left out
+    monkeypatch.setattr(candidates, "better", lambda *_: True)  # luck at the gaps left out
     assert identify(loops, law="effective-field").model.gap_map != "circuit"
     monkeypatch.setattr(choice, "model_of", model_of)
     assert identify(loops, law="effective-field").model.gap_map == "circuit"

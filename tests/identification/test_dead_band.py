@@ -12,7 +12,7 @@ import pytest
 from anhyst.data import Loops
 from anhyst.data.read_options import ReadOptions
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.dead_band import COST, PARTS
+from anhyst.identification.bare import COST, PARTS
 from tests.identification.truths import core, largest, loops_of, magnet, predicted
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

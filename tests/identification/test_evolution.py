@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.identification.paper_criterion import simplex
-from anhyst.identification.paper_evolution import EvolutionStrategy, reflected
-from anhyst.identification.paper_seven import Variables
-from anhyst.support.arrays import FloatArray
+from anhyst.identification.paper_search import EvolutionStrategy, reflected
+from anhyst.identification.paper_seven import Variables, simplex
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
 

@@ -9,10 +9,9 @@ import pytest
 
 from anhyst.data import Loop, Loops
 from anhyst.identification import identify
-from anhyst.identification.default import follow
+from anhyst.identification.bare import form_of
+from anhyst.identification.default import Evaluation, follow
 from anhyst.identification.fit_records import WEIGHTINGS, FitRecords, records_of
-from anhyst.identification.fitting import Evaluation
-from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import LOCAL, Local
 from anhyst.identification.screening import sample_sets, screen, starts
@@ -20,8 +19,8 @@ from anhyst.identification.space import PER_GAP, CoordinateSpace
 from anhyst.identification.uncertainty import memory
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NoResponseError
+from anhyst.support.numeric import FloatArray
 from tests.identification.truths import (
     GAPS,
     HISTORIES,

@@ -6,8 +6,8 @@ import inspect
 from typing import get_args
 
 from anhyst.cli import identify as command
-from anhyst.identification import options as identifyoptions
-from anhyst.identification.options import IdentifyTable
+from anhyst.identification import run as identifyoptions
+from anhyst.identification.run import IdentifyTable
 
 NOT_IN_A_RIG = {"loops", "out", "as_json"}
 

@@ -11,10 +11,8 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify, paper_sequence
+from anhyst.identification.bare import form_of
 from anhyst.identification.fit_records import FitRecords, records_of
-from anhyst.identification.gauge import form_of
-from anhyst.identification.paper_criterion import IMPOSSIBLE, Criterion, mean_deviation
-from anhyst.identification.paper_reduction import reductions
 from anhyst.identification.paper_search import (
     SearchBench,
     SearchEffort,
@@ -22,14 +20,17 @@ from anhyst.identification.paper_search import (
     search_each_gap,
     spline_model_at,
 )
-from anhyst.identification.paper_sequence import search_paper
+from anhyst.identification.paper_sequence import reductions, search_paper
 from anhyst.identification.paper_seven import (
     AIR_SLOPE,
+    IMPOSSIBLE,
     SEVEN,
+    Criterion,
     Values,
     gauge_free,
     in_one_gauge,
     local_of,
+    mean_deviation,
     mean_over_gaps,
     variables_of,
 )
@@ -187,7 +188,7 @@ def test_cost_of_the_last_step_is_that_of_the_model(quick: IdentifyResult, two_g
 
 
 @pytest.fixture(scope="module")
-def whole(two_gaps: Loops) -> paper_sequence.Sequence:
+def whole(two_gaps: Loops) -> paper_sequence.PaperResult:
     return search_paper(run_of(two_gaps), two_gaps, "auto", LEAST)
 
 
@@ -195,7 +196,7 @@ def whole(two_gaps: Loops) -> paper_sequence.Sequence:
     "stage", [5, *(pytest.param(one, marks=pytest.mark.slow) for one in (1, 20))]
 )
 def test_a_killed_run_goes_on_to_the_same_result(
-    stage: int, two_gaps: Loops, whole: paper_sequence.Sequence, tmp_path: Path
+    stage: int, two_gaps: Loops, whole: paper_sequence.PaperResult, tmp_path: Path
 ) -> None:
     kept = tmp_path / "checkpoint"
 

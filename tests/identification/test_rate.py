@@ -17,7 +17,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 
 GAPS = (3e-4, 5e-4)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
-from anhyst.identification.bare import model_of
+from anhyst.identification.bare import form_of, model_of
 from anhyst.identification.default import (
     FoundModel,
     join_gaps,
@@ -21,7 +21,6 @@ from anhyst.identification.default import (
     search_one_gap,
 )
 from anhyst.identification.fit_records import records_of
-from anhyst.identification.gauge import form_of
 from anhyst.identification.objective import Objective
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import Uncertainty

@@ -11,8 +11,8 @@ import pytest
 
 from anhyst.data import Loops
 from anhyst.identification import IdentifyResult, identify
+from anhyst.identification.bare import form_of
 from anhyst.identification.fit_records import records_of
-from anhyst.identification.gauge import form_of
 from anhyst.identification.run import SearchRun
 from tests.identification.truths import GAPS, core, largest, loops_of, magnet, noisy
 

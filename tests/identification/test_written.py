@@ -17,9 +17,8 @@ from anhyst.data.formats.text import write_csv
 from anhyst.data.reading import read_loops
 from anhyst.data.verdict import largest_output
 from anhyst.identification import IdentifyResult, candidates, identify
-from anhyst.identification.candidates import ModelCandidate
+from anhyst.identification.candidates import Contest, Fits, ModelCandidate
 from anhyst.identification.cell_kernel import CellKernel
-from anhyst.identification.contest import Contest, Fits
 from anhyst.identification.cross_validation import Miss, Refit
 from anhyst.identification.default import FoundModel
 from anhyst.laws.registry import LAWS
@@ -28,8 +27,8 @@ from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN, CandidateFit, FitFigures
 from anhyst.model.parameters import GapMap
 from anhyst.model.predict_file import run_file
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.identification.truths import (
     GAPS,

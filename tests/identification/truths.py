@@ -11,7 +11,7 @@ from anhyst.data import History, Loop, Loops
 from anhyst.identification.response import LOCAL, Local
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 
 GAPS = (0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3)

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 
 from anhyst.compensate.block import Kind
-from anhyst.compilation.core import SOURCES, core_files
 from anhyst.compilation.parameters import scales_source
+from anhyst.compilation.toolchain import SOURCES, core_files
 from tests.actuators import compiled
 
 KIND: Kind = "simplified"

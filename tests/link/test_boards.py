@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.states import Command, Fault, State
-from anhyst.link import transport
+from anhyst.link import wire
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.plant_bus import PlantBus, over
@@ -94,7 +94,7 @@ def test_a_firmware_keeps_its_port_while_clients_come_and_go(host_firmware: Path
 def test_a_port_is_read_without_descriptors_as_on_windows(
     host_firmware: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transport, "_descriptor", lambda port: None)
+    monkeypatch.setattr(wire, "_descriptor", lambda port: None)
     with (
         run_host(host_firmware, NoisyPlant(), "tcp:0") as board,
         ControllerLink(board.url, timeout=2.0) as controller,

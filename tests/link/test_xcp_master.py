@@ -16,8 +16,7 @@ from anhyst.control.xcp_map import SIGNALS
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
 from anhyst.link.wire import framed
-from anhyst.link.xcp import XcpMaster
-from anhyst.link.xcp_line import AnswerLost, XcpLine
+from anhyst.link.xcp import AnswerLost, XcpLine, XcpMaster
 from tests.refusals import refused
 
 from .conftest import RATE

@@ -9,10 +9,9 @@ import numpy as np
 
 from anhyst.control.states import Command
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.modelling import loops_at, loops_of_rig
-from anhyst.rig.force.programs import prepare
+from anhyst.rig.force.programs import loops_at, loops_of_rig, prepare
 from anhyst.study.prepared import PreparedForce
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.study.measured_rigs import measured_rig
 from tests.truths import truth
 

@@ -14,7 +14,7 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.protocol import Signal
 from anhyst.study.prepared import PreparedBearing, PreparedForce
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.live.improving import pinned_more, swung
 from tests.refusals import refused
 from tests.study import bearings

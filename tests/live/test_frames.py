@@ -7,7 +7,7 @@ import struct
 import numpy as np
 
 from anhyst.dashboard.frames import MOST, Outbox, Run, encode, thin
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 
 def rows(first: int, count: int) -> FloatArray:

@@ -23,7 +23,7 @@ from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.force.programs import Program
 from anhyst.study.bench import open_board
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.live.board import Board, running
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, state_is, until

@@ -13,8 +13,7 @@ import pytest
 
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.control.states import Command, State
-from anhyst.dashboard.improver import Improver
-from anhyst.dashboard.job import Job
+from anhyst.dashboard.improver import Improver, Job
 from anhyst.dashboard.orders import perform
 from anhyst.dashboard.session import LiveSession
 from anhyst.link.blocks import regenerate

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from anhyst.dashboard.recording import Span
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.live.conftest import Served, shown, wait_for
 from tests.live.test_page import lift, press, ready, seen, state_is, until
 from tests.live.test_recorder import numbers

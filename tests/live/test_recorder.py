@@ -18,7 +18,7 @@ from anhyst.cli.app import main
 from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
 from anhyst.rig.bench.bearing import BearingBench
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.live.conftest import wait_for
 from tests.refusals import refused
 from tests.study import bearings

@@ -19,8 +19,8 @@ from anhyst.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorde
 from anhyst.data.formats import open_table
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Signal, Subscription
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from tests.live.conftest import wait_for
 from tests.live.test_recorder import numbers
 from tests.refusals import refused, says

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.permitted import next_step, refusal, standing
+from anhyst.control.position import next_step, refusal, standing
 from anhyst.control.states import Command, State
 from anhyst.link.client import Refused
 from anhyst.rig.bench.bearing import BearingBench

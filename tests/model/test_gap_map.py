@@ -11,8 +11,8 @@ from anhyst.laws.law import Coordinate
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.gap_map import Curve
 from anhyst.model.parameters import specs_of
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
 GAPS = np.array([0.3e-3, 0.4e-3, 0.5e-3, 0.6e-3])

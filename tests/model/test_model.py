@@ -14,8 +14,8 @@ from anhyst.data.history import History
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import GapMap, Parameter
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

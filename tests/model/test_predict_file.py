@@ -14,7 +14,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict_file import run_file
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

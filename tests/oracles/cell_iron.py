@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 

@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.effective_field import EffectiveField, StepKind
 from tests.oracles.equation import NO_EDDY, Eddy, Use, forward_use, inverse_use, solve

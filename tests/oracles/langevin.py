@@ -18,8 +18,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 Number = TypeVar("Number", float, FloatArray)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst import _core
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.oracles.iron import Iron
 from tests.oracles.operator import DEMAGNETISED, LawState
 

@@ -10,7 +10,7 @@ import numpy as np
 from anhyst import _core
 from anhyst.laws.cells import CellWeights, Population, Shape, populations
 from anhyst.laws.play_cells import iron_of
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.oracles.effective_field import StepKind
 from tests.oracles.iron import LawName
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.oracles.effective_field import StepKind
 from tests.oracles.iron import Iron, LawName
 from tests.oracles.operator import DEMAGNETISED, LawState

@@ -7,7 +7,7 @@ import pytest
 
 from anhyst._core import CellOperator
 from anhyst.laws.cells import Population, Shape, population_tangents, populations
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 NUMBERS = np.array([3e4, 50.0, 3e5, 40.0, 20.0, 1.5, 1e5, 120.0, 80.0, 2.0])
 OMEGA, DRIVE = 0.01, 0.012

@@ -12,8 +12,8 @@ from anhyst.compensate.block import DemandLimits, Scales, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,
     GAPS,

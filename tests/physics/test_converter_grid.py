@@ -8,7 +8,7 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Kind
 from anhyst.compensate.twin import FixedTwin
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import CURRENTS, WIDE, compiled, largest_force, magnet
 
 TICKS = 60_000

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 from .irons import EVERY, Sample, samples

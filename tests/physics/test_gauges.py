@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.effective_field import EffectiveField
 from tests.oracles.equation import solve

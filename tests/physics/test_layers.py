@@ -7,7 +7,7 @@ import pytest
 
 from anhyst._core import AnyIron, CellIron, Iron
 from anhyst.laws.cells import CellWeights, Population, populations
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.layers import SolidIron
 from tests.oracles.play_cells import PlayCells

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.oracles.effective_field import EffectiveField
 from tests.oracles.iron import LawName
 from tests.oracles.jiles_atherton_1986 import JilesAtherton1986

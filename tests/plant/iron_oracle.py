@@ -11,9 +11,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
-from anhyst.rig.parts.iron import DuhemSteel
-from anhyst.rig.parts.preisach import PreisachSteel
-from anhyst.support.arrays import FloatArray
+from anhyst.rig.parts.iron import DuhemSteel, PreisachSteel
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 PINNINGS, BIASES = 1200, 600

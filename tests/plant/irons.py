@@ -11,9 +11,8 @@ from types import ModuleType
 import numpy as np
 
 from anhyst._core import Piece
-from anhyst.rig.parts.iron import AnySteel, DuhemSteel
-from anhyst.rig.parts.preisach import PreisachSteel
-from anhyst.support.arrays import FloatArray
+from anhyst.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
+from anhyst.support.numeric import FloatArray
 from tests.plant.rigs import example_steel
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples" / "irons"

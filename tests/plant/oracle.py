@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.oracles.cell_iron import CellIron
 
 Floats = FloatArray

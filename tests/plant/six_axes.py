@@ -11,7 +11,7 @@ import numpy as np
 from anhyst._core import Plant
 from anhyst.rig.bearing.plant import plant_numbers
 from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, example_poles, example_steel, rig
 
 _ARM, _DEEP, _HIGH = 0.12, -0.005, 0.05

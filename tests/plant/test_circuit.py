@@ -10,7 +10,7 @@ import pytest
 from anhyst._core import Coil, Magnet
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import FluxTable, iron_magnet, law_magnet
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import GAPS, nested
 from tests.actuators import magnet as model

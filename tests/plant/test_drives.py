@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import Plant
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles
 
 SOFT: dict[str, Any] = {

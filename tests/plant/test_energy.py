@@ -15,7 +15,7 @@ from anhyst._core import Coil
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles, iron_magnet
 from anhyst.rig.stage.file import read_stage
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, OPEN_LOOP, bearing, example_poles, example_steel
 

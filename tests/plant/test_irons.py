@@ -10,9 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from anhyst._core import Coil, Piece
-from anhyst.rig.parts.iron import AnySteel, DuhemSteel
+from anhyst.rig.parts.iron import AnySteel, DuhemSteel, PreisachSteel
 from anhyst.rig.parts.magnet import iron_magnet
-from anhyst.rig.parts.preisach import PreisachSteel
 from anhyst.support.units import MU_0
 from tests.plant.iron_oracle import Duhem, Relays
 from tests.plant.irons import (

@@ -12,7 +12,7 @@ import pytest
 from anhyst._core import Coil, Magnet
 from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.parts.magnet import flux_table_of, iron_magnet, law_magnet
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS
 from tests.actuators import magnet as model
 from tests.plant.irons import STEELS

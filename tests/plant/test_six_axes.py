@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from anhyst._core import Plant
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.plant.oracle import Ledger, Shape, middles
 from tests.plant.rigs import GAP, example_steel
 from tests.plant.six_axes import HEAVY, LINES, SPRUNG, Body

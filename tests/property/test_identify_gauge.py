@@ -10,15 +10,15 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anhyst.data.history import DEMAGNETISED
+from anhyst.identification.bare import AIR_CORE, form_of, physical
 from anhyst.identification.fit_records import FitRecord, FitRecords, Past
-from anhyst.identification.gauge import AIR_CORE, form_of, physical
 from anhyst.identification.objective import Objective
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import CoordinateSpace
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES, Quantity
 
 GAPS = (0.2e-3, 0.35e-3, 0.6e-3)

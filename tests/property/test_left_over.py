@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from anhyst.model.left_over import left_over
 from anhyst.model.residual_shapes import Residual
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 NOISE = 5e-3
 Way = Callable[[FloatArray, FloatArray, float, float], FloatArray]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from anhyst.laws.cells import SHAPES, CellWeights
 from anhyst.laws.play_cells import iron_of
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.oracles.play_cells import PlayCells
 

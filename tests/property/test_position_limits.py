@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.states import Command
 from tests.control.levitating import CONTROL, FORMATS, PAIR, make
 

@@ -14,7 +14,7 @@ from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     GAPS,
     SIZES,

@@ -9,17 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable, read_controller
 from anhyst.reports.bearing import SimulationSubject
-from anhyst.reports.bearing.force_current import LoopCurve
 from anhyst.reports.bearing.over_frequency import Response
 from anhyst.reports.bearing.over_runs import (
     BenefitCell,
     GainsPoint,
     TuningPicture,
 )
-from anhyst.reports.bearing.over_time import StepPanel
+from anhyst.reports.bearing.over_time import LoopCurve, StepPanel
 from anhyst.reports.bearing.subject import FigureTable, Tracking, grouped
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.scenario import ReferenceStep

@@ -13,12 +13,11 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loops import Loop, Loops
 from anhyst.reports.bearing import SimulationSubject
 from anhyst.reports.bearing.block_diagram import figure_structure
-from anhyst.reports.bearing.force_current import LoopCurve, figure_force_current, nearest_loops
 from anhyst.reports.bearing.look import COLOURS, DASHES, MOST_POINTS, thinned
 from anhyst.reports.bearing.over_frequency import figure_sensitivity
 from anhyst.reports.bearing.over_runs import (
@@ -30,7 +29,13 @@ from anhyst.reports.bearing.over_runs import (
     figure_pareto,
     pareto_front,
 )
-from anhyst.reports.bearing.over_time import figure_forces, figure_steps
+from anhyst.reports.bearing.over_time import (
+    LoopCurve,
+    figure_force_current,
+    figure_forces,
+    figure_steps,
+    nearest_loops,
+)
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.magnet_table import OPENS, LikeTable

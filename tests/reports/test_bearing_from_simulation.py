@@ -13,7 +13,7 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.compensate.methods import BASELINES
 from anhyst.control.controller_file import read_controller
-from anhyst.reports.bearing.from_benefit import subject_of_benefit
+from anhyst.reports.bearing.from_simulation import subject_of_benefit
 from anhyst.reports.bearing.look import interval_text
 from anhyst.reports.bearing.page import render
 from anhyst.rig.bearing.file import read_bearing

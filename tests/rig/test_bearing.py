@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.states import Command
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model

@@ -17,7 +17,7 @@ from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.scenario import Scenario, Script, land_time
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.bearing.on_board import build_firmware
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP

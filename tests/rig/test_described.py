@@ -10,7 +10,7 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.file import RigFile
 from anhyst.rig.force.file import SolenoidFile

@@ -7,17 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from anhyst.compensate.baselines import fit_ratio
+from anhyst.compensate.surface import fit_ratio
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import Refused
 from anhyst.rig.bench.force import Armature, ForceBench
 from anhyst.rig.case_table import ForceCase
-from anhyst.rig.force.bench import ActuatorBench
+from anhyst.rig.force.bench import ActuatorBench, run_firmware, triangle
 from anhyst.rig.force.file import Rig
-from anhyst.rig.force.modelling import loops_at, loops_of_rig
-from anhyst.rig.force.programs import Program
-from anhyst.rig.force.session import run_firmware, triangle
-from anhyst.support.arrays import FloatArray
+from anhyst.rig.force.programs import Program, loops_at, loops_of_rig
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.rig import forces
 

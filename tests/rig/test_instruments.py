@@ -7,12 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.baselines import fit_ratio, fit_single_valued
+from anhyst.compensate.surface import fit_ratio, fit_single_valued
 from anhyst.data import History, Loop, Loops
 from anhyst.rig.case_table import ForceCase, MovingCase
-from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
+from anhyst.rig.force.bench import (
+    LEAD_IN,
+    ActuatorBench,
+    moving_gap,
+    read_gaps,
+    run_open_loop,
+    triangle,
+    with_lead_in,
+)
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.session import LEAD_IN, moving_gap, triangle, with_lead_in
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 

@@ -15,7 +15,7 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.parts.magnet import ACTUATORS, ActuatorKind, Poles
 from anhyst.rig.stage.file import least_of, opposed, read_stage
-from anhyst.study.excite.limits import Bound, bearing_specimen
+from anhyst.study.excite.design import Bound, bearing_specimen
 from anhyst.support.kinds import RIGS
 from anhyst.support.toml_text import toml_key, toml_value
 from tests.refusals import refused

@@ -7,16 +7,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from anhyst.identification.options import IdentifyTable
+from anhyst.identification.run import IdentifyTable
 from anhyst.laws.registry import LAWS
-from anhyst.rig import loop_files
-from anhyst.rig.loop_files import identify_loops
-from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig import measurement_table
+from anhyst.rig.measurement_table import identify_loops
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
+from anhyst.study import piezo
 from anhyst.study.fleet import judge
-from anhyst.study.fleet.judge import FleetSettings, FleetTask
-from anhyst.study.fleet.members import Member
-from anhyst.study.piezo import track
+from anhyst.study.fleet.judge import FleetSettings, FleetTask, Member
 from tests.study import bearings, stages
 
 
@@ -26,7 +25,7 @@ def test_a_search_that_ctrl_c_ended_is_neither_gone_on_with_nor_kept(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     loops = read_stage(stages.EXAMPLE / "rig.toml").measured.read()
     half = SimpleNamespace(interrupted=True, model=bearings.knowledge().model)
-    monkeypatch.setattr(loop_files, "identify", lambda *_, **__: half)
+    monkeypatch.setattr(measurement_table, "identify", lambda *_, **__: half)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
             identify_loops(loops, IdentifyTable(), "circuit")
@@ -46,7 +45,7 @@ def test_where_somebody_registers_a_law_nothing_is_taken_from_the_cache(
         calls.append(given)
         return found
 
-    monkeypatch.setattr(loop_files, "identify", counted)
+    monkeypatch.setattr(measurement_table, "identify", counted)
     for _ in range(2):
         identify_loops(loops, IdentifyTable(), "circuit")
     assert len(calls) == 1
@@ -60,10 +59,10 @@ def test_no_magnet_of_a_fleet_and_no_piezo_is_judged_by_half_a_search(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     half = SimpleNamespace(interrupted=True, model=bearings.knowledge().model)
-    for module in (judge, track):
+    for module in (judge, piezo):
         monkeypatch.setattr(module, "identify", lambda *_, **__: half)
     member = Member("one", stages.EXAMPLE / "loops.csv")
     with pytest.raises(KeyboardInterrupt):
         judge.identified(FleetTask(member, FleetSettings(20e3), tmp_path, ("auto", "auto")))
     with pytest.raises(KeyboardInterrupt):
-        track.find_inverses(read_piezo_rig(stages.EXAMPLE.parent / "piezo" / "rig.toml"))
+        piezo.find_inverses(read_piezo_rig(stages.EXAMPLE.parent / "piezo" / "rig.toml"))

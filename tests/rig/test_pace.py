@@ -12,8 +12,8 @@ import pytest
 from anhyst.control.states import Command
 from anhyst.rig.bench.pace import BEHIND_S, PacedBench
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal, Subscription
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 
 RATE = 20000.0

@@ -15,7 +15,7 @@ from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.rig.recording import Loss
 from anhyst.rig.stage.file import pull_rows
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import (
     ControllerFile,
     ControllerTable,

@@ -9,7 +9,7 @@ import numpy as np
 
 from anhyst.data.loops import Loop, Loops
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0, QUANTITIES
 
 GAPS = (3e-4, 5e-4)

@@ -18,7 +18,7 @@ from anhyst.rig.force.bench import HeldActuator
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.measuring import HeldRig, measure_place, straight
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.rig.test_iron_families import EXAMPLES, keys_of, with_keys
 

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage

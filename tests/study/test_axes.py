@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage import loop

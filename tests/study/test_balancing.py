@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, changed, draw_plant
 from anhyst.rig.calibration import CENTRE
 from anhyst.rig.recording import Recording
@@ -17,11 +17,11 @@ from anhyst.rig.stage.file import StageRig, calibration_of, read_stage
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.engine.monte_carlo import monte_carlo
+from anhyst.study.plants import ERRORS_OF_AXES, stage_plants
 from anhyst.study.tracking.bodies import AxesLaw
 from anhyst.study.tracking.calibrate import calibrate
 from anhyst.study.tracking.learner import Learner, fit
 from anhyst.study.tracking.measures import cross_talk, measure
-from anhyst.study.tracking.plants import ERRORS_OF_AXES, stage_plants
 from anhyst.support.errors import InputError
 from tests.refusals import refused
 from tests.study import bearings, stages

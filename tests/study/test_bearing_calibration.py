@@ -16,16 +16,15 @@ from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_bearing, with_iron
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.levitation_run import parts_of_run
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated, compiled_model, fit_magnets, make_setup
 from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
-from anhyst.study.bearing.plants import BearingWork
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.study.plants import BearingWork
 from anhyst.study.tracking.bodies import BearingLaw
 from tests.study import bearings
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.control.controller_file import ControllerFile, read_controller
-from anhyst.data.reversal import reversal_share
+from anhyst.data.verdict import reversal_share
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.measuring import measure_loops

@@ -7,11 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing import responses
-from anhyst.study.bearing.experiments import ExperimentOutcome, ExperimentTrial, of_all, stand_still
-from anhyst.study.bearing.limit_cycle import LimitCycle
+from anhyst.study.bearing.experiments import (
+    ExperimentOutcome,
+    ExperimentTrial,
+    LimitCycle,
+    of_all,
+    stand_still,
+)
 from anhyst.study.bearing.responses import StepCell, StepResult, StepRun, compare
 from tests.study import bearings
 from tests.study.bearings import GAP

@@ -11,8 +11,8 @@ import pytest
 from anhyst.data.reading import read_loops
 from anhyst.data.speeds import rate_line, speeds_of
 from anhyst.rig.measuring import HeldRig, Pull, Sensors
+from anhyst.study.excite.design import Bound, Specimen, Winding
 from anhyst.study.excite.excite import Excitation, excite, measure, read_specimen
-from anhyst.study.excite.limits import Bound, Specimen, Winding
 from tests.plant.test_energy import STAGE
 from tests.refusals import refused
 from tests.study.measured_rigs import INNER, WIDE, measured_rig

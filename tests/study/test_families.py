@@ -12,12 +12,12 @@ import pytest
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
-from anhyst.compensate.interface import MethodName
-from anhyst.compensate.paths import find_reach
+from anhyst.compensate.force_controller import MethodName
+from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
 from anhyst.identification.left_open import first_rise
-from anhyst.identification.options import IdentifyTable
+from anhyst.identification.run import IdentifyTable
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup

@@ -13,8 +13,8 @@ import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.interface import MethodName
 from anhyst.control.states import Command
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.scenario import DROP, Scenario

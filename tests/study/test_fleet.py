@@ -14,12 +14,10 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.study.fleet import fleet as whole
 from anhyst.study.fleet.fleet import Fleet, fleet
-from anhyst.study.fleet.judge import RESULT, FleetSettings, judge
-from anhyst.study.fleet.members import Member, find_members
-from anhyst.study.fleet.pilots import decide
+from anhyst.study.fleet.judge import RESULT, FleetSettings, Member, decide, find_members, judge
 from anhyst.study.fleet.spread import MagnetEstimate, coordinate_of, spread_of
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
+from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick
 from tests.refusals import refused, says
 from tests.study.fleets import (

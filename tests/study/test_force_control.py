@@ -21,15 +21,13 @@ from anhyst.data import Loops
 from anhyst.link.firmware import build
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.reports.force.figures import draw, figure_constant_gap, figure_moving, figure_positions
-from anhyst.rig.force import modelling
-from anhyst.rig.force.bench import ActuatorBench
+from anhyst.reports.force import draw, figure_constant_gap, figure_moving, figure_positions
+from anhyst.rig.force import programs
+from anhyst.rig.force.bench import ActuatorBench, run_firmware, with_lead_in
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
-from anhyst.rig.force.session import run_firmware, with_lead_in
 from anhyst.study.force.force_control import ForceControl, force_control
-from anhyst.study.force.results import judge_stages
-from anhyst.study.force.trials import ForceOutcome
+from anhyst.study.force.trials import ForceOutcome, judge_stages
 from anhyst.support.pays import FORCE
 from tests.refusals import says
 from tests.truths import truth
@@ -83,7 +81,7 @@ def run(small: Path, tmp_path_factory: pytest.TempPathFactory) -> ForceControl:
     demand = small.parent / "demand.csv"
     demand.write_text("t_s,F_N\n0,0\n0.2,30\n0.3,30\n0.5,8\n")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(modelling, "identify_loops", known)
+        patch.setattr(programs, "identify_loops", known)
         result = force_control(small, tmp_path_factory.mktemp("out") / "run", demand=demand)
     draw(result)
     return result

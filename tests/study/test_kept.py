@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.study import kept
+from anhyst.study import bench
+from anhyst.study.bench import MOST, prepared_once
 from anhyst.study.excite.excite import excite
-from anhyst.study.kept import MOST, prepared_once
 from anhyst.study.prepared import PreparedForce
-from anhyst.support.folder import cache_folder
+from anhyst.support.atomic import cache_folder
 from tests.study.measured_rigs import measured_rig
 
 ONE_GAP = """
@@ -43,14 +43,14 @@ def test_the_same_files_are_prepared_once_and_others_anew(
     def again(*given: object) -> None:
         raise Again
 
-    monkeypatch.setattr(kept, "prepare_bench", again)
+    monkeypatch.setattr(bench, "prepare_bench", again)
     with prepared_once(rig, None) as second:
         assert isinstance(second, PreparedForce)
         assert second.program.block.words.tolist() == first.program.block.words.tolist()
         assert second.program.firmware.is_relative_to(cache_folder("benches"))
-        bench = second.open()
-    bench.advance(50)
-    bench.close()
+        opened = second.open()
+    opened.advance(50)
+    opened.close()
     (place,) = cache_folder("benches").iterdir()
     assert place.stat().st_mode & 0o077 == 0 or cache_folder("benches").stat().st_mode & 0o077 == 0
 
@@ -78,5 +78,5 @@ def test_a_cache_that_cannot_be_written_is_none_and_a_full_one_forgets(
     with prepared_once(rig, None) as prepared:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
         for number in range(MOST + 3):
-            kept._keep(prepared, cache_folder("benches") / str(number))
+            bench._keep(prepared, cache_folder("benches") / str(number))
     assert len(list(cache_folder("benches").iterdir())) == MOST

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, changed
 from anhyst.rig.calibration import LearntParameter
 from anhyst.rig.recording import Recording

@@ -29,8 +29,8 @@ from anhyst.study.bearing.linear import (
     LinearLoop,
 )
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.study.bearing.sensitivity import measure_sensitivity
-from anhyst.support.arrays import FloatArray
+from anhyst.study.bearing.responses import measure_sensitivity
+from anhyst.support.numeric import FloatArray
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 FREQUENCIES = np.array([20.0, 60.0, 120.0, 200.0, 320.0, 450.0, 700.0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.states import Command
 from anhyst.rig.bearing.loop import Setup, make_position
 from anhyst.rig.bearing.plant import (

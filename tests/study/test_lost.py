@@ -14,12 +14,11 @@ from anhyst.cli.app import main
 from anhyst.cli.simulate import show_tracking as show_stage
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
-from anhyst.reports.tracking.verdict import verdict, verdicts
-from anhyst.rig.force.session import with_lead_in
+from anhyst.reports.tracking.page import verdict, verdicts
+from anhyst.rig.force.bench import with_lead_in
 from anhyst.rig.recording import Loss, Recording, SignalBound, find_loss
 from anhyst.rig.stage.loop import Feedforward, track
-from anhyst.study.force.results import lost_in
-from anhyst.study.force.trials import ForceOutcome, ForceTrial
+from anhyst.study.force.trials import ForceOutcome, ForceTrial, lost_in
 from anhyst.study.tracking import simulate as tracking
 from anhyst.study.tracking.measures import LOST, measure
 from anhyst.support.errors import NegativeResult

@@ -9,7 +9,7 @@ import pytest
 
 from anhyst.study.bearing.metrics import deviation, effort, recovery_time, step_figures
 from anhyst.study.engine.verdict import mean_interval
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 RATE = 20e3
 SENSOR = 5e-9  # resolution, rms, m

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import MethodName
-from anhyst.compensate.irons import cell_weights
+from anhyst.compensate.force_controller import MethodName
+from anhyst.compensate.scheduled import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.drift import (
     CUT,
@@ -29,11 +29,11 @@ from anhyst.rig.bearing.make_setup import make_setup
 from anhyst.rig.bearing.plant import static_map
 from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.tables import SpreadTable
-from anhyst.study.bearing.plants import bearing_plants
-from anhyst.study.bearing.ready import make_ready
+from anhyst.study.bearing.operating import make_ready
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.study.engine import monte_carlo as engine
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, fault_of, percentile
+from anhyst.study.plants import bearing_plants
 from anhyst.support.errors import Interrupted
 from tests.refusals import refused
 from tests.study import bearings

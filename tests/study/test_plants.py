@@ -12,13 +12,11 @@ from anhyst.cli.app import main
 from anhyst.reports.plants import write_plants_report
 from anhyst.rig.bearing.drift import Drift, drifted_file
 from anhyst.rig.kind_rules import RULES
-from anhyst.rig.piezo.file import PiezoRig, read_piezo_rig
+from anhyst.rig.piezo import PiezoRig, read_piezo_rig
 from anhyst.rig.tables import SpreadTable, spread_keys
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, monte_carlo
-from anhyst.study.force.plants import force_plants
-from anhyst.study.piezo.plants import piezo_plants
-from anhyst.study.piezo.track import find_inverses, follow, judged_from, reference
-from anhyst.study.tracking.plants import ERRORS, stage_plants
+from anhyst.study.piezo import find_inverses, follow, judged_from, reference
+from anhyst.study.plants import ERRORS, force_plants, piezo_plants, stage_plants
 from anhyst.support.kinds import RIGS
 from tests.refusals import refused
 from tests.rig import forces

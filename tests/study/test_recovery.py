@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.control.states import Command, Phase, State
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.loop import SimulatedLoop, lost_at

@@ -23,8 +23,8 @@ from anhyst.study.bearing.linear import (
     Point,
     zone,
 )
-from anhyst.study.bearing.sensitivity import Sensitivity, measure_sensitivity
-from anhyst.support.arrays import FloatArray
+from anhyst.study.bearing.responses import Sensitivity, measure_sensitivity
+from anhyst.support.numeric import FloatArray
 
 RATE, STEPS = 20e3, 4
 Row = FloatArray

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.interface import MethodName
-from anhyst.compilation.memory import controller_bytes, state_bytes
+from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.drift import changed

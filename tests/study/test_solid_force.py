@@ -24,7 +24,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN
-from anhyst.reports.force.figures import draw
+from anhyst.reports.force import draw
 from anhyst.rig.force.bench import ActuatorStand
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.force.programs import prepare

@@ -17,8 +17,8 @@ from anhyst.rig.bearing.measuring import loop_texts, measure_loops
 from anhyst.rig.magnet_table import SolidTable
 from anhyst.rig.stage.file import StageRig
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
+from anhyst.study.plants import ERRORS, errors_of
 from anhyst.study.tracking.measures import Measures, measure
-from anhyst.study.tracking.plants import ERRORS, errors_of
 from anhyst.study.tracking.simulate import make_variants
 from tests.study import bearings, stages
 

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from anhyst._core import allocate
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.data.table import read_columns
 from anhyst.reports.tracking import write_tracking_report
-from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
+from anhyst.reports.tracking.page import limits, memoryless, verdict, verdicts
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.loop import Feedforward, pid, track
 from anhyst.rig.stage.setpoint import ticks_of
+from anhyst.study.plants import ERRORS
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
-from anhyst.study.tracking.plants import ERRORS
 from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.pays import STAGE
 from tests.study import stages

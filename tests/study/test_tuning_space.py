@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anhyst.control.controller_file import read_controller, write_controller
-from anhyst.control.design import design
-from anhyst.study.tuning.space import GainSpace
+from anhyst.control.pidd2 import design
+from anhyst.study.tuning.trial import GainSpace
 from tests.study import bearings
 
 SPACE = GainSpace(rate=20e3, mass=2.0)

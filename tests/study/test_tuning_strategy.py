@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from anhyst.study.tuning.screen import Strategy
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 BOTTOM = np.array([0.3, 0.62, 0.5, 0.44, 0.71, 0.38, 0.55])
 

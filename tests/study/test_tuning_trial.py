@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from anhyst.rig.bearing.loop import with_gains
-from anhyst.study.bearing.responses import SINE_M
-from anhyst.study.bearing.sensitivity import Sensitivity
+from anhyst.study.bearing.responses import SINE_M, Sensitivity
 from anhyst.study.tuning.aims import LOST, MISSED, Aims, Figures
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions, peak_of
 from anhyst.study.tuning.trial import Condition, GainTrial, run_trial

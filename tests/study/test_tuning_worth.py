@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from anhyst.study.tuning.aims import Figures
-from anhyst.study.tuning.output import worth
+from anhyst.study.tuning.result import worth
 from anhyst.support.pays import FEEDBACK
 
 

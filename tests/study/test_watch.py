@@ -8,8 +8,8 @@ import pytest
 from anhyst.model.actuator import Model
 from anhyst.rig.force.file import Rig, read_rig
 from anhyst.rig.parts.iron import CellSteel
-from anhyst.study.watch.drift import TURN, Chart, DriftWatch, Finding, Reference
-from anhyst.support.arrays import FloatArray
+from anhyst.study.watch import TURN, Chart, DriftWatch, Finding, Reference
+from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.rig.test_iron_families import EXAMPLES
 from tests.truths import truth

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from anhyst.support.atomic import cache_folder
 from anhyst.support.c_objects import compile_and_link
-from anhyst.support.folder import cache_folder
 
 pytestmark = pytest.mark.needs("gcc")
 

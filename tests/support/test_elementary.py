@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from anhyst.support.elementary import passed, power, sine, spaced, triangle
+from anhyst.support.numeric import passed, power, sine, spaced, triangle
 
 
 def test_a_sine_in_turns_is_that_of_the_angle() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.folder import seen_from, whole_folder, write_texts
+from anhyst.support.atomic import seen_from, whole_folder, write_texts
 from anhyst.support.json_text import json_text
 from tests.refusals import refused
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from anhyst.support import kept as module
-from anhyst.support.arrays import FloatArray
-from anhyst.support.folder import cache_folder
+from anhyst.support.atomic import cache_folder
 from anhyst.support.kept import kept
+from anhyst.support.numeric import FloatArray
 
 
 @dataclass(frozen=True)

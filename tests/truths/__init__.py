@@ -21,7 +21,7 @@ from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.modelling import find_model, loops_at
+from anhyst.rig.force.programs import find_model, loops_at
 from tests.plant.irons import generator
 
 FOLDER = Path(__file__).parent

@@ -141,7 +141,7 @@ def test_an_access_to_nowhere_is_reported(with_fault: Seed) -> None:
 def test_a_program_that_does_not_end_is_stopped_and_reported(
     with_fault: Seed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("anhyst.verification.cortex_m.TIME_LIMIT", 0.5)
+    monkeypatch.setattr("anhyst.verification.emulators.TIME_LIMIT", 0.5)
     wrong = f"{SOLVE}#ifdef __thumb__\n  for (volatile int on = 1; on;) {{\n  }}\n#endif\n"
     folder = with_fault("src/compensator/compensator.c", SOLVE, wrong)
     result = only(verify(folder, "cortex-m3", target_steps=100).results)

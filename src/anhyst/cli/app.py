@@ -13,25 +13,19 @@ from typing import Annotated, Any, cast
 
 import typer
 
-from anhyst.cli.compile import compile_
+from anhyst.cli.compile import compile_, verify
 from anhyst.cli.console import one_line, say_error, warn
-from anhyst.cli.convert import convert
-from anhyst.cli.diff import diff
 from anhyst.cli.excite import excite
-from anhyst.cli.export import export
+from anhyst.cli.export import convert, export, xcp
 from anhyst.cli.fleet import fleet
 from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
 from anhyst.cli.init import init
 from anhyst.cli.inspect import inspect
 from anhyst.cli.live import live
-from anhyst.cli.report import report
 from anhyst.cli.simulate import simulate
 from anhyst.cli.tune import calibrate, tune
-from anhyst.cli.use import invert, predict
-from anhyst.cli.verify import verify
-from anhyst.cli.watch import watch
-from anhyst.cli.xcp import xcp
+from anhyst.cli.use import diff, invert, predict, report, watch
 from anhyst.support.errors import (
     CreepWarning,
     InputError,
@@ -70,8 +64,8 @@ for _group, _verbs in _GROUPS.items():
         app.command(_name, no_args_is_help=True, rich_help_panel=_group)(_verb)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(asked_for: bool) -> None:
+    if asked_for:
         from anhyst.support.version import running_version
 
         print(f"anhyst {running_version()}")
@@ -166,9 +160,9 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _describe(error: OSError) -> str:
-    place = f"{error.filename}: " if error.filename else ""
+    where = f"{error.filename}: " if error.filename else ""
     advice = "; make room" if error.errno == errno.ENOSPC else ""
-    return f"{place}{error.strerror or error}{advice}"
+    return f"{where}{error.strerror or error}{advice}"
 
 
 if __name__ == "__main__":

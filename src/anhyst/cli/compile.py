@@ -1,4 +1,7 @@
-"""The verb ``compile``."""
+"""The verb ``compile``.
+
+The verb ``verify``.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, of_its_kind
-from anhyst.cli.progress import progress_bar
+from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
-    from anhyst import Compiled, CompiledPlay, CompiledStage
+    from anhyst import Compiled, CompiledPlay, CompiledStage, Verification
 
 
 class KindChoice(StrEnum):
@@ -154,8 +157,8 @@ def _show_play(compiled: CompiledPlay) -> None:
         ("", "whole loop, rms", "worst", "cycles of 10 %, rms", "worst"),
     )
     for title, key in (("map with one play", "play"), ("without memory", "single-valued")):
-        found = manifest["accuracy"][key]
-        rows.add_row(title, *(f"{value:.2g}" for value in found.values()))
+        figures = manifest["accuracy"][key]
+        rows.add_row(title, *(f"{value:.2g}" for value in figures.values()))
     size = manifest["memory"]["parameters_bytes"]
     numbers = manifest["play"]
     show(
@@ -204,3 +207,77 @@ def _show(compiled: Compiled) -> None:
         *lines,
         f"{compiled.out / 'DROP_IN.md'} describes how it goes into a project",
     )
+
+
+def verify(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", help="A folder that 'anhyst compile' wrote.", callback=of_its_kind
+        ),
+    ],
+    on: Annotated[
+        str | None,
+        typer.Option(
+            "--on",
+            metavar="TARGETS",
+            help="Where to run, separated by commas: host, cortex-m0plus, cortex-m3, cortex-m4, "
+            "cortex-m33, cortex-m7, avr, msp430, cortex-m3-qemu (a whole firmware). [default: host,cortex-m4, "
+            "as far as there are tools]",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run compiled C on real instruction sets and compare it bit for bit with the host.
+
+    Golden vectors and random steps (a million on the host, ten thousand on each other target);
+    instructions or cycles of a step, code size, memory and stack. Results are also written into
+    the folder: verify.json and verify.md. A difference anywhere ends with exit code 1. Where tools
+    are missing, what can run runs, and a table says what brings the rest; a target that was named
+    and did not run ends with exit code 2.
+
+    Example: anhyst verify controller --on host,cortex-m4,avr
+    """
+    verification = run_and_write(folder, on)
+    if as_json:
+        print_json(verification.as_dict())
+    else:
+        show_tables(verification)
+    refuse_difference(folder, verification)
+    if on is not None and verification.not_run:
+        lacking = [gap.text() for gap in verification.missing if gap.target in verification.not_run]
+        raise InputError(
+            f"--on: not run for want of tools: {'; '.join(lacking)}",
+            code="tool-missing",
+            key="--on",
+        )
+
+
+def run_and_write(folder: Path, on: str | None = None) -> Verification:
+    """Verify a folder and write the outcome into it."""
+    from anhyst.verification.result import write_report
+
+    with progress_bar("verifying") as progress:
+        verification = anhyst.verify(folder, on, progress=progress)
+    write_report(verification, folder)
+    return verification
+
+
+def refuse_difference(folder: Path, verification: Verification) -> None:
+    """Raise NegativeResult where a bit differs."""
+    if not verification.passed:
+        raise NegativeResult(
+            f"{folder}: {verification.first_failure()}", code="verification-failed"
+        )
+
+
+def show_tables(verification: Verification) -> None:
+    """Print where bits are the same, and what a step costs."""
+    from anhyst.verification.result import tables
+
+    for rows in tables(verification):
+        shown = table(rows.title, rows.headings)
+        for cells in rows.cells:
+            shown.add_row(*cells)
+        show(shown)

@@ -1,12 +1,19 @@
-"""What the verbs say and where: results on standard output, everything else on standard error."""
+"""What the verbs say and where: results on standard output, everything else on standard error.
+
+How far long work is: a bar on a terminal, a line a minute elsewhere; on standard error.
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 from anhyst.support.json_text import json_text
+from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,8 +47,8 @@ def table(title: str, headers: Sequence[str]) -> Table:
     from rich.table import Table
 
     result = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
-    for place, header in enumerate(headers):
-        result.add_column(header, justify="right" if place else "left")
+    for index, header in enumerate(headers):
+        result.add_column(header, justify="right" if index else "left")
     return result
 
 
@@ -63,3 +70,88 @@ def show(*parts: str | Table) -> None:
     console = Console(highlight=False, width=None if terminal else 200, soft_wrap=not terminal)
     for part in parts:
         console.print(part, markup=False)
+
+
+SILENCE = 60.0
+"""Seconds between two lines where there is no terminal."""
+_LEAST = 0.01
+"""Part of the work from which on it is known how fast it goes."""
+
+
+class Pace:
+    """How far work is, and how long it will still take at the rate seen so far."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._begun = clock()
+        self.share = 0.0
+        """Part of the work that is done, 0 to 1; it never falls."""
+
+    def update(self, done: float, total: float) -> None:
+        """Take what is done and what there is in all."""
+        if total > 0.0:
+            self.share = max(self.share, min(done / total, 1.0))
+
+    def left(self) -> float | None:
+        """Return the seconds that it will still take; None where nothing is known of that."""
+        if not _LEAST <= self.share < 1.0:
+            return None
+        return (self._clock() - self._begun) * (1.0 - self.share) / self.share
+
+    def __str__(self) -> str:
+        """Say it in a few words: "34 %, 2 min so far, about 4 min left"."""
+        so_far = f"{100.0 * self.share:.0f} %, {_duration(self._clock() - self._begun)} so far"
+        left = self.left()
+        return so_far if left is None else f"{so_far}, about {_duration(left)} left"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Progress]:
+    """Show how far long work is: a bar on a terminal, a line a minute where there is none."""
+    shown = _bar if sys.stderr.isatty() else _lines
+    with shown(title) as update:
+        yield update
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[Progress]:
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    pace = Pace()
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[pace]}"))
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0, pace=pace)
+
+        def update(done: float, total: float) -> None:
+            pace.update(done, total)
+            bar.update(task, completed=pace.share)
+
+        yield update
+
+
+@contextmanager
+def _lines(title: str) -> Iterator[Progress]:
+    pace = Pace()
+    over = Event()
+
+    def speak() -> None:
+        while not over.wait(SILENCE):
+            print(f"anhyst: {title}: {pace}", file=sys.stderr, flush=True)
+
+    # Not from where progress is reported: a step may take longer than a minute.
+    speaker = Thread(target=speak, name="anhyst-progress", daemon=True)
+    speaker.start()
+    try:
+        yield pace.update
+    finally:
+        over.set()
+        speaker.join()

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, table
+from anhyst.cli.console import print_json, progress_bar, show, table
 from anhyst.cli.options import AsJson, of_its_kind
-from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst import CalibratingMove, Excitation
@@ -90,20 +89,20 @@ def excite(
             _show_move(move, out, plot)
         return
     with progress_bar("measuring") as progress:
-        found = anhyst.excite(
+        result = anhyst.excite(
             rig, out, plot=plot, folder=folder, xcp=xcp, port=port, progress=progress
         )
     if as_json:
-        print_json(found.as_dict())
+        print_json(result.as_dict())
     else:
-        _show(found, out, plot)
+        _show(result, out, plot)
 
 
-def _show(found: Excitation, out: Path, plot: Path | None) -> None:
-    figures = found.as_dict()
+def _show(excitation: Excitation, out: Path, plot: Path | None) -> None:
+    figures = excitation.as_dict()
     heads = ["gap mm", "largest A", "force N", "about A", "limited by"]
     drawn = table(f"{figures['loops']} loops, {figures['samples']} samples", heads)
-    for place in found.places:
+    for place in excitation.places:
         drawn.add_row(
             f"{1e3 * place.gap:g}",
             f"{place.peak.value:.4g}",
@@ -118,13 +117,13 @@ def _show(found: Excitation, out: Path, plot: Path | None) -> None:
     show(
         drawn,
         f"{minutes:.1f} min of measuring, {figures['rate_A_per_s']:.4g} A/s{warm}",
-        *(f"note: {note}" for note in found.notes),
+        *(f"note: {note}" for note in excitation.notes),
         *(f"written: {place}" for place in written),
     )
 
 
-def _show_move(found: CalibratingMove, out: Path, plot: Path | None) -> None:
-    move, work = found.move, found.work
+def _show_move(result: CalibratingMove, out: Path, plot: Path | None) -> None:
+    move, work = result.move, result.work
     kinds: dict[str, list[str]] = {}
     for name in move.left:
         kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
@@ -140,9 +139,9 @@ def _show_move(found: CalibratingMove, out: Path, plot: Path | None) -> None:
         drawn,
         *(
             f"{axis}: {', '.join(f'{one:.3g}' for one in leg.peaks)} m/s2 at {leg.speed:.3g} m/s"
-            for axis, leg in found.legs.items()
+            for axis, leg in result.legs.items()
         ),
         f"stays hidden: {', '.join(move.hidden) or 'nothing'}",
         f"its own set-point hides {missed}" if missed else "its own set-point shows as much",
-        *(f"written: {place}" for place in (out, plot) if place is not None),
+        *(f"written: {path}" for path in (out, plot) if path is not None),
     )

@@ -1,7 +1,13 @@
-"""The verb ``export``."""
+"""The verb ``export``.
+
+The verb ``convert``.
+
+The verb ``xcp``.
+"""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -9,9 +15,8 @@ from typing import Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show
-from anhyst.cli.options import AsJson, ModelPath
-from anhyst.cli.progress import progress_bar
+from anhyst.cli.console import print_json, progress_bar, show, warn
+from anhyst.cli.options import AsJson, ModelPath, of_its_kind
 
 
 class ExportChoice(StrEnum):
@@ -125,3 +130,72 @@ def export(
         print_json(done.as_dict())
     else:
         show(f"written: {out}")
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A measurement in any format that is read, or a rig file.",
+            callback=of_its_kind,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="To write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; .toml for a rig.",
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Write a measurement in another file format, or a rig file in the format of today.
+
+    Values stay bit for bit. Where a format cannot hold something, such as groups in a CSV, it is
+    said; channels on several clocks are interpolated onto the finest for a CSV or Parquet file.
+
+    Example: anhyst convert recording.mf4 recording.csv
+    """
+    with progress_bar(f"reading {source.name}") as progress:
+        done = anhyst.convert(source, out, progress=progress)
+    for text in done.notes:
+        warn(text)
+    if as_json:
+        print_json(asdict(done))
+    elif not done.channels:
+        show(f"written: {done.out}")
+    else:
+        channels = "one channel" if done.channels == 1 else f"{done.channels} channels"
+        show(f"{done.out}: {channels}, {done.samples} samples")
+
+
+def xcp(
+    port: Annotated[
+        str,
+        typer.Argument(
+            metavar="PORT",
+            help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.",
+            callback=of_its_kind,
+        ),
+    ],
+    listen: Annotated[
+        int,
+        typer.Option(
+            metavar="NUMBER",
+            min=0,
+            max=65535,
+            help="Port of this machine for the tool; 0 takes a free one.",
+        ),
+    ] = 5555,
+) -> None:
+    """Offer XCP on TCP for a controller on a serial port, to CANape, INCA or pyxcp.
+
+    XCP goes through the controller's own link, so that one cable is enough. One tool at a time; its
+    limits, its key and its heartbeat are the firmware's. Ctrl-C ends it.
+
+    Example: anhyst xcp /dev/ttyACM0
+    """
+    anhyst.xcp(
+        port, listen, started=lambda taken: show(f"XCP on TCP: 127.0.0.1:{taken}  ctrl-C ends it")
+    )

@@ -10,9 +10,8 @@ import typer
 
 import anhyst
 from anhyst.cli.compile import IoChoice
-from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, LoopHistory, Scheduler, of_its_kind
-from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst import Fleet
@@ -81,7 +80,7 @@ def fleet(
     from anhyst.reports.fleet import write_fleet_report
 
     with progress_bar("magnets") as progress:
-        found = anhyst.fleet(
+        result = anhyst.fleet(
             magnets,
             out,
             rate=rate,
@@ -96,27 +95,27 @@ def fleet(
             scheduler=scheduler,
             progress=progress,
         )
-    write_fleet_report(out / REPORT, found)
-    for text in found.warnings:
+    write_fleet_report(out / REPORT, result)
+    for text in result.warnings:
         warn(text)
-    for name, why in found.failed.items():
+    for name, why in result.failed.items():
         warn(f"{name}: {why}")
     if as_json:
-        print_json(found.as_dict())
+        print_json(result.as_dict())
     else:
-        _show(found, out)
+        _show(result, out)
 
 
-def _show(found: Fleet, out: Path) -> None:
+def _show(judged: Fleet, out: Path) -> None:
     rows = table("mean and scatter over the fleet", ["", "mean", "scatter", "%"])
-    if found.spread is not None:
+    if judged.spread is not None:
         for name, mean, scatter in zip(
-            found.quantities, found.spread.mean, found.spread.scatter, strict=True
+            judged.quantities, judged.spread.mean, judged.spread.scatter, strict=True
         ):
             share = f"{100.0 * scatter / abs(mean):.2g}" if mean else ""
             rows.add_row(name, f"{mean:.4g}", f"{scatter:.2g}", share)
     show(
-        *([rows] if found.spread is not None else []),
-        *(f"{name}: {text}" for name, text in found.facts().items()),
+        *([rows] if judged.spread is not None else []),
+        *(f"{name}: {text}" for name, text in judged.facts().items()),
         f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}",
     )

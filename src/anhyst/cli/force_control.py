@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, BoardChoice, of_its_kind
-from anhyst.cli.progress import progress_bar
-from anhyst.cli.verify import refuse_difference, run_and_write, show_tables
 
 if TYPE_CHECKING:
     from anhyst import ForceControl
@@ -64,15 +63,15 @@ def force_control(
 
     Example: anhyst force-control slow.csv middle.csv fast.csv --out run
     """
-    from anhyst.reports.force.figures import draw
+    from anhyst.reports.force import draw
     from anhyst.support.page.blocks import table as page_table
-    from anhyst.verification.report import tables
+    from anhyst.verification.result import tables
 
     from_loops = len(rig) > 1 or rig[0].suffix != ".toml"
     if from_loops:
         anhyst.init(out, rig, force_control=True)
     with progress_bar("force control") as progress:
-        found = anhyst.force_control(
+        result = anhyst.force_control(
             out / "rig.toml" if from_loops else rig[0],
             out,
             board=board.value,
@@ -80,28 +79,28 @@ def force_control(
             recordings=recordings,
             progress=progress,
         )
-    compiled = found.out / "stroke" / "full" / "controller"
+    compiled = result.out / "stroke" / "full" / "controller"
     verified = run_and_write(compiled) if from_loops else None
     rows = tables(verified) if verified else []
-    draw(found, [page_table(one.title, one.headings, one.cells) for one in rows])
-    for text in found.plant.warnings:
+    draw(result, [page_table(table.title, table.headings, table.cells) for table in rows])
+    for text in result.plant.warnings:
         warn(text)
     if as_json:
-        print_json(found.figures | ({"verified": verified.as_dict()} if verified else {}))
+        print_json(result.figures | ({"verified": verified.as_dict()} if verified else {}))
     else:
-        show_force(found)
+        show_force(result)
         if verified:
             show_tables(verified)
-    found.refuse_losses()
+    result.refuse_losses()
     if verified:
         refuse_difference(compiled, verified)
 
 
-def show_force(found: ForceControl) -> None:
+def show_force(result: ForceControl) -> None:
     """Print the worst errors of every controller at every stage of the trials."""
-    from anhyst.study.force.results import STAGES, TITLES
+    from anhyst.study.force.trials import STAGES, TITLES
 
-    figures = found.figures
+    figures = result.figures
     rows = table(
         f"worst error of the true force, % of {figures['force_max_N']:g} N", ["", *TITLES.values()]
     )
@@ -110,11 +109,11 @@ def show_force(found: ForceControl) -> None:
         cells = [f"{worst[name]['worst_percent']:.2f}" if name in worst else "" for name in TITLES]
         rows.add_row(title, *cells)
     show(
-        *(f"lost: {one}" for one in found.lost_in),
+        *(f"lost: {loss}" for loss in result.lost_in),
         rows,
-        *([] if found.lost_in else [f"verdict: {figures['verdict']['text']}"]),
-        *found.plant.lines,
+        *([] if result.lost_in else [f"verdict: {figures['verdict']['text']}"]),
+        *result.plant.lines,
         f"firmware on {figures['board']} against the simulated program: "
         f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
-        f"{found.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
+        f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
     )

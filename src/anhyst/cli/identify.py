@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, warn
+from anhyst.cli.console import print_json, progress_bar, show, warn
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -24,7 +24,6 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
-from anhyst.cli.progress import progress_bar
 from anhyst.laws.registry import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
@@ -260,7 +259,7 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
             for name, error in fit.left_out.items()
         ]
-        lines += [_candidate(one) for one in fit.candidates]
+        lines += [_candidate(candidate) for candidate in fit.candidates]
         if expected := fit.cross_validation:
             where = (
                 "between the measured values, choice of the map and all"
@@ -289,12 +288,12 @@ def _show(result: IdentifyResult, out: Path) -> None:
     show(*lines)
 
 
-def _candidate(one: CandidateFit) -> str:
+def _candidate(fit: CandidateFit) -> str:
     """Show a law that was compared."""
-    note = f" ({one.note})" if one.note else ""
-    error = "" if one.left_out is None else f", left out {100.0 * one.left_out:.3g} %"
+    note = f" ({fit.note})" if fit.note else ""
+    error = "" if fit.left_out is None else f", left out {100.0 * fit.left_out:.3g} %"
     return (
-        f"{one.law}, {one.gap_map}: {one.numbers} numbers, rms {100.0 * one.rms:.3g} %{error}{note}"
+        f"{fit.law}, {fit.gap_map}: {fit.numbers} numbers, rms {100.0 * fit.rms:.3g} %{error}{note}"
     )
 
 
@@ -303,9 +302,9 @@ def _offsets(model: Model) -> list[str]:
     unsure = model.uncertainty
     if unsure is None:
         return []
-    found = [
+    lines = [
         f"{name}: {value:.3g} +- {std:.2g}"
         for name, value, std in zip(unsure.names, unsure.values, unsure.std, strict=True)
         if "offset" in name
     ]
-    return found or ["offsets of input and output: none, the loops demand none"]
+    return lines or ["offsets of input and output: none, the loops demand none"]

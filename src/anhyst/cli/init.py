@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show
+from anhyst.cli.console import print_json, progress_bar, show
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -22,7 +22,6 @@ from anhyst.cli.options import (
     of_its_kind,
     read_options,
 )
-from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from anhyst import Drafted
@@ -109,7 +108,7 @@ def init(
 def _show(drafted: Drafted) -> None:
     show(*drafted.found)
     if drafted.guessed:
-        show("guessed:", *(f"  {one}: {why}" for one, why in drafted.guessed.items()))
+        show("guessed:", *(f"  {key}: {why}" for key, why in drafted.guessed.items()))
     count = sum(map(len, drafted.guesses.values()))
     if count:
         show(f"{count} keys are guesses, each marked 'guess' in its line; write your numbers there")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import in_small_units, print_json, show, table, warn
+from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
 from anhyst.cli.options import (
     AsJson,
     Clean,
@@ -22,13 +22,12 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
-from anhyst.cli.progress import progress_bar
-from anhyst.support.picture import check_picture, write_figure
+from anhyst.support.atomic import check_picture, write_figure
 
 if TYPE_CHECKING:
     from anhyst import Inspection
     from anhyst.data.inspection import LoopFigures
-    from anhyst.data.listing import ChannelFigures
+    from anhyst.data.table import ChannelFigures
 
 
 def inspect(
@@ -67,16 +66,16 @@ def inspect(
         _show_channels(listed)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
-    found = anhyst.inspect(measured)
+    inspection = anhyst.inspect(measured)
     if plot is not None:
-        from anhyst.data.plot import plot_inspection
+        from anhyst.data.inspection import plot_inspection
 
-        write_figure(plot_inspection(found, measured), plot)
+        write_figure(plot_inspection(inspection, measured), plot)
     if as_json:
-        channels = {"channels": [one.as_dict() for one in listed]} if listed else {}
-        print_json(found.as_dict() | channels)
+        channels = {"channels": [channel.as_dict() for channel in listed]} if listed else {}
+        print_json(inspection.as_dict() | channels)
         return
-    _show(found)
+    _show(inspection)
     if plot is not None:
         show(f"{plot} written")
 
@@ -84,7 +83,7 @@ def inspect(
 def _list(loops: list[Path]) -> list[ChannelFigures]:
     """List the channels of a recording; the columns of a text are what its first line says."""
     from anhyst.data.formats import ChannelTable, open_table
-    from anhyst.data.listing import list_channels
+    from anhyst.data.table import list_channels
 
     alone = len(loops) == 1 and not loops[0].is_dir()
     if not alone or not isinstance(open_table(loops[0]), ChannelTable):
@@ -96,34 +95,41 @@ def _show_channels(listed: list[ChannelFigures]) -> None:
     from rich.markup import escape
 
     figures = table("channels", ["name", "unit", "samples", "per s", "range", "is"])
-    for one in listed:
-        span = "" if one.low is None else f"{one.low:.4g} to {one.high:.4g}"
-        rate = "" if one.rate is None else f"{one.rate:.6g}"
-        figures.add_row(escape(one.name), escape(one.unit), str(one.samples), rate, span, one.role)
+    for channel in listed:
+        span = "" if channel.low is None else f"{channel.low:.4g} to {channel.high:.4g}"
+        rate = "" if channel.rate is None else f"{channel.rate:.6g}"
+        figures.add_row(
+            escape(channel.name),
+            escape(channel.unit),
+            str(channel.samples),
+            rate,
+            span,
+            channel.role,
+        )
     show(figures)
 
 
-def _show(found: Inspection) -> None:
+def _show(inspection: Inspection) -> None:
     from anhyst.support.units import in_small_unit
 
-    for text in found.warnings:
+    for text in inspection.warnings:
         warn(text)
-    drive, answer, schedule = found.input, found.output, found.schedule
+    drive, answer, schedule = inspection.input, inspection.output, inspection.schedule
     at, scale = in_small_units(schedule)
     headers = ["loop", *([at] if schedule else []), "rows", "cycles"]
-    largest = max(max(abs(one.output_low), abs(one.output_high)) for one in found.loops)
+    largest = max(max(abs(one.output_low), abs(one.output_high)) for one in inspection.loops)
     unit, small = in_small_unit(answer, largest)
     headers += [f"{drive.symbol} {drive.unit}", f"{answer.symbol} {unit}"]
     headers += [f"width {drive.unit}", f"noise {unit}"]
     headers += [f"drift {unit}", f"closure {unit}", "skew", "saturation", "history"]
-    figures = table(f"{len(found.loops)} loops, {drive.name} to {answer.name}", headers)
-    for loop in found.loops:
+    figures = table(f"{len(inspection.loops)} loops, {drive.name} to {answer.name}", headers)
+    for loop in inspection.loops:
         figures.add_row(*_row(loop, scale if schedule else None, small))
     show(figures)
-    _show_texts("repaired", found.repairs)
-    _show_texts("noted", found.notes)
-    show("is it worth it?", *(f"  {sentence}" for sentence in found.verdict.sentences))
-    _show_texts("speed", (found.rate,) if found.rate else ())
+    _show_texts("repaired", inspection.repairs)
+    _show_texts("noted", inspection.notes)
+    show("is it worth it?", *(f"  {sentence}" for sentence in inspection.verdict.sentences))
+    _show_texts("speed", (inspection.rate,) if inspection.rate else ())
 
 
 def _row(loop: LoopFigures, scale: float | None, small: float) -> list[str]:

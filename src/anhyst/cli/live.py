@@ -10,9 +10,8 @@ from typing import Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import show
+from anhyst.cli.console import progress_bar, show
 from anhyst.cli.options import of_its_kind
-from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import InputError
 
 _PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")

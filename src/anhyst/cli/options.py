@@ -20,14 +20,14 @@ class BoardChoice(StrEnum):
     QEMU = "qemu-mps2"
 
 
-def of_its_kind(context: typer.Context, given: Any) -> Any:
+def of_its_kind(context: typer.Context, value: Any) -> Any:
     """Refuse a first argument of another kind than the verb takes, and name the verbs that do."""
     from anhyst.support.kinds import TAKES, refuse_other
 
     verb = str(context.info_name)
-    for path in given if isinstance(given, list) else [given] if given else []:
+    for path in value if isinstance(value, list) else [value] if value else []:
         refuse_other(path, TAKES[verb], verb)
-    return given
+    return value
 
 
 LoopFiles = Annotated[

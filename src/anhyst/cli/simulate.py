@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.force_control import show_force
 from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
-from anhyst.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -114,7 +113,7 @@ def simulate(
     Example: anhyst simulate examples/stage/rig.toml --out run/scan.csv
     """
     with progress_bar("simulate") as progress:
-        found = anhyst.simulate(
+        result = anhyst.simulate(
             rig,
             controller,
             out=out,
@@ -124,14 +123,14 @@ def simulate(
             scheduler=scheduler,
             progress=progress,
         )
-    if isinstance(found, anhyst.Simulation | anhyst.ForceControl):
-        for text in found.plant.warnings:
+    if isinstance(result, anhyst.Simulation | anhyst.ForceControl):
+        for text in result.plant.warnings:
             warn(text)
     if as_json:
-        print_json(found.figures if hasattr(found, "figures") else found.as_dict())
+        print_json(result.figures if hasattr(result, "figures") else result.as_dict())
     else:
-        _show_any(found, out)
-    _refuse(found)
+        _show_any(result, out)
+    _refuse(result)
 
 
 def _show_any(found: Any, out: Path) -> None:
@@ -148,20 +147,20 @@ def _show_any(found: Any, out: Path) -> None:
     shown[type(found)](found, out)
 
 
-def _refuse(found: Any) -> None:
+def _refuse(result: Any) -> None:
     """End with 1 where what is controlled was lost."""
-    if isinstance(found, anhyst.BoardComparison):
-        found.refuse()
-    elif not isinstance(found, anhyst.Benefit):
-        found.refuse_losses()
+    if isinstance(result, anhyst.BoardComparison):
+        result.refuse()
+    elif not isinstance(result, anhyst.Benefit):
+        result.refuse_losses()
 
 
-def _show_firmware(found: BoardComparison, out: Path) -> None:
+def _show_firmware(comparison: BoardComparison, out: Path) -> None:
     show(
-        _faults(found.endings),
-        f"firmware on {found.board} against the simulation: {found.differ} of "
-        f"{len(found.recorded)} ticks differ, from lift-off to a landing at "
-        f"{1e3 * found.landing_speed:.1f} mm/s",
+        _faults(comparison.endings),
+        f"firmware on {comparison.board} against the simulation: {comparison.differ} of "
+        f"{len(comparison.recorded)} ticks differ, from lift-off to a landing at "
+        f"{1e3 * comparison.landing_speed:.1f} mm/s",
         f"written: {out}",
     )
 
@@ -171,81 +170,86 @@ def _faults(endings: Sequence[Ending]) -> Table:
         "what went wrong in the air, and how it ended",
         ["", "reason of the fault", "end", "after, ms", "at the rest, mm/s", "at the magnet, mm/s"],
     )
-    for one in endings:
+    for ending in endings:
         end = (
-            f"levitates on, {1e6 * one.away:.2g} um away"
-            if one.levitates
+            f"levitates on, {1e6 * ending.away:.2g} um away"
+            if ending.levitates
             else "lies without current"
         )
         rows.add_row(
-            one.injection.name,
-            one.reason.name.lower().replace("_", " ") + ("" if one.as_expected else " (wrong)"),
+            ending.injection.name,
+            ending.reason.name.lower().replace("_", " ")
+            + ("" if ending.as_expected else " (wrong)"),
             end,
-            "" if one.levitates else f"{1e3 * one.seconds:.0f}",
-            f"{1e3 * one.rest_speed:.1f}" if one.rest_speed else "",
-            f"{1e3 * one.magnet_speed:.1f}" if one.magnet_speed else "",
+            "" if ending.levitates else f"{1e3 * ending.seconds:.0f}",
+            f"{1e3 * ending.rest_speed:.1f}" if ending.rest_speed else "",
+            f"{1e3 * ending.magnet_speed:.1f}" if ending.magnet_speed else "",
         )
     return rows
 
 
-def _show_map(found: Benefit, out: Path) -> None:
-    baselines = {"its strongest baseline without memory": [cell.strongest for cell in found.cells]}
-    if all(cell.flux for cell in found.cells):
-        baselines["'flux', which measures"] = [cell.flux for cell in found.cells]
+def _show_map(benefit: Benefit, out: Path) -> None:
+    baselines = {
+        "its strongest baseline without memory": [cell.strongest for cell in benefit.cells]
+    }
+    if all(cell.flux for cell in benefit.cells):
+        baselines["'flux', which measures"] = [cell.flux for cell in benefit.cells]
     show(
-        *(_map_against(found, name, comparisons) for name, comparisons in baselines.items()),
-        f"'gain' and 'loss' where they are certain over {found.seeds} noise seeds, 'nothing to "
+        *(_map_against(benefit, name, comparisons) for name, comparisons in baselines.items()),
+        f"'gain' and 'loss' where they are certain over {benefit.seeds} noise seeds, 'nothing to "
         "gain' where both overshoot by less than three times the rms of their standstill",
         f"written: {out}, {out.parent / REPORT}",
     )
 
 
 def _map_against(
-    found: Benefit, baseline: str, comparisons: Sequence[Mapping[Measure, Comparison]]
+    benefit: Benefit, baseline: str, comparisons: Sequence[Mapping[Measure, Comparison]]
 ) -> Table:
-    heights = list(dict.fromkeys(cell.height for cell in found.cells))
+    heights = list(dict.fromkeys(cell.height for cell in benefit.cells))
     rows = table(
         f"overshoot of 'full' over that of {baseline}",
         ["loop width, reversible part", *(f"{1e6 * height:g} um" for height in heights)],
     )
-    for iron in dict.fromkeys(cell.iron for cell in found.cells):
+    for iron in dict.fromkeys(cell.iron for cell in benefit.cells):
         mine = [
-            one["overshoot_percent"]
-            for cell, one in zip(found.cells, comparisons, strict=True)
+            comparison["overshoot_percent"]
+            for cell, comparison in zip(benefit.cells, comparisons, strict=True)
             if cell.iron == iron
         ]
         share = "" if iron.reversible_fraction is None else f", {iron.reversible_fraction:g}"
         rows.add_row(
             f"{100.0 * iron.loop_width:.1f} %{share}",
             *(
-                "lost" if one.quotient is None else f"{one.quotient.value:.2f} {one.outcome}"
-                for one in mine
+                "lost"
+                if comparison.quotient is None
+                else f"{comparison.quotient.value:.2f} {comparison.outcome}"
+                for comparison in mine
             ),
         )
     return rows
 
 
-def _show_plants(found: MonteCarlo, out: Path) -> None:
+def _show_plants(plants: MonteCarlo, out: Path) -> None:
     from anhyst.study.engine.monte_carlo import percentile
 
     rows = []
-    titles = [f"{name} *" if name == found.plants.own else name for name in found.runs]
-    for figure in found.plants.figures:
+    titles = [f"{name} *" if name == plants.plants.own else name for name in plants.runs]
+    for figure in plants.plants.figures:
         title = f"{figure.title} that 50 and 95 % of the plants stay below, {figure.unit}"
         rows.append(table(title, ["", *titles]))
         for case, name in enumerate(figure.names):
-            spreads = [found.values(method, figure.key, case) for method in found.runs]
+            spreads = [plants.values(method, figure.key, case) for method in plants.runs]
             low, high = (
                 [figure.factor * percentile(one, percent) for one in spreads]
                 for percent in (50, 95)
             )
             rows[-1].add_row(name, *(f"{a:.4g}, {b:.4g}" for a, b in zip(low, high, strict=True)))
-    lost = ", ".join(f"{one} with {name}" for name in found.runs if (one := found.lost(name)))
+    lost = ", ".join(f"{one} with {name}" for name in plants.runs if (one := plants.lost(name)))
     show(
-        f"lost: {lost or 'none'} of {len(found.drifts)} plants",
+        f"lost: {lost or 'none'} of {len(plants.drifts)} plants",
         *rows,
-        f"* judged; {len(found.drifts)} plants, seed {found.plants.seed}",
-        f"verdict: {found.verdict.sentence}",
+        f"* judged; {len(plants.drifts)} plants, seed {plants.plants.seed}",
+        f"verdict: {plants.verdict.sentence}",
         f"written: {out}, {out.parent / 'montecarlo.json'}, {out.parent / REPORT}",
     )
 
@@ -253,56 +257,56 @@ def _show_plants(found: MonteCarlo, out: Path) -> None:
 def _overshoot(cell: StepCell) -> str:
     if cell.lost:
         return f"{cell.lost} of {cell.runs} lost"
-    one = cell.of("overshoot_percent")
-    return f"{one.mean:.2f} ± {one.half_width:.2f}{'' if cell.overshoots else ' ≤ noise'}"
+    interval = cell.of("overshoot_percent")
+    return f"{interval.mean:.2f} ± {interval.half_width:.2f}{'' if cell.overshoots else ' ≤ noise'}"
 
 
-def _show(found: Simulation, out: Path) -> None:
+def _show(simulation: Simulation, out: Path) -> None:
     from anhyst.reports.bearing.subject import grouped
     from anhyst.reports.bearing.tables import judge_steps
 
-    heights = list(dict.fromkeys(cell.height for cell in found.cells))
-    gap = found.rig.settings.gap_m
+    heights = list(dict.fromkeys(cell.height for cell in simulation.cells))
+    gap = simulation.rig.settings.gap_m
     rows = table(
         f"overshoot of steps at {1e3 * gap:g} mm, %",
         ["", *(f"{1e6 * height:g} um" for height in heights), "settling, ms", "standstill, nm"],
     )
-    for name in found.setups:
-        mine = [cell for cell in found.cells if cell.variant == name and cell.gap == gap]
+    for name in simulation.setups:
+        mine = [cell for cell in simulation.cells if cell.variant == name and cell.gap == gap]
         last = mine[-1]
         rows.add_row(
-            f"{name} *" if name == found.own else name,
+            f"{name} *" if name == simulation.own else name,
             *(_overshoot(cell) for cell in mine),
             f"{1e3 * last.of('settling_in_noise_s').mean:.2f}" if not last.lost else "",
             f"{1e9 * last.of('standstill_rms_m').mean:.0f}" if not last.lost else "",
         )
-    iron = found.at.slopes
+    iron = simulation.at.slopes
     label = f"{iron.label} iron: just after a reversal {100.0 * iron.share:.0f} % of the static N/A"
     show(
-        *(f"lost levitation: {one}" for one in found.lost_in),
+        *(f"lost levitation: {loss}" for loss in simulation.lost_in),
         rows,
-        f"* of the controller file; mean of {found.rig.settings.noise_seeds} noise seeds "
+        f"* of the controller file; mean of {simulation.rig.settings.noise_seeds} noise seeds "
         "with its 95 % interval; settling and standstill at the highest step",
         "≤ noise: not certainly more than the armature moves about at a standstill",
-        *found.plant.lines,
-        f"{label}; unstable pole {found.at.point.pole_at_current:.0f} Hz",
+        *simulation.plant.lines,
+        f"{label}; unstable pole {simulation.at.point.pole_at_current:.0f} Hz",
         *(
             []
-            if found.lost_in
-            else [f"verdict: {judge_steps(grouped(found.cells), found.own).sentence}"]
+            if simulation.lost_in
+            else [f"verdict: {judge_steps(grouped(simulation.cells), simulation.own).sentence}"]
         ),
-        *(f"left out: {name}: {why}" for name, why in found.figures["left_out"].items()),
+        *(f"left out: {name}: {why}" for name, why in simulation.figures["left_out"].items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )
 
 
-def show_tracking(found: TrackingStudy, out: Path) -> None:
+def show_tracking(study: TrackingStudy, out: Path) -> None:
     """Print how every variant followed the set-points."""
     from anhyst.reports.bearing.look import interval_text
-    from anhyst.reports.tracking.verdict import limits, verdict, verdicts
+    from anhyst.reports.tracking.page import limits, verdict, verdicts
     from anhyst.study.tracking.losses import LOSS_NOTES
 
-    plant = found.rig.settings
+    plant = study.rig.settings
     rows = table(
         f"test set-point, crossover {plant.tracking.crossover_Hz:g} Hz",
         ["", "peak, nm", "average, nm", "deviation, nm", "50 nm, ms", "10 nm, ms", "force rms, N"],
@@ -315,60 +319,58 @@ def show_tracking(found: TrackingStudy, out: Path) -> None:
         ("settling_10_s", 1e3),
         ("force_rms_N", 1.0),
     )
-    for name, one in found.tried.items():
-        rows.add_row(name, *(interval_text(one.of(key), factor=by) for key, by in columns))
-    own = next(iter(found.tried.values()))
+    for name, variant in study.tried.items():
+        rows.add_row(name, *(interval_text(variant.of(key), factor=by) for key, by in columns))
+    own = next(iter(study.tried.values()))
     crossed = table("largest error of what is held", ["", *own.crossed])
-    for name, one in found.tried.items():
+    for name, variant in study.tried.items():
         crossed.add_row(
-            name, *(interval_text(one.cross_talk(axis), factor=1e9) for axis in one.crossed)
+            name, *(interval_text(variant.cross_talk(axis), factor=1e9) for axis in variant.crossed)
         )
     rests = table("rms at rest, the long stroke moving", ["", *own.at_rest])
-    for name, one in found.tried.items():
-        rests.add_row(name, *(f"{1e9 * rest:.3g}" for rest in one.at_rest.values()))
+    for name, variant in study.tried.items():
+        rests.add_row(name, *(f"{1e9 * rest:.3g}" for rest in variant.at_rest.values()))
     judged = (
-        f"verdict: {verdict(found).sentence}",
-        *(f"against '{name}': {one.sentence}" for name, one in verdicts(found).items()),
-        *limits(found),
+        f"verdict: {verdict(study).sentence}",
+        *(f"against '{name}': {variant.sentence}" for name, variant in verdicts(study).items()),
+        *limits(study),
     )
     show(
-        *(f"lost: {one}" for one in found.lost_in),
+        *(f"lost: {variant}" for variant in study.lost_in),
         rows,
         *((crossed, rests, "in nm and nrad") if own.crossed else ()),
-        *((_losses(found), *LOSS_NOTES) if found.losses else ()),
+        *((_losses(study), *LOSS_NOTES) if study.losses else ()),
         f"mean of {plant.noise_seeds} noise seeds with its 95 % interval; gains found on the "
         f"training set-point; average and deviation over {1e3 * plant.scan.slit_s:g} ms",
-        *(() if found.lost_in else judged),
+        *(() if study.lost_in else judged),
         *(
-            f"learnt: {name}: {one.learnt.judgement}"
-            for name, one in found.tried.items()
-            if one.learnt
+            f"learnt: {name}: {variant.learnt.judgement}"
+            for name, variant in study.tried.items()
+            if variant.learnt
         ),
-        *(f"left out: {name}: {why}" for name, why in found.left_out.items()),
+        *(f"left out: {name}: {why}" for name, why in study.left_out.items()),
         f"written: {out}, {out.parent / 'figures.json'}, {out.parent / REPORT}",
     )
 
 
-def _losses(found: TrackingStudy) -> Table:
+def _losses(study: TrackingStudy) -> Table:
     """Return what became of a stage without each of its magnets."""
     from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_TITLE
 
     rows = table(LOSS_TITLE, LOSS_HEAD)
-    for one in found.losses:
-        rows.add_row(*one.cells())
+    for loss in study.losses:
+        rows.add_row(*loss.cells())
     return rows
 
 
-def show_piezo(found: PiezoTracking, out: Path) -> None:
+def show_piezo(tracking: PiezoTracking, out: Path) -> None:
     """Print how a piezo stage followed its triangle."""
-    from anhyst.study.piezo.track import TITLES, verdict
+    from anhyst.study.piezo import TITLES, verdict
 
     rows = table("deviation from the triangle", ("compensation", "worst nm", "rms nm"))
-    for name, one in found.errors.items():
+    for name, one in tracking.errors.items():
         rows.add_row(TITLES[name], f"{1e9 * one.worst_m:.0f}", f"{1e9 * one.rms_m:.0f}")
-    lost = [f"lost: {one}" for one in found.lost_in]
-    ratio = (
-        f"rms with compensation over without: {found.ratio:.2f}; {verdict(found.ratio).sentence}"
-    )
+    lost = [f"lost: {one}" for one in tracking.lost_in]
+    ratio = f"rms with compensation over without: {tracking.ratio:.2f}; {verdict(tracking.ratio).sentence}"
     written = f"{out} and {out.with_suffix('.svg')} written"
     show(*lost, rows, *([] if lost else [ratio]), written)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, table, warn
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, Scheduler, of_its_kind
-from anhyst.cli.progress import progress_bar
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
@@ -110,11 +109,11 @@ def tune(
 
     Example: anhyst tune examples/stage/rig.toml --out tuned --peak 2
     """
-    from anhyst.reports.bearing.tuning import write_pareto
-    from anhyst.study.tuning.output import figures_of, shortfall
+    from anhyst.reports.bearing.over_runs import write_pareto
+    from anhyst.study.tuning.result import figures_of, shortfall
 
     with progress_bar("tuning") as progress:
-        found = anhyst.tune(
+        tuning = anhyst.tune(
             rig,
             out,
             controller,
@@ -132,44 +131,44 @@ def tune(
             scheduler=scheduler,
             progress=progress,
         )
-        write_pareto(found, out)
-    for text in found.plant.warnings if found.plant else ():
+        write_pareto(tuning, out)
+    for text in tuning.plant.warnings if tuning.plant else ():
         warn(text)
     if as_json:
-        print_json(figures_of(found))
+        print_json(figures_of(tuning))
     else:
-        _show(found, out)
-    if found.interrupted:
-        kept = ", ".join(str(place) for place in found.written.values())
+        _show(tuning, out)
+    if tuning.interrupted:
+        kept = ", ".join(str(path) for path in tuning.written.values())
         raise Interrupted(f"the best so far, not checked, is in {kept}")
-    missed = shortfall(found)
+    missed = shortfall(tuning)
     if missed is not None:
         raise NegativeResult(missed, code="aims-missed")
 
 
-def _show(found: Tuning, out: Path) -> None:
-    from anhyst.study.tuning.output import aims_text, heads, rows, worth
+def _show(tuning: Tuning, out: Path) -> None:
+    from anhyst.study.tuning.result import aims_text, heads, rows, worth
 
-    head = heads(found)[:-1]
-    drawn = table(f"tuned for {aims_text(found)}", head)
-    for row in rows(found):
+    head = heads(tuning)[:-1]
+    drawn = table(f"tuned for {aims_text(tuning)}", head)
+    for row in rows(tuning):
         drawn.add_row(*row[: len(head)])
     limits = [
         f"what limits '{name}': {one.text}"
-        for name, tuned in found.tuned.items()
+        for name, tuned in tuning.tuned.items()
         for one in tuned.limits
     ]
-    checks = [(name, one.found.check) for name, one in found.tuned.items()]
+    checks = [(name, one.found.check) for name, one in tuning.tuned.items()]
     show(
         drawn,
-        f"worst of all conditions, mean of {found.rig.settings.noise_seeds} noise seeds with its "
+        f"worst of all conditions, mean of {tuning.rig.settings.noise_seeds} noise seeds with its "
         "95 % interval",
         *limits,
         *(f"'{name}': {text}" for name, one in checks if one for text in one.notes),
-        f"verdict: {worth(found)}",
-        *(found.plant.lines if found.plant else ()),
-        f"{found.seconds:.0f} s, {found.cpu_seconds:.0f} s of processor time",
-        *(f"written: {place}" for place in found.written.values()),
+        f"verdict: {worth(tuning)}",
+        *(tuning.plant.lines if tuning.plant else ()),
+        f"{tuning.seconds:.0f} s, {tuning.cpu_seconds:.0f} s of processor time",
+        *(f"written: {path}" for path in tuning.written.values()),
         f"written: {out / 'tuning.json'}, {out / 'tuning.md'}, {out / 'pareto.png'}",
     )
 
@@ -208,23 +207,25 @@ def calibrate(
 
     Example: anhyst calibrate examples/bearing/rig.toml run.csv --out calibration.toml
     """
-    found = anhyst.calibrate(rig, recordings, out, controller=controller)
-    facts = found.facts()
-    for one in found.file.method:
-        if one.name == "full" and one.force_N > 0.0 and not one.fits:
-            warn(f"{one.name}: {facts[one.name]}; a flux probe helps there")
+    calibration = anhyst.calibrate(rig, recordings, out, controller=controller)
+    facts = calibration.facts()
+    for method in calibration.file.method:
+        if method.name == "full" and method.force_N > 0.0 and not method.fits:
+            warn(f"{method.name}: {facts[method.name]}; a flux probe helps there")
     if as_json:
-        print_json(found.as_dict())
+        print_json(calibration.as_dict())
     else:
         drawn = table("learnt from motion", ["method", "number", "value", "+/-", "before", ""])
-        for one in found.file.method:
-            for number in one.parameter:
+        for method in calibration.file.method:
+            for number in method.parameter:
                 values = (f"{value:.3g}" for value in (number.value, number.sigma, number.prior))
                 unseen = "frozen: not seen" if number.frozen else ""
-                drawn.add_row(one.name, number.name, *values, unseen if one.taken else "not taken")
-        written = [f"written: {out}"] if out is not None and found.learnt else []
+                drawn.add_row(
+                    method.name, number.name, *values, unseen if method.taken else "not taken"
+                )
+        written = [f"written: {out}"] if out is not None and calibration.learnt else []
         show(drawn, *(f"{name}: {text}" for name, text in facts.items()), *written)
-    if not found.learnt:
+    if not calibration.learnt:
         raise NegativeResult(
             "nothing is taken: too little motion or force was asked for, or no law explains it",
             code="nothing-learnt",

@@ -1,4 +1,11 @@
-"""The verbs ``predict`` and ``invert``."""
+"""The verbs ``predict`` and ``invert``.
+
+The verb ``diff``.
+
+The verb ``report``.
+
+The verb ``watch``.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +16,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import print_json, show, warn
-from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory, read_options
-from anhyst.cli.progress import progress_bar
+from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
+from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory, of_its_kind, read_options
+from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from anhyst import RunSummary
+    from anhyst import Model, ModelDiff, RunSummary
+    from anhyst.model.parameters import Parameter
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")]
 
@@ -103,3 +111,140 @@ def _show(summary: RunSummary) -> None:
     if summary.outside:
         lines.append(f"{summary.outside} rows lie outside the valid range of the model (valid = 0)")
     show(*lines)
+
+
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A model.toml.", callback=of_its_kind)],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="Another model.toml.", callback=of_its_kind)
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Show what two models have different, and by how much in newtons.
+
+    Compared are settled loops over the range of drive in which both models are valid, at the gaps
+    of both and half-way between. The difference is in units of the output (N for a force).
+
+    Example: anhyst diff old.toml new.toml
+    """
+    model, other = anhyst.read_model(first), anhyst.read_model(second)
+    result = anhyst.diff(model, other)
+    if as_json:
+        print_json(asdict(result) | {"same": result.same, "unit": model.output.unit})
+    else:
+        _show_diff(result, model, other)
+
+
+def _show_diff(result: ModelDiff, model: Model, other: Model) -> None:
+    if result.same:
+        show("the two models compute the same")
+        return
+    names = {name: key for name, (_, key) in {**model.keys, **other.keys}.items()}
+    changes = table("different", ["", "A", "B", "change"])
+    for change in (*result.settings, *result.parameters):
+        changes.add_row(
+            names.get(change.name, change.name),
+            _text(change.first),
+            _text(change.second),
+            _relative(change.first, change.second) if change.name in names else "",
+        )
+    show(changes)
+    if result.drive is None:
+        show(result.note)
+        return
+    unit, drive = model.output.unit, model.input
+    low, high = result.drive
+    title = f"settled loops, {drive.symbol} from {low:g} to {high:g} {drive.unit}"
+    at, scale = in_small_units(model.schedule)
+    loops = table(title, [at, f"largest [{unit}]", f"mean apart [{unit}]", f"worst [{unit}]", "at"])
+    for loop in result.loops:
+        loops.add_row(
+            "" if loop.schedule is None else f"{scale * loop.schedule:.6g}",
+            f"{loop.largest_output:.5g}",
+            f"{loop.mean:.4g}",
+            f"{loop.worst:.4g}",
+            f"{loop.at_drive:.4g} {drive.unit}",
+        )
+    show(loops, f"all together: mean {result.mean:.4g} {unit}, worst {result.worst:.4g} {unit}")
+
+
+def _text(value: Parameter | str | None) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(f"{number:.6g}" for number in value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return value or "none"
+
+
+def _relative(first: Parameter | str | None, second: Parameter | str | None) -> str:
+    if isinstance(first, float) and isinstance(second, float) and first:
+        return f"{100.0 * (second / first - 1.0):+.3g} %"
+    return ""
+
+
+def report(
+    model: ModelPath,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FILE", help="HTML file to write.")
+    ] = Path("report.html"),
+    as_json: AsJson = False,
+) -> None:
+    """Write the report of a model: one HTML file that needs nothing else.
+
+    Measured against modelled loops at each gap, residuals, parameters over the gap, the cost of
+    each reduction, uncertainty, verdict and provenance. The measurements that the model was
+    identified from are read again; where they are missing or have changed, the report is written
+    from the model alone and says so.
+
+    Example: anhyst report model.toml --out report.html
+    """
+    from anhyst.support.atomic import check_writable
+
+    check_writable(out, reads=[model])
+    warnings = anhyst.report(model, out)
+    for text in warnings:
+        warn(text)
+    if as_json:
+        print_json({"out": str(out), "warnings": list(warnings)})
+    else:
+        show(f"{out} written")
+
+
+def watch(
+    model: ModelPath,
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING", help="CSV of one run: t_s, I_A, F_N and gap_m, which may move."
+        ),
+    ],
+    least: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Smallest drift worth an alarm. [default: a thousandth of the model's largest "
+            "force]",
+            show_default=False,
+        ),
+    ] = None,
+    run_length: Annotated[
+        float, typer.Option(metavar="CYCLES", min=100, help="Mean run to a false alarm.")
+    ] = 1e5,
+    as_json: AsJson = False,
+) -> None:
+    """Say whether a model still fits its magnet, or since when it has drifted and by how much.
+
+    The first cycles of the current in the recording show what the model leaves while it fits; every
+    later cycle is held against them. Exit code 1 where the model has drifted.
+
+    Example: anhyst watch model.toml monday.csv
+    """
+    result = anhyst.watch(model, recording, least=least, run_length=run_length)
+    if as_json:
+        print_json(result.as_dict())
+    if result.finding.drifted is not None:
+        raise NegativeResult(str(result), code="drifted")
+    if result.finding.learning:
+        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
+    if not as_json:
+        show(str(result))

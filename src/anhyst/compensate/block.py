@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.layout import KINDS, LAYOUT, LEAST_WORDS, MAGIC, MOST_WORDS, PLACES, WORDS
 from anhyst.compensate.words import Names, Word, WordUnit
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 Kind = Literal["full", "simplified", "euler", "cells"]
 

@@ -17,22 +17,25 @@ import numpy as np
 from anhyst.compensate.holding import SECONDS, Held, hold
 from anhyst.compensate.measure import (
     OutputDeviation,
+    Path,
     PathRun,
     against_demand,
     between,
     deviation,
+    fast_paths,
+    find_reach,
     interpolation,
     off_demand,
+    paths,
     resolution,
     snapped,
 )
-from anhyst.compensate.paths import Path, fast_paths, find_reach, paths
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.search import FINE
 from anhyst.compensate.twin import AnyBlock, twin_of
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NegativeResult
+from anhyst.support.numeric import FloatArray
 
 SEED = 2
 LENGTH = 4
@@ -101,12 +104,12 @@ def measure_budget(plan: Plan) -> Budget:
         "compiled, sample rate and model fit: worst ones added up, rms as a root of squares",
     )
     accuracy = plan.request.accuracy
-    wanted = None if accuracy is None else accuracy / 100.0 * plan.largest
+    allowed = None if accuracy is None else accuracy / 100.0 * plan.largest
     held = tuple(hold(plan))
     return Budget(
         largest=plan.largest,
         unit=model.output.unit,
-        wanted=wanted,
+        wanted=allowed,
         parts=parts,
         compiled=compiled,
         total=total,
@@ -234,13 +237,13 @@ def _rate(plan: Plan) -> list[BudgetPart]:
             errors.append((path.name, off_demand(run, block.limits, resolution(block.scales))))
         return deviation(errors)
 
-    found, still = off(block), off(plan.still)
+    moving, still = off(block), off(plan.still)
     titles = " and ".join(path.title for path in ways)
     note = (
         f"{titles}, against the model with its layers; compiled at rest it would be "
         f"{100.0 * still.worst / plan.largest:.2g} %"
     )
-    return [BudgetPart("rate", "rate", found.worst, found.rms, note)]
+    return [BudgetPart("rate", "rate", moving.worst, moving.rms, note)]
 
 
 def _late(model: Model, demand: FloatArray, gap: FloatArray) -> FloatArray:

@@ -19,11 +19,11 @@ from anhyst.compensate.block import (
     as_word,
     mantissa,
 )
-from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import (
     WEIGHT,
     Arms,
     arms_of,
+    cell_weights,
     nearly_jumps,
     nodes,
     pack_arms,
@@ -34,8 +34,8 @@ from anhyst.compensate.scheduled import (
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
 """Rows reach a little further than any current within its limits drives the field."""
@@ -187,7 +187,7 @@ def cell_rows(
 
     segments = sizes.curve_segments
     grids = {grid: laid(grid) for z in ZONES if z <= segments for grid in (RowGrid(segments, z),)}
-    grid = min(grids, key=lambda one: grids[one][1])
+    grid = min(grids, key=lambda size: grids[size][1])
     return CellRows(reach, few.thresholds[1:], grid, grids[grid][0])
 
 

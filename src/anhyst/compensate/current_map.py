@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 
 from anhyst import _core
 from anhyst.compensate.block import Scales, as_word
-from anhyst.compensate.force_controller import REAL, Native
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import REAL, Native, NumberFormat
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.surface import Surface, Tangent, fit_line, fit_plane, fit_surface
 from anhyst.data import Loop, Loops
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-from anhyst.support.fixed_point import q31
+from anhyst.support.numeric import FloatArray, q31
 
 
 @dataclass(frozen=True)

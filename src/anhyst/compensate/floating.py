@@ -18,9 +18,9 @@ from anhyst._core import Parameters, ParametersF32
 from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import cell_rows
 from anhyst.compensate.full import full_tables, normal
-from anhyst.compensate.irons import cell_weights
 from anhyst.compensate.scheduled import (
     arms_of,
+    cell_weights,
     flux_gain,
     flux_unit,
     nodes,
@@ -29,7 +29,7 @@ from anhyst.compensate.scheduled import (
 )
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 RealKind = Literal["full", "simplified", "cells"]
 RealIo = Literal["f32", "f64"]

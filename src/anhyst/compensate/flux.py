@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.compensate.surface import Surface
-from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import passed
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, passed
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,13 @@ from anhyst import _core
 from anhyst.compensate.block import Scales
 from anhyst.compensate.current_map import CurrentMap, current_map, table_words
 from anhyst.compensate.flux import FluxGains, design_flux_loop
-from anhyst.compensate.force_controller import REAL, Native
+from anhyst.compensate.force_controller import REAL, Native, NumberFormat
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse, full_inverse
-from anhyst.compensate.interface import NumberFormat
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.sources import Sources
 from anhyst.compensate.surface import Surface
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-from anhyst.support.fixed_point import as_factor, as_smoothing, q31
+from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, q31
 
 MOST = 0.05
 """Of the largest current: what a flux loop adds to that of a law at most, so that a probe that fails

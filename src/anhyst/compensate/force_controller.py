@@ -1,20 +1,78 @@
-"""From force to current: the core's own arithmetic, with the scales that give its numbers a meaning."""
+"""From force to current: the core's own arithmetic, with the scales that give its numbers a meaning.
+
+What every compensator can do, however it finds its current and in whatever numbers it counts.
+"""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from anhyst import _core
 from anhyst.compensate.block import Scales
-from anhyst.compensate.interface import Compensator, MethodName, NumberFormat
-from anhyst.support.arrays import FloatArray
-from anhyst.support.fixed_point import q31
+from anhyst.support.numeric import FloatArray, q31
+
+MethodName = Literal[
+    "ratio",
+    "secant",
+    "linearised",
+    "single-valued",
+    "play",
+    "simplified",
+    "at-rest",
+    "full",
+    "flux",
+    "fused",
+]
+"""How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
+
+NumberFormat = Literal["f64", "f32", "fixed"]
+"""In which a force controller counts: double, single, or 32-bit fixed point."""
+
+
+class Compensator(ABC):
+    """From a wanted output to the current that gives it, sample by sample.
+
+    A user calls :meth:`solve` as often as he likes, applies a current, and calls :meth:`commit`
+    once with the current that was really applied, after limits and the amplifier. Demands and
+    outputs are in units of the model's output, N for a force; currents in those of its input, A;
+    the scheduling variable is SI, m for a gap. What is beyond the limits of a compensator is
+    limited, never refused.
+    """
+
+    @abstractmethod
+    def solve(self, demand: float, gap: float | None = None) -> float:
+        """Return the current that gives `demand` now; the state is not touched."""
+
+    @abstractmethod
+    def commit(self, applied: float, gap: float | None = None) -> float:
+        """Advance the state with the current that was applied."""
+
+    @abstractmethod
+    def fresh(self) -> Self:
+        """Return another one with the same parameters, which remembers nothing.
+
+        Two magnets need two compensators, and every run its own.
+        """
+
+    def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
+        """Solve and commit sample by sample."""
+        demands = np.array(demand, dtype=np.float64, ndmin=1)
+        places = np.broadcast_to(np.asarray(gap), demands.shape).tolist()
+        currents = []
+        for now, at in zip(demands.tolist(), places, strict=True):
+            current = self.solve(now, at)
+            self.commit(current, at)
+            currents.append(current)
+        return np.array(currents)
+
 
 Native = _core.ForceController | _core.ForceControllerF32 | _core.FixedForceController
 
@@ -83,8 +141,8 @@ class ForceController(Compensator):
             return native.solve(demand, at, flux)
         full = self.parameters.flux_full_scale
         density = _NO_FLUX if math.isnan(flux) else q31(flux / full)
-        found = native.solve(q31(demand / scales.demand), self._gap_code(at), density)
-        return found / _Q31 * scales.current
+        code = native.solve(q31(demand / scales.demand), self._gap_code(at), density)
+        return code / _Q31 * scales.current
 
     def commit(self, applied: float, gap: float | None = None) -> float:
         """Advance the state with the current that was applied, A; return the force to expect, N."""

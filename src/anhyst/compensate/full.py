@@ -18,10 +18,10 @@ from anhyst.compensate.block import (
     as_word,
     mantissa,
 )
-from anhyst.compensate.irons import iron_of
 from anhyst.compensate.scheduled import (
     WEIGHT,
     arms_of,
+    iron_of,
     nearly_jumps,
     nodes,
     pack_arms,
@@ -30,8 +30,8 @@ from anhyst.compensate.scheduled import (
 )
 from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 MARGIN = 1.02
 """Tables reach a little further than any current within its limits drives the field."""

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.compensate.paths import Reach, find_reach
+from anhyst.compensate.measure import Reach, find_reach
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.twin import twin_of
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 SECONDS, NOISE_SECONDS = 60.0, 10.0
 """For which a demand is held, and for which sensors are noisy or the gap walks at random."""

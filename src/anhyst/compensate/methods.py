@@ -1,7 +1,7 @@
 """Every method from a wanted force to a current, each fitted to the same loops.
 
 A later one is a file of its own beside :mod:`.current_map`, a name in
-:data:`~anhyst.compensate.interface.MethodName`, and a row here.
+:data:`~anhyst.compensate.force_controller.MethodName`, and a row here.
 """
 
 from __future__ import annotations
@@ -12,13 +12,17 @@ from typing import Literal
 
 from anhyst.compensate.current_map import linearised_map, ratio_map, secant_map, single_valued_map
 from anhyst.compensate.flux_feedback import flux_feedback, fused_inverse
-from anhyst.compensate.force_controller import ForceController, MethodParameters
+from anhyst.compensate.force_controller import (
+    ForceController,
+    MethodName,
+    MethodParameters,
+    NumberFormat,
+)
 from anhyst.compensate.hysteresis_inverse import (
     full_inverse,
     full_inverse_at_rest,
     simplified_inverse,
 )
-from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.play_map import one_play
 from anhyst.compensate.sources import Sources
 

@@ -15,9 +15,9 @@ from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.data.history import History
 from anhyst.data.output_map import output_map
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
-from anhyst.support.c_names import c_name, check_name
+from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 
 RAMP_SECONDS = 0.25
 """Duration of one ramp, where the ticks of the controller allow: slow for an amplifier."""
@@ -179,8 +179,8 @@ def full_scale(largest: float) -> float:
     """
     decade = 10.0 ** np.floor(np.log10(largest))
     # 1.0 itself has no code.
-    found = next(part for part in ROUND if part * decade > largest * (1.0 + 2.0**-15))
-    return float(f"{found * decade:.6g}")
+    mantissa = next(part for part in ROUND if part * decade > largest * (1.0 + 2.0**-15))
+    return float(f"{mantissa * decade:.6g}")
 
 
 def largest_output(limits: DemandLimits) -> float:
@@ -219,17 +219,17 @@ def make_plan(
     reference = reference_output(model, limits)
     allowance = ACCURACY / 100.0 * reference
     if request.accuracy is not None:
-        asked = request.accuracy / 100.0 * reference
-        allowance = asked if request.kind == "full" else min(asked, allowance)
+        tolerance = request.accuracy / 100.0 * reference
+        allowance = tolerance if request.kind == "full" else min(tolerance, allowance)
     try:
         start = plan_start(model, scales, limits, request.rate, allowance)
     except InputError as error:
         raise not_computed(error) from error
     settings = model, request.kind, request.io, scales, limits
     builder = Builder(*settings, start.conditioning, model_hash, late)
-    found = BlockSearch(builder, share * allowance).run()
-    block = builder.whole(found.sizes)
-    return Plan(request, builder, found.sizes, block, start, found, allowance)
+    result = BlockSearch(builder, share * allowance).run()
+    block = builder.whole(result.sizes)
+    return Plan(request, builder, result.sizes, block, start, result, allowance)
 
 
 def not_computed(error: InputError | NegativeResult) -> InputError:

@@ -18,16 +18,13 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 
 from anhyst import _core
-from anhyst.compensate.baselines import envelope
 from anhyst.compensate.block import Scales
 from anhyst.compensate.current_map import CurrentMap, current_map, table_words
-from anhyst.compensate.force_controller import REAL, Native
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import REAL, Native, NumberFormat
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compensate.surface import SPAN, Surface, fit_surface
+from anhyst.compensate.surface import SPAN, Surface, envelope, fit_surface
 from anhyst.data import Loop, Loops
-from anhyst.support.arrays import FloatArray
-from anhyst.support.fixed_point import as_factor, q31
+from anhyst.support.numeric import FloatArray, as_factor, q31
 
 RADII = (0.003, 1.0)
 """Within which a radius is looked for, of the largest current."""

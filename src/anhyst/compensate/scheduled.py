@@ -1,20 +1,55 @@
-"""What every kind of compensator shares: signals, limits, and what runs over the gap."""
+"""What every kind of compensator shares: signals, limits, and what runs over the gap.
+
+What compensators of every kind need to know of the iron of a model, whatever its law.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from anhyst.compensate.block import Conditioning, DemandLimits, Packer, Scales, TableSizes, as_word
-from anhyst.compensate.irons import iron_of, saturation
 from anhyst.compensate.layout import UNITS
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import least_slope, obstacle
 from anhyst.model.dynamics import Layers
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
+
+if TYPE_CHECKING:
+    from anhyst.laws.cells import CellWeights
+
+FullKind = Literal["full", "cells"]
+
+
+def iron_of(model: Model) -> Mapping[str, float]:
+    """Return the parameters of the iron, the same at every gap of what can be compiled."""
+    return model.parameters_at(model.first_node)
+
+
+def full_kind(model: Model) -> FullKind:
+    """Return the kind of the blocks that follow the law itself, of a model that can be compiled."""
+    return "full" if model.operator_law.cells is None else "cells"
+
+
+def saturation(model: Model) -> float:
+    """Return the largest magnetisation, A/m."""
+    iron, law = iron_of(model), model.operator_law
+    if law.cells is not None:
+        return law.cells(iron).saturation
+    return sum(iron[spec.name] for spec in law.with_role("saturation"))
+
+
+def cell_weights(model: Model) -> CellWeights:
+    """Return the cells of a model whose law has some."""
+    cells = model.operator_law.cells
+    assert cells is not None
+    return cells(iron_of(model))
+
 
 WEIGHT = 65536.0
 LARGEST_WEIGHT = 32767 / WEIGHT

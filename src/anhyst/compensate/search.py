@@ -13,21 +13,22 @@ from anhyst.compensate.block import Conditioning, DemandLimits, Kind, Scales, Ta
 from anhyst.compensate.cells import build_cells
 from anhyst.compensate.floating import RealBlock, RealKind, build_real
 from anhyst.compensate.full import build_full
-from anhyst.compensate.irons import full_kind
 from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
 from anhyst.compensate.measure import (
+    Path,
     PathRun,
     against_demand,
     apart,
     interpolation,
     outputs,
+    paths,
     snapped,
 )
-from anhyst.compensate.paths import Path, paths
+from anhyst.compensate.scheduled import full_kind
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 SPARE = 0.9
 """Of the wanted accuracy is used up on the path of the plan; the budget measures another one."""

@@ -38,8 +38,8 @@ from anhyst.compensate.scheduled import (
     refuse_uncompilable,
 )
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 LOOPS = ((0.05, 0.95), (0.3, 0.7), (0.05, 0.5), (0.5, 0.95))
 """Turning points of the demands to which the arms are fitted, over the largest force at a gap."""
@@ -187,10 +187,10 @@ def _lags(rate: float, nu: float, fluxes: list[FloatArray], sizes: TableSizes) -
     pack.set("FLUX_SHIFT", 2)
     pack.set("FLUX_LIMIT", 16384)
     pack.set("CONDITION_TICKS", 2)
-    one = np.ones(2)
+    ones = np.ones(2)
     for name, value in (("GAIN", 0.25), ("OFFSET", 0.0), ("BIAS", 0.0), ("FLUX_ARM", 0.0)):
-        pack.table(f"GAP_{name}", value * one, 65536.0)
-    pack.table("GAP_FIELD_ARM", 0.25 * one, 65536.0)
+        pack.table(f"GAP_{name}", value * ones, 65536.0)
+    pack.table("GAP_FIELD_ARM", 0.25 * ones, 65536.0)
     pack.set("CURRENT_SHIFT", 2)
     _pack_law(pack, rate, nu, sizes)
     words = pack.close(Scales(1.0, 1.0, 0.0, 1.0), DemandLimits((-1, 1), (-1, 1))).words
@@ -311,7 +311,7 @@ def fit_closed_form(
             _straighten(model, float(gap), tasks, (rate, nu), room, sizes)
             for gap, tasks in zip(places, groups, strict=True)
         ]
-        offset = np.array([one for one, _ in straight])
+        offset = np.array([offset_of_gap for offset_of_gap, _ in straight])
         groups = [tasks for _, tasks in straight]
         rate, nu = _search(groups, sizes)
     arms, left = _fitted(groups, rate, nu, sizes)

@@ -12,8 +12,8 @@ from anhyst._core import Compensator as CompensatorF64
 from anhyst._core import CompensatorF32, FixedCompensator
 from anhyst.compensate.block import Block
 from anhyst.compensate.floating import RealBlock, RealIo
-from anhyst.compensate.interface import Compensator
-from anhyst.support.arrays import FloatArray
+from anhyst.compensate.force_controller import Compensator
+from anhyst.support.numeric import FloatArray
 
 CodeArray = NDArray[np.int32]
 AnyBlock = Block | RealBlock
@@ -165,8 +165,8 @@ class RealTwin(Twin):
     def run(self, demand: ArrayLike, gap: ArrayLike | None = None) -> FloatArray:
         """Solve and commit sample by sample, in C."""
         demands = np.array(demand, dtype=np.float64, ndmin=1)
-        given = self.block.scales.gap_low if gap is None else gap
-        at = np.broadcast_to(np.asarray(given, dtype=np.float64), demands.shape).copy()
+        gaps = self.block.scales.gap_low if gap is None else gap
+        at = np.broadcast_to(np.asarray(gaps, dtype=np.float64), demands.shape).copy()
         return self._core.run(demands, at)
 
     def _start_up(self) -> FloatArray:

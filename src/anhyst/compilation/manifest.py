@@ -1,22 +1,260 @@
-"""The manifest of an output folder: what every tool has to know about it."""
+"""The manifest of an output folder: what every tool has to know about it.
+
+Memory that a compensator takes on a controller with pointers of 32 bits.
+
+The choices of a plan in words.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
+from anhyst._core import POSITION_MAGNETS
 from anhyst.compensate.block import Block
 from anhyst.compensate.budget import Budget, percent
-from anhyst.compensate.choices import explain
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.layout import BODY
-from anhyst.compensate.plan import Plan
+from anhyst.compensate.plan import Decision, Plan
+from anhyst.compensate.twin import AnyBlock
 from anhyst.compensate.words import Names
-from anhyst.compilation.controller import ControllerPlan
-from anhyst.compilation.controller_source import described
-from anhyst.compilation.memory import controller_bytes, parameters_bytes, state_bytes
+from anhyst.compilation.controller import ControllerPlan, described
+from anhyst.compilation.parameters import memories
+from anhyst.compilation.toolchain import read_core
 from anhyst.support.units import Quantity
+
+STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}
+
+
+def explain(plan: Plan) -> list[Decision]:
+    """Say what was chosen and why, one entry a choice."""
+    choices = [
+        *_signal_choices(plan),
+        _axis(plan, "gap_segments", "tables over the gap", "straight lines between the gaps"),
+    ]
+    if plan.block.kind == "cells":
+        return [*choices, *_rows(plan), _knee(plan), _start(plan)]
+    if plan.block.kind == "full":
+        choices += [
+            _axis(plan, "curve_segments", "anhysteretic curve and branch", "these tables"),
+            _axis(plan, "inverse_segments", "inverse of the anhysteretic", "this table"),
+        ]
+    else:
+        choices += _closed_form(plan)
+    return [*choices, _iterations(plan), _knee(plan), _start(plan)]
+
+
+def _rows(plan: Plan) -> list[Decision]:
+    tried, cells = dict(plan.found.tried["cells"]), plan.sizes.cells
+    reason = f"so many thresholds cost {_percent(plan, tried[cells])}"
+    if cells - 1 in tried:
+        reason += f"; {cells - 1} would cost {_percent(plan, tried[cells - 1])}"
+    return [
+        Decision("play cells with a threshold", f"{cells}", reason),
+        _axis(plan, "curve_segments", "row for each number of moving cells", "these tables"),
+    ]
+
+
+def _signal_choices(plan: Plan) -> list[Decision]:
+    model, scales, io = plan.model, plan.block.scales, plan.request.io
+    if io == "f32":
+        reason = "24 bits of mantissa: nothing has to be scaled"
+        return [Decision("signals", "single precision, SI units", reason)]
+    step = STEPS[io]
+    rows = [
+        ("demand", scales.demand, plan.largest, model.output.unit),
+        (
+            "current",
+            scales.current,
+            max(abs(end) for end in plan.block.limits.current),
+            model.input.unit,
+        ),
+    ]
+    choices = [
+        Decision(
+            f"full scale of the {name}",
+            f"{scale:g} {unit}",
+            f"the next round value above {largest:.4g} {unit}; a step of {io} is "
+            f"{scale * step:.3g} {unit}, and 32 bits are carried inside",
+        )
+        for name, scale, largest, unit in rows
+    ]
+    if model.needs_schedule and model.schedule is not None:
+        low, high = 1e3 * scales.gap_low, 1e3 * scales.gap_high
+        text = f"{low:g} to {high:g} mm" if model.schedule.unit == "m" else (
+            f"{scales.gap_low:g} to {scales.gap_high:g} {model.schedule.unit}"
+        )  # fmt: skip
+        choices.append(
+            Decision(
+                f"range of the {model.schedule.name}",
+                text,
+                "the measured range, so that no code is spent on places the model does not know",
+            )
+        )
+    return choices
+
+
+def _axis(plan: Plan, axis: str, name: str, what: str) -> Decision:
+    chosen = getattr(plan.sizes, axis)
+    tried = dict(plan.found.tried[axis])
+    if axis == "gap_segments" and not plan.model.needs_schedule:
+        return Decision(name, "constant", "nothing runs over the gap")
+    reason = f"{what} cost {_percent(plan, tried[chosen])}"
+    if chosen - 1 in tried:
+        reason += f"; with {2 ** (chosen - 1)} it would be {_percent(plan, tried[chosen - 1])}"
+    return Decision(name, f"{2**chosen} segment{'s' if chosen else ''}", reason)
+
+
+def _closed_form(plan: Plan) -> list[Decision]:
+    law, tried = plan.builder.law, plan.found.tried
+    sizes = plan.sizes
+    choices = [
+        Decision(
+            "simplified law",
+            f"rate {law.rate:.4g}, nu {law.nu:.4g}",
+            f"fitted in {plan.model.output.name.replace('_', ' ')} to what the model does over "
+            f"its range; worst {_percent(plan, law.worst)} over settled triangles",
+        )
+    ]
+    if plan.block.kind == "simplified":
+        cost = max(dict(tried["octaves"])[sizes.octaves], 0.0)
+        fine = max(dict(tried["octave_segments"])[sizes.octave_segments], 0.0)
+        choices.append(
+            Decision(
+                "closed form",
+                f"{sizes.octaves} octaves of {2**sizes.octave_segments} segments",
+                f"so few octaves cost {_percent(plan, cost)}, so few segments "
+                f"{_percent(plan, fine)}: the curve is sharp at its start and flat far out",
+            )
+        )
+    return choices
+
+
+def _iterations(plan: Plan) -> Decision:
+    what = "a solve" if plan.block.kind == "full" else "a commit that differs from the solve"
+    return Decision(
+        "iterations",
+        f"{plan.sizes.iterations} in {what}",
+        "one more than the fewest that are as good as many, full-range jumps and lost currents "
+        "included; at most so many, since a search ends where its tangents lead to the target",
+    )
+
+
+def _knee(plan: Plan) -> Decision:
+    k = plan.sizes.root_knee
+    if plan.model.power != 2:
+        return Decision("root", "none", "the output is proportional to the flux")
+    below = plan.block.scales.demand * 4.0**-k
+    unit = plan.model.output.unit
+    return Decision(
+        "root near zero",
+        f"straight below {below:.3g} {unit}",
+        f"the root's infinite slope would turn the last bit of a demand into a jump of current; "
+        f"costs at most {_percent(plan, below / 4.0)} there",
+    )
+
+
+def _start(plan: Plan) -> Decision:
+    start = plan.start
+    cycles = start.conditioning.cycles
+    return Decision(
+        "start-up",
+        f"{cycles} triangle{'s' * (cycles > 1)} of current in {start.seconds:g} s",
+        "whatever the iron remembers at first, afterwards at most "
+        f"{_percent(plan, start.remaining)} of it are left",
+    )
+
+
+def _percent(plan: Plan, value: float) -> str:
+    return f"{100.0 * value / plan.largest:.2g} %"
+
+
+REAL_STATE_BYTES = 112
+"""Of ``anhyst_compensator_f32``."""
+
+DEEPER_BYTES = (5 + 12 + 5) * 4
+"""Of ``anhyst_deeper_f32``, of each memory of solid iron beyond the first."""
+
+SOLID_BYTES = 6 * 4 + 4
+"""Of ``anhyst_solid_f32`` and the pointer to it."""
+
+COMMON_BYTES = 4 * 4 + 9 * 4 + 4 + 4 * 2
+"""Of ``anhyst_parameters_f32``: pointers to the law, numbers, pointer to the rows, counts."""
+
+CELLS = 12
+"""``ANHYST_CELLS``: plays of the law of cells that a compensator has room for."""
+
+LAW_BYTES = {
+    "full": 5 * 4 + 4 * 2 + 3 * 4,
+    "simplified": 4 * 4 + 4 * 2 + 4,
+    "cells": 3 * 4 + 4 * 2 + 2 * 4,
+}
+"""Of ``anhyst_full_law_f32`` and the like: numbers, counts, pointers."""
+
+
+def parameters_bytes(block: AnyBlock) -> int:
+    """Return the size of everything that is constant."""
+    if isinstance(block, RealBlock):
+        solid = SOLID_BYTES if memories(block) > 1 else 0
+        return 4 * block.entries + COMMON_BYTES + LAW_BYTES[block.kind] + solid
+    return block.size
+
+
+def state_bytes(block: AnyBlock) -> int:
+    """Return the size of everything that changes."""
+    if isinstance(block, RealBlock):
+        return REAL_STATE_BYTES + DEEPER_BYTES * (memories(block) - 1)
+    sizes = _fixed_sizes()
+    return sizes["anhyst_compensator"] + sizes["anhyst_deeper"] * (memories(block) - 1)
+
+
+def controller_bytes(magnets: int, block: Block) -> int:
+    """Return the size of everything that changes in a position controller and its force controllers."""
+    headers = (
+        *("control/supervisor.h", "control/levitation.h", "numeric/factor.h", "control/pidd2.h"),
+        *("compensator/compensator.h", "compensator/force_controller.h"),
+    )
+    generic = ("compensator/generic/force_controller.h", "control/generic/position.h")
+    sizes = _structures(
+        *(read_core(f"include/anhyst/{name}") for name in headers),
+        *(_in_q31(read_core(f"include/anhyst/{name}")) for name in generic),
+        MAGNETS=POSITION_MAGNETS,
+        CELLS=CELLS,
+    )
+    deeper = sizes["anhyst_deeper"] * (memories(block) - 1)
+    return sizes["anhyst_position_q31"] + magnets * (sizes["anhyst_force_controller_q31"] + deeper)
+
+
+def _in_q31(text: str) -> str:
+    """Return the structures of a generic header as they are in fixed point."""
+    return re.sub(r"ANHYST_NAME\((\w+)\)", r"\1_q31", text).replace("ANHYST_REAL", "int32_t")
+
+
+@cache
+def _fixed_sizes() -> dict[str, int]:
+    return _structures(read_core("include/anhyst/compensator/compensator.h"), CELLS=CELLS)
+
+
+def _structures(*texts: str, **numbers: int) -> dict[str, int]:
+    """Add up the members of structures, short ones at the end, each a multiple of four bytes."""
+    sizes = {"int32_t": 4, "uint16_t": 2, "int16_t": 2}
+    for text in texts:
+        plain = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+        sizes |= {name: sizes[same] for same, name in re.findall(r"typedef (\w+) (\w+);", plain)}
+        for members, name in re.findall(r"typedef struct (?:\w+ )?\{([^}]*)\} (\w+);", plain):
+            sizes[name] = -(-sum(_members(members, sizes, numbers)) // 4) * 4
+    return sizes
+
+
+def _members(text: str, sizes: dict[str, int], numbers: dict[str, int]) -> Iterator[int]:
+    for kind, pointer, count in re.findall(
+        r"(?:const )?(\w+)\s+(\*?)\w+(?:\[ANHYST_(?:POSITION_)?(\w+)\])?;", text
+    ):
+        yield (4 if pointer else sizes.get(kind, 0)) * (numbers[count] if count else 1)
+
 
 VERSION = 2
 

@@ -28,17 +28,20 @@ from anhyst.compensate.plan import ACCURACY, CompileRequest, Plan, make_plan, no
 from anhyst.compensate.twin import Io
 from anhyst.compilation.a2l import a2l
 from anhyst.compilation.controller import Controller, read_fitting
-from anhyst.compilation.lifting import levitation_csv, levitation_vectors
 from anhyst.compilation.manifest import manifest
 from anhyst.compilation.page import budget_page
 from anhyst.compilation.source import sources
-from anhyst.compilation.vectors import golden_vectors, vectors_csv
+from anhyst.compilation.vectors import (
+    golden_vectors,
+    levitation_csv,
+    levitation_vectors,
+    vectors_csv,
+)
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.file import read_model
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, whole_folder, write_texts
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.folder import whole_folder, write_texts
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress
 from anhyst.support.result import Result, columns_of
@@ -249,19 +252,21 @@ def _accuracy(budget: Budget) -> dict[str, str]:
 
 def _better(model: Model, plan: Plan, controller: Controller | None) -> str:
     """Return the options that reach an accuracy which those of a plan do not; empty if none do."""
-    asked = plan.request
+    compensator = plan.request
     tries: list[tuple[str, CompileRequest]] = []
-    if asked.kind != "full":
-        tries.append(("--kind full", replace(asked, kind="full")))
+    if compensator.kind != "full":
+        tries.append(("--kind full", replace(compensator, kind="full")))
     elif controller is None:
         finer: dict[Io, tuple[Io, ...]] = {"q15": ("q31", "f32"), "q31": ("f32",)}
-        tries += [(f"--io {io}", replace(asked, io=io)) for io in finer.get(asked.io, ())]
+        tries += [
+            (f"--io {io}", replace(compensator, io=io)) for io in finer.get(compensator.io, ())
+        ]
     for options, request in tries:
         try:
-            found = _planned(model, request, plan.builder.model_hash, controller, None)[1]
+            planned = _planned(model, request, plan.builder.model_hash, controller, None)[1]
         except (InputError, NegativeResult):
             continue
-        if is_reached(found):
+        if is_reached(planned):
             return options
     return ""
 

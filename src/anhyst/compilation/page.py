@@ -6,15 +6,22 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from anhyst.compensate.budget import Budget, BudgetPart, percent
-from anhyst.compensate.choices import explain
 from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
-from anhyst.compilation.memory import parameters_bytes
+from anhyst.compilation.manifest import explain, parameters_bytes
 from anhyst.compilation.source import signal_lines
-from anhyst.support.arrays import FloatArray
-from anhyst.support.page.blocks import Cell, PageTable, Picture, Section, Text, table
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page.blocks import (
+    Cell,
+    Headline,
+    PageTable,
+    Picture,
+    Section,
+    Text,
+    render_page,
+    table,
+)
 from anhyst.support.page.numbers import NOT_KNOWN
-from anhyst.support.page.page import Headline, render_page
 from anhyst.support.page.style import ALARM, MODEL, WIDTH, styled, svg_text
 
 ROW = 2.1  # inches
@@ -97,8 +104,13 @@ def _along(budget: Budget) -> tuple[Picture, PageTable]:
 
 def _held(budget: Budget) -> PageTable:
     rows = [
-        [one.title, f"{one.demand:.3g}", f"{one.seconds:g}", f"{percent(budget, one.drift):.2g}"]
-        for one in budget.held
+        [
+            path.title,
+            f"{path.demand:.3g}",
+            f"{path.seconds:g}",
+            f"{percent(budget, path.drift):.2g}",
+        ]
+        for path in budget.held
     ]
     return table(
         "Every movement",

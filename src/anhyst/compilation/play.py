@@ -1,9 +1,12 @@
-"""A map with one play as C: fitted to loops of a model, for whom the compensator is too dear."""
+"""A map with one play as C: fitted to loops of a model, for whom the compensator is too dear.
+
+What a force controller leaves of a force: over the whole loop, and over small cycles inside.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -12,30 +15,98 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from anhyst._core import FixedForceController
-from anhyst.compensate.cycles import CycleErrors, cycle_errors, rms, worst
-from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest, find_limits
 from anhyst.compensate.play_map import PlayMap, one_play
 from anhyst.compensate.sources import Operating, Sources
-from anhyst.compilation.core import SRC, core_files, read_core
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import check_folder, write_folder
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
+from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
 from anhyst.data import History, Loop, Loops
 from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
-from anhyst.support.c_names import c_name
+from anhyst.support.c_objects import c_name
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+CYCLE_RAMP = 200
+"""Samples of a ramp over the whole range."""
+
+LEVELS = (0.25, 0.5, 0.75)
+"""Middles of the small cycles, of the largest force."""
+
+SMALL = 0.1
+"""Small cycles from peak to peak, of the largest force."""
+
+ROUNDS = 4
+"""Small cycles at a level; the last one counts."""
+
+Answer = Callable[[FloatArray, float], FloatArray]
+"""From currents in their order, of an iron without memory at first, and the gap to forces."""
+
+
+@dataclass(frozen=True)
+class CycleErrors:
+    """Force less demand, N."""
+
+    major: FloatArray  # from zero to the largest force and back, after two such cycles
+    small: FloatArray  # over small cycles about levels that were come to from above and from below
+
+    def joined(self, other: CycleErrors) -> CycleErrors:
+        """Return both."""
+        return CycleErrors(
+            np.concatenate([self.major, other.major]), np.concatenate([self.small, other.small])
+        )
+
+
+def rms(error: FloatArray) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def worst(error: FloatArray) -> float:
+    """Return the largest magnitude."""
+    return float(np.abs(error).max())
+
+
+def cycle_errors(
+    compensator: Compensator, answer: Answer, gap: float, largest: float
+) -> CycleErrors:
+    """Run a compensator over a path of demands at one gap; the currents are those it solves for."""
+    turns, counts = [0.0, 1.0, 0.0, 1.0, 0.0], []
+    begin = len(turns) - 1
+    turns += [1.0, 0.0]
+    counts += [(begin, "major"), (begin + 1, "major")]
+    for level in LEVELS:
+        for end in (1.0, 0.0):
+            turns.append(end)
+            for _ in range(ROUNDS):
+                ends = (level - 0.5 * SMALL, level + 0.5 * SMALL)
+                turns += ends if end > 0.5 else ends[::-1]
+            counts += [(len(turns) - 3, "small"), (len(turns) - 2, "small")]
+    ramps = [
+        np.linspace(first, last, max(2, round(CYCLE_RAMP * abs(last - first))), endpoint=False)
+        for first, last in pairwise(turns)
+    ]
+    demand = largest * np.concatenate(ramps)
+    error = answer(compensator.run(demand, gap), gap) - demand
+    pieces = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
+    errors = {
+        kind: np.concatenate([pieces[index] for index, of in counts if of == kind])
+        for kind in ("major", "small")
+    }
+    return CycleErrors(errors["major"], errors["small"])
+
 
 KIND: Literal["play"] = "play"
 SOURCES = ("compensator/map.c", "compensator/play_map.c")
@@ -81,8 +152,8 @@ class CompiledPlay(Result):
 
     def facts(self) -> dict[str, str]:
         """Return where it is, and how far its force is from the model's."""
-        found = self.manifest["accuracy"]["play"]
-        errors = {name.replace("_", " "): f"{value:.2g} %" for name, value in found.items()}
+        accuracy = self.manifest["accuracy"]["play"]
+        errors = {name.replace("_", " "): f"{value:.2g} %" for name, value in accuracy.items()}
         return {"folder": str(self.out), "kind": "play", **errors}
 
     def to_columns(self) -> dict[str, Any]:
@@ -200,15 +271,15 @@ def model_errors(model: Model, play: PlayMap, operating: Operating) -> dict[str,
         return model.predict(current, gap, time, "demagnetised").output
 
     low, high = operating.gap_range
-    found: dict[str, CycleErrors] = {}
+    joined: dict[str, CycleErrors] = {}
     flat = PlayMap(play.map, np.zeros_like(play.half), play.radius)
     for name, compensator in ((KIND, play), ("single-valued", flat)):
         for gap in np.linspace(low, high, 5).tolist():
             reach = float(answer(np.linspace(0.0, operating.current_max, 100), gap)[-1])
             largest = min(operating.force_max, 0.98 * reach)
             errors = cycle_errors(ForceController(KIND, "fixed", compensator), answer, gap, largest)
-            found[name] = found[name].joined(errors) if name in found else errors
-    return found
+            joined[name] = joined[name].joined(errors) if name in joined else errors
+    return joined
 
 
 def _vectors(play: PlayMap) -> list[Row]:

@@ -12,12 +12,18 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.plan import Plan
 from anhyst.compensate.words import Names
-from anhyst.compilation.controller import ControllerPlan
-from anhyst.compilation.controller_source import controller_values
-from anhyst.compilation.core import CONTROL, LAYERS, SINGLE, SOURCES, SRC, core_files, read_core
-from anhyst.compilation.floating_source import c_parameters, memories
-from anhyst.compilation.memory import controller_bytes, parameters_bytes, state_bytes
-from anhyst.compilation.parameters import parameters_source, scales_source
+from anhyst.compilation.controller import ControllerPlan, controller_values
+from anhyst.compilation.manifest import controller_bytes, parameters_bytes, state_bytes
+from anhyst.compilation.parameters import c_parameters, memories, parameters_source, scales_source
+from anhyst.compilation.toolchain import (
+    CONTROL,
+    LAYERS,
+    SINGLE,
+    SOURCES,
+    SRC,
+    core_files,
+    read_core,
+)
 from anhyst.support.units import Quantity
 
 PORT = "port/anhyst_port_cortex_m4.h"

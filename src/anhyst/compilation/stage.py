@@ -16,7 +16,20 @@ from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.words import Names
-from anhyst.compilation.core import (
+from anhyst.compilation.manifest import parameters_bytes
+from anhyst.compilation.parameters import (
+    WIDTH,
+    c_parameters,
+    double,
+    listed,
+    literal,
+    memories,
+    parameters_source,
+    table_source,
+)
+from anhyst.compilation.play import play_bytes
+from anhyst.compilation.source import PORT, in_comment, render
+from anhyst.compilation.toolchain import (
     AXES,
     AXES_FIXED,
     CORRECTED_REAL,
@@ -33,20 +46,8 @@ from anhyst.compilation.core import (
     read_core,
     single_precision,
 )
-from anhyst.compilation.floating_source import (
-    WIDTH,
-    c_parameters,
-    double,
-    listed,
-    literal,
-    memories,
-)
-from anhyst.compilation.memory import parameters_bytes
-from anhyst.compilation.parameters import parameters_source, table_source
-from anhyst.compilation.play import play_bytes
-from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.control.fixed_axes import FixedController, feed_rows
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
 DEAD_ROWS = 200

@@ -1,8 +1,7 @@
 """Controllers of the position: what designs them; the C core runs them."""
 
-from anhyst.control.design import Gains, design
 from anhyst.control.exchange import from_control, to_control
-from anhyst.control.pidd2 import FixedPidd2, FullScales, Pidd2
+from anhyst.control.pidd2 import FixedPidd2, FullScales, Gains, Pidd2, design
 from anhyst.control.position import Levitation, PositionControl, PositionLimits, ReferenceConverter
 
 __all__ = [

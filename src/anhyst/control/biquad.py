@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.control.pidd2 import Pidd2
-from anhyst.support.arrays import FloatArray
-from anhyst.support.fixed_point import as_factor
+from anhyst.support.numeric import FloatArray, as_factor
 
 _NOTHING = 1e-7
 

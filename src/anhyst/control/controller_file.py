@@ -16,9 +16,8 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from anhyst.compensate.block import Scales
-from anhyst.compensate.interface import MethodName, NumberFormat
-from anhyst.control.design import Gains, design
-from anhyst.control.pidd2 import Pidd2
+from anhyst.compensate.force_controller import MethodName, NumberFormat
+from anhyst.control.pidd2 import Gains, Pidd2, design
 from anhyst.control.position import Levitation, PositionControl, PositionLimits, ReferenceConverter
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
@@ -306,12 +305,12 @@ class ControllerFile:
 
 def read_controller(path: PathLike) -> ControllerFile:
     """Read a controller file."""
-    place = Path(path)
-    settings = read_toml(place, ControllerTable, RENAMED, [FileKind.CONTROLLER])
+    file = Path(path)
+    settings = read_toml(file, ControllerTable, RENAMED, [FileKind.CONTROLLER])
     faults = _own_faults(settings)
     if faults:
-        raise faults_error(place, faults)
-    return ControllerFile(place, settings)
+        raise faults_error(file, faults)
+    return ControllerFile(file, settings)
 
 
 def _own_faults(settings: ControllerTable) -> list[FileFault]:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from anhyst.control.pidd2 import FixedPidd2, Pidd2
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
     from control import TransferFunction
@@ -107,9 +107,9 @@ def _in_z(over_w: Polynomial) -> FloatArray:
 
 def _over_w(coefficients: FloatArray) -> FloatArray:
     """Return the coefficients over w = z - 1, lowest first, rounding taken for zero."""
-    given = np.atleast_1d(np.asarray(coefficients, dtype=float))
-    moved = np.array(Polynomial(given[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
-    moved[np.abs(moved) < _ROUNDING * np.sum(np.abs(given))] = 0.0
+    ascending = np.atleast_1d(np.asarray(coefficients, dtype=float))
+    moved = np.array(Polynomial(ascending[::-1])(Polynomial([1.0, 1.0])).coef, dtype=np.float64)
+    moved[np.abs(moved) < _ROUNDING * np.sum(np.abs(ascending))] = 0.0
     return moved[: 1 + max(np.flatnonzero(moved), default=0)]
 
 
@@ -197,16 +197,16 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
     """Read the weight of the set point from the way of the reference."""
     above = _over_w(transfer.num[0][0])
     below = _over_w(transfer.den[0][0])
-    wanted = 1 if k == 0.0 else 2
+    order = 1 if k == 0.0 else 2
     integrates = len(below) == 2 and below[0] == 0.0
-    if len(below) != wanted or len(above) > wanted or (wanted == 2 and not integrates):
+    if len(below) != order or len(above) > order or (order == 2 and not integrates):
         raise InputError(
             "reference: must pass proportionally and through the integral only",
             code="not-a-pidd2",
             key="reference",
         )
     above = above / below[-1]
-    if wanted == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
+    if order == 2 and not math.isclose(above[0], k, rel_tol=1e-6):
         raise InputError(
             "reference: has another gain of the integral than the position",
             code="not-a-pidd2",
@@ -214,7 +214,7 @@ def _weight(transfer: TransferFunction, p: float, k: float) -> float:
         )
     if p == 0.0:
         return 1.0
-    weight = float(above[wanted - 1] / p) if len(above) == wanted else 0.0
+    weight = float(above[order - 1] / p) if len(above) == order else 0.0
     nearest = min(1.0, max(0.0, weight))
     return nearest if math.isclose(weight, nearest, abs_tol=1e-9) else weight
 

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedAxes, TrackingAxes
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
-from anhyst.support.fixed_point import q31
+from anhyst.support.numeric import FloatArray, q31
 
 _ROW_BITS, _ROW_SHIFT = 27, 58
 _PID_BITS, _PID_SHIFT = 29, 29

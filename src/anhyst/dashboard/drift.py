@@ -10,9 +10,9 @@ from anhyst.data.loops import Loop
 from anhyst.data.path import thinned
 from anhyst.model.actuator import Model
 from anhyst.rig.bench.protocol import Signal
-from anhyst.study.watch.drift import LEARN, RUN_LENGTH, DriftWatch
-from anhyst.support.arrays import FloatArray
+from anhyst.study.watch import LEARN, RUN_LENGTH, DriftWatch
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 SAMPLES_HZ = 250.0
 """Rows a second that are looked at."""

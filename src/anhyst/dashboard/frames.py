@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 MOST = 4000
 """Rows that wait for one page; more are thinned to half of it."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from anhyst.dashboard.recorder import RecordingFile, start_recording
 from anhyst.rig.bench.protocol import Signal, Subscription
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 KEPT_S = 10.0
 """Of every tick, s of the bench."""

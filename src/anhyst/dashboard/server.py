@@ -26,8 +26,7 @@ from anhyst.dashboard.guard import Allowance, Guard
 from anhyst.dashboard.orders import BESIDE, parameters_of, perform
 from anhyst.dashboard.recorder import header
 from anhyst.dashboard.recording import KEPT_S
-from anhyst.dashboard.refusals import WATCHES, all_refused
-from anhyst.dashboard.session import LiveSession
+from anhyst.dashboard.session import WATCHES, LiveSession, all_refused
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.support.errors import InputError
 from anhyst.support.json_text import plain

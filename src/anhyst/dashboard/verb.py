@@ -19,8 +19,7 @@ from anhyst.dashboard.session import LiveSession
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.protocol import Bench
-from anhyst.study.bench import address_of, open_board, prepare_board
-from anhyst.study.kept import prepared_once
+from anhyst.study.bench import address_of, open_board, prepare_board, prepared_once
 from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage, block_of
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
 from anhyst.support.atomic import PathLike

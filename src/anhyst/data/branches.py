@@ -11,7 +11,7 @@ import numpy as np
 from anhyst.data.loops import Loop, Loops
 from anhyst.data.output_map import output_map
 from anhyst.data.path import turning_points
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
 _WOBBLE = 0.05
@@ -50,10 +50,10 @@ def repeats(drive: FloatArray, parts: list[Branch]) -> list[tuple[Branch, Branch
     """Pairs of branches, one cycle apart, that start and end at the same input."""
     near = _ALIKE * float(np.ptp(drive))
     return [
-        (one, two)
-        for one, two in zip(parts, parts[2:], strict=False)
-        if abs(drive[one.start] - drive[two.start]) <= near
-        and abs(drive[one.stop - 1] - drive[two.stop - 1]) <= near
+        (first, second)
+        for first, second in zip(parts, parts[2:], strict=False)
+        if abs(drive[first.start] - drive[second.start]) <= near
+        and abs(drive[first.stop - 1] - drive[second.stop - 1]) <= near
     ]
 
 
@@ -81,13 +81,13 @@ def smooth_curve(drive: FloatArray, answer: FloatArray) -> tuple[FloatArray, Flo
 
 
 def separation(
-    drive: FloatArray, answer: FloatArray, one: Branch, two: Branch
+    drive: FloatArray, answer: FloatArray, first: Branch, second: Branch
 ) -> tuple[FloatArray, FloatArray] | None:
     """Output of the falling branch minus that of the rising one, over the input they share.
 
     Positive where the loop runs as one that loses energy. ``None`` if they share nothing.
     """
-    up, down = (one, two) if one.rising else (two, one)
+    up, down = (first, second) if first.rising else (second, first)
     x1, y1 = smooth(drive[up.rows], answer[up.rows])
     x2, y2 = smooth(drive[down.rows], answer[down.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
@@ -124,9 +124,9 @@ def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
     return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
 
 
-def correlation(one: FloatArray, two: FloatArray) -> float:
+def correlation(first: FloatArray, second: FloatArray) -> float:
     """Coefficient of correlation of two signals; 0 if one is constant."""
-    a, b = one - one.mean(), two - two.mean()
+    a, b = first - first.mean(), second - second.mean()
     scale = float(np.sqrt(np.sum(a * a) * np.sum(b * b)))
     return float(np.sum(a * b)) / scale if scale > 0.0 else 0.0
 

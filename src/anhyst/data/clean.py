@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from anhyst.data import estimates
 from anhyst.data.branches import branches, is_even
+from anhyst.data.estimates import noise as noise_of
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.noise import noise as noise_of
 from anhyst.data.output_map import output_map
 from anhyst.data.path import turning_points
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 MOST_POINTS = 4000
 """Samples that thinning leaves of a loop at most."""

@@ -1,4 +1,7 @@
-"""What can be estimated from a record alone: noise, drift, closure, offsets, skew, saturation."""
+"""What can be estimated from a record alone: noise, drift, closure, offsets, skew, saturation.
+
+The noise of a record.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,30 @@ import numpy as np
 
 from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
 from anhyst.data.loops import Loop
-from anhyst.data.noise import TO_SIGMA, noise
 from anhyst.data.path import crossings
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
+
+TO_SIGMA = 1.4826
+"""Median absolute deviation to standard deviation, normal distribution."""
+
+
+def noise(values: FloatArray) -> float:
+    """Estimate the standard deviation of white noise on a smooth signal, from differences.
+
+    Differences of any order (2 to 5 are taken) hold the noise and what is left of the signal, so
+    that the smallest of the estimates is the nearest. Robust against spikes and steps (median).
+    """
+    if values.size < 12:
+        return 0.0
+    deviations = []
+    difference = np.diff(values)
+    gain = 2.0
+    for order in range(2, 6):
+        difference = np.diff(difference)
+        gain *= (4 * order - 2) / order  # sum of the squared binomial coefficients
+        deviations.append(TO_SIGMA * float(np.median(np.abs(difference))) / gain**0.5)
+    return float(min(deviations))
+
 
 _MOST_SKEW = 8.0
 """Largest delay between channels looked for, in samples."""
@@ -40,9 +64,9 @@ def drift(loop: Loop) -> float | None:
     """
     clock = loop.time if loop.time is not None else np.arange(loop.n, dtype=np.float64)
     slopes, errors = [], []
-    for one, two in repeats(loop.input, _settled_branches(loop)):
-        gap, error = _shift(loop, one, two)
-        lapse = clock[two.start : two.stop].mean() - clock[one.start : one.stop].mean()
+    for first, second in repeats(loop.input, _settled_branches(loop)):
+        gap, error = _shift(loop, first, second)
+        lapse = clock[second.start : second.stop].mean() - clock[first.start : first.stop].mean()
         slopes.append(gap / lapse)
         errors.append(error / lapse)
     if slopes:
@@ -142,8 +166,8 @@ def skew(loop: Loop) -> float | None:
     parts = branches(loop.input)[: _TIPS + 1]
     reach = int(_MOST_SKEW) + 1
     votes, gains = [], []
-    for one, two in itertools.pairwise(parts):
-        tip, width = one.stop - 1, min(len_of(one), len_of(two)) // 8
+    for first, second in itertools.pairwise(parts):
+        tip, width = first.stop - 1, min(len_of(first), len_of(second)) // 8
         width = min(width, 200)
         if width < 6 or tip - width < reach or tip + width + reach >= loop.n:
             continue
@@ -189,16 +213,16 @@ def len_of(branch: Branch) -> int:
     return branch.stop - branch.start
 
 
-def _shift(loop: Loop, one: Branch, two: Branch) -> tuple[float, float]:
+def _shift(loop: Loop, first: Branch, second: Branch) -> tuple[float, float]:
     """Median distance in output of two branches that repeat each other, and its standard error."""
-    x1, y1 = smooth(loop.input[one.rows], loop.output[one.rows])
-    x2, y2 = smooth(loop.input[two.rows], loop.output[two.rows])
+    x1, y1 = smooth(loop.input[first.rows], loop.output[first.rows])
+    x2, y2 = smooth(loop.input[second.rows], loop.output[second.rows])
     low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
     grid = np.linspace(low, high, 51)
     apart = np.interp(grid, x2, y2) - np.interp(grid, x1, y1)
     middle = float(np.median(apart))
     spread = TO_SIGMA * float(np.median(np.abs(apart - middle)))
-    return middle, 1.25 * spread / min(grid.size, len_of(one), len_of(two)) ** 0.5
+    return middle, 1.25 * spread / min(grid.size, len_of(first), len_of(second)) ** 0.5
 
 
 def _tip_output(drive: FloatArray, answer: FloatArray, level: float) -> float:

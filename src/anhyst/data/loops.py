@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.data.formats.columns import Texts
+from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import Column, write_csv
 from anhyst.data.history import SETTLED, History
 from anhyst.data.look import few, group_label, length_scale, shades
 from anhyst.data.path import reversal_count, time_fault, value_fault
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, range_text
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
 

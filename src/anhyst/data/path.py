@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 LARGEST = 1e50
 """Nothing measured is larger in any unit; squares and sums of such numbers stay finite."""

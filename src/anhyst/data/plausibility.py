@@ -15,8 +15,8 @@ from anhyst.data.branches import (
     is_negative,
     separation,
 )
+from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.noise import noise
 from anhyst.data.output_map import output_map
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
@@ -66,14 +66,14 @@ def check_plausible(loopset: Loops) -> tuple[str, ...]:
     ]
     for loop in loopset.loops:
         name = loopset.describe(loop)
-        if answer.even and any(loop is one for one in largest):
+        if answer.even and any(loop is record for record in largest):
             _check_force_sign(loopset, loop, name)
             if loopset.input.name == "current":
                 warnings += _check_swap(loop, name)
         if answer.of_flux and not answer.even:
             _check_flux_sign(loopset, loop, name)
         even = is_even(loopset) and is_bipolar(loop.input)
-        if not even or any(loop is one for one in largest):
+        if not even or any(loop is record for record in largest):
             warnings += _check_sense(loopset, loop, name)
         if not loop.reverses:
             warnings.append(f"{name}: the input never reverses: nothing to learn about hysteresis")
@@ -95,10 +95,10 @@ def _check_schedule(loopset: Loops) -> list[str]:
             f"gaps up to {1e3 * values[-1]:.4g} mm are finer than surfaces are flat; if the "
             "numbers of the file are m, name the column 'gap_m'"
         )
-    for one, two in itertools.pairwise(values):
-        if two - one < _SAME * max(abs(one), abs(two)):
+    for lower, upper in itertools.pairwise(values):
+        if upper - lower < _SAME * max(abs(lower), abs(upper)):
             warnings.append(
-                f"{quantity.name} {one:.9g} and {two:.9g} {quantity.unit} are all but the same; if "
+                f"{quantity.name} {lower:.9g} and {upper:.9g} {quantity.unit} are all but the same; if "
                 "they are, write one value for both"
             )
     return warnings
@@ -209,13 +209,13 @@ def _check_sense(loopset: Loops, loop: Loop, name: str) -> list[str]:
     size, answer = folded(loop, even=is_even(loopset))
     height = float(np.ptp(answer))
     total = weight = variance = 0.0
-    for one, two in itertools.pairwise(branches(size)):
-        width = separation(size, answer, one, two)
+    for first, second in itertools.pairwise(branches(size)):
+        width = separation(size, answer, first, second)
         if width is not None:
             share = float(np.ptp(width[0]))
             total += share * float(np.mean(width[1]))
             weight += share
-            samples = min(part.stop - part.start for part in (one, two))
+            samples = min(part.stop - part.start for part in (first, second))
             variance += 2.0 * (share * noise(answer)) ** 2 / samples
     # What a narrow loop would win or lose may be the noise of the sensor.
     if total < -max(0.005 * height * weight, _CERTAIN * float(np.sqrt(variance))):

@@ -51,7 +51,7 @@ class ReadOptions:
             if value == getattr(ReadOptions(), item.name):
                 continue
             if isinstance(value, Mapping):
-                value = ",".join(f"{name}={one}" for name, one in value.items())
+                value = ",".join(f"{name}={text}" for name, text in value.items())
             elif isinstance(value, tuple):
                 value = ",".join(value) or "none"
             settings[PREFIX + item.name] = value

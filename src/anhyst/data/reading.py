@@ -12,22 +12,27 @@ from numpy.typing import NDArray
 
 from anhyst.data.branches import are_even
 from anhyst.data.formats import FORMATS, OpenTable, open_table
-from anhyst.data.formats.columns import Texts, is_number
-from anhyst.data.frames import is_frame, table_of
+from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.history import History
-from anhyst.data.joining import LoopPart, join
-from anhyst.data.labels import SHORTEST, find_label, may_label
+from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
 from anhyst.data.loops import Loop, Loops, Source
 from anhyst.data.output_map import answer_of
 from anhyst.data.path import time_fault, value_fault
-from anhyst.data.roles import Roles, find_column, find_roles, with_file_name
-from anhyst.data.sequence import IN_ONE_RUN, one_after_another
+from anhyst.data.roles import (
+    SHORTEST,
+    Roles,
+    find_column,
+    find_label,
+    find_roles,
+    may_label,
+    with_file_name,
+)
 from anhyst.data.sidecar import FileDescription, is_sidecar
 from anhyst.data.start import propose_histories
-from anhyst.data.table import map_headers
-from anhyst.support.arrays import FloatArray
+from anhyst.data.table import is_frame, map_headers, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
 
@@ -88,7 +93,7 @@ def read_loops(
     InputError
         If a file cannot be read or understood, or the files do not fit together.
     """
-    given = FileDescription.from_arguments(
+    description = FileDescription.from_arguments(
         columns=columns,
         history=history,
         schedule=schedule,
@@ -100,12 +105,12 @@ def read_loops(
     beside = FileDescription.from_toml(sidecar) if sidecar is not None else None
     if is_frame(paths):
         table = table_of(paths)
-        described = given if beside is None else given.over(beside)
+        described = description if beside is None else description.over(beside)
         return join(_with_histories([_read_table(table, _ALONE, described, progress)]))
     files = _expand(paths)
     parts = []
     for path in files:
-        reading = given.over(beside if beside is not None else _find_sidecar(path))
+        reading = description.over(beside if beside is not None else _find_sidecar(path))
         parts.append(_read_file(path, reading, progress, alone=len(files) == 1))
     return join(_with_histories(parts))
 
@@ -144,29 +149,29 @@ def _find_sidecar(path: Path) -> FileDescription:
 
 
 def _read_file(
-    path: Path, given: FileDescription, progress: Progress | None, *, alone: bool
+    path: Path, description: FileDescription, progress: Progress | None, *, alone: bool
 ) -> LoopPart:
-    given = with_file_name(path, given)
-    return _read_table(open_table(path), _ALONE if alone else path.stem, given, progress)
+    description = with_file_name(path, description)
+    return _read_table(open_table(path), _ALONE if alone else path.stem, description, progress)
 
 
 def _read_table(
-    table: OpenTable, name: str, given: FileDescription, progress: Progress | None
+    table: OpenTable, name: str, description: FileDescription, progress: Progress | None
 ) -> LoopPart:
     """Read a table; ``name`` is that of its loop where it is all there is to call it by."""
     place = table.place
-    headers = map_headers(table, given.columns)
+    headers = map_headers(table, description.columns)
     head = table.first_rows(SHORTEST)
     words = [index for row in head[:1] for index, field in enumerate(row) if not is_number(field)]
-    roles = find_roles(place, headers, given, words)
+    roles = find_roles(place, headers, description, words)
     numbers = [roles.input, roles.output]
     numbers += [index for index in (roles.time, roles.schedule) if index is not None]
-    chosen = {name: find_column(place, headers, name) for name in given.select}
+    chosen = {name: find_column(place, headers, name) for name in description.select}
     asked = {index: [row[index] for row in head] for index in _unlabelled(roles)}
     asked = {index: first for index, first in asked.items() if may_label(headers[index], first)}
     texts = {*chosen.values(), *asked, *(() if roles.label is None else (roles.label,))}
     raw = table.read(numbers, sorted(texts), progress)
-    keep = _selection(place, given, {name: raw.texts[i] for name, i in chosen.items()})
+    keep = _selection(place, description, {name: raw.texts[i] for name, i in chosen.items()})
 
     def where(row: int) -> str:
         return table.where(row if keep is None else int(keep[row]))
@@ -199,8 +204,8 @@ def _read_table(
     else:
         labels = text(roles.label)
     columns = _Columns(place, drive, answer, schedule, values(roles.time), labels, where)
-    source = Source(place, raw.sha256, dict(given.columns)) if raw.sha256 else None
-    return _cut(columns, headers, roles, given, source, raw.notes)
+    source = Source(place, raw.sha256, dict(description.columns)) if raw.sha256 else None
+    return _cut(columns, headers, roles, description, source, raw.notes)
 
 
 def _unlabelled(roles: Roles) -> tuple[int, ...]:
@@ -208,13 +213,13 @@ def _unlabelled(roles: Roles) -> tuple[int, ...]:
     return roles.idle if roles.label is None and roles.fixed_label is None else ()
 
 
-def _selection(place: str, given: FileDescription, columns: dict[str, Texts]) -> Rows | None:
+def _selection(place: str, description: FileDescription, columns: dict[str, Texts]) -> Rows | None:
     """Rows whose columns hold one of the selected values; ``None`` for all."""
     if not columns:
         return None
     kept: NDArray[np.bool_] | None = None
     for name, column in columns.items():
-        choices = given.select[name]
+        choices = description.select[name]
         codes = [
             code
             for code, text in enumerate(column.values)
@@ -224,7 +229,7 @@ def _selection(place: str, given: FileDescription, columns: dict[str, Texts]) ->
         kept = match if kept is None else kept & match
     rows = np.flatnonzero(np.asarray(kept))
     if rows.size == 0:
-        asked = ", ".join(f"{name} = {list(values)}" for name, values in given.select.items())
+        asked = ", ".join(f"{name} = {list(values)}" for name, values in description.select.items())
         raise InputError(
             f"{place}: no row has {asked}; correct the selection", code="selection-empty"
         )
@@ -244,7 +249,7 @@ def _cut(
     columns: _Columns,
     headers: Sequence[Header],
     roles: Roles,
-    given: FileDescription,
+    description: FileDescription,
     source: Source | None,
     notes: Sequence[str],
 ) -> LoopPart:
@@ -267,7 +272,7 @@ def _cut(
     loops, unstated = [], []
     for index, rows in enumerate(blocks):
         loop = _loop(columns, rows)
-        stated: History | None = given.histories.get(loop.label, given.history)
+        stated: History | None = description.histories.get(loop.label, description.history)
         loops.append(loop if stated is None else replace(loop, history=stated))
         unstated += [index] if stated is None else []
     return LoopPart(

@@ -1,4 +1,7 @@
-"""Which column of a table is input, output, time, loop label and scheduling variable."""
+"""Which column of a table is input, output, time, loop label and scheduling variable.
+
+Columns that nobody named a label, and that distinguish loops all the same.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.data.formats.channels import Texts
 from anhyst.data.hints import map_one, mapping
 from anhyst.data.output_map import OUTPUT_MAPS
+from anhyst.data.path import reversal_count
 from anhyst.data.sidecar import FileDescription
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import INPUTS, QUANTITIES, Header, Quantity, parse_header
 
 _NO_SCHEDULE = "none"
@@ -53,26 +62,26 @@ class Roles:
 
 
 def find_roles(
-    place: str, headers: Sequence[Header], given: FileDescription, skip: Collection[int] = ()
+    place: str, headers: Sequence[Header], description: FileDescription, skip: Collection[int] = ()
 ) -> Roles:
     """Decide what each column is."""
     drive, answer = _pair(place, headers, skip)
     time = _only(place, headers, "time")
-    label = _label(place, headers, given)
-    fixed_label = _fixed_label(given.constants)
+    label = _label(place, headers, description)
+    fixed_label = _fixed_label(description.constants)
     if label is not None and fixed_label is not None:
         raise InputError(
             f"{place}: the loop label is both a column and a constant; keep one",
             code="column-and-constant",
         )
-    schedule, fixed, quantity = _schedule(place, headers, given)
+    schedule, fixed, quantity = _schedule(place, headers, description)
     used = {drive, answer, time, label, schedule}
     idle = tuple(
         index
         for index, header in enumerate(headers)
-        if index not in used and header.text and header.text not in given.select
+        if index not in used and header.text and header.text not in description.select
     )
-    chosen = given.schedule is not None
+    chosen = description.schedule is not None
     return Roles(drive, answer, time, label, fixed_label, schedule, fixed, quantity, chosen, idle)
 
 
@@ -86,22 +95,22 @@ def find_column(place: str, headers: Sequence[Header], name: str) -> int:
     )
 
 
-def with_file_name(path: Path, given: FileDescription) -> FileDescription:
+def with_file_name(path: Path, description: FileDescription) -> FileDescription:
     """Add the constants that the file's name holds, by the pattern ``file_name``."""
-    if given.file_name is None:
-        return given
-    pieces = re.split(r"\{([^{}]+)\}", given.file_name)
+    if description.file_name is None:
+        return description
+    pieces = re.split(r"\{([^{}]+)\}", description.file_name)
     keys = pieces[1::2]
     pattern = "(.+)".join(re.escape(piece) for piece in pieces[::2])
     match = re.fullmatch(pattern, path.stem) or re.fullmatch(pattern, path.name)
     if not keys or match is None:
         raise InputError(
-            f"{path}: the name does not fit file_name = '{given.file_name}'; a pattern is like "
+            f"{path}: the name does not fit file_name = '{description.file_name}'; a pattern is like "
             "'gd_T{T_C}C'",
             code="file-name-pattern",
             key="file_name",
         )
-    constants: dict[str, float | str] = dict(given.constants)
+    constants: dict[str, float | str] = dict(description.constants)
     for key, text in zip(keys, match.groups(), strict=True):
         if parse_header(key).is_label:
             constants[key] = text
@@ -114,7 +123,7 @@ def with_file_name(path: Path, given: FileDescription) -> FileDescription:
                 code="file-name-pattern",
                 key=key,
             ) from None
-    return replace(given, constants=constants)
+    return replace(description, constants=constants)
 
 
 def _pair(place: str, headers: Sequence[Header], skip: Collection[int]) -> tuple[int, int]:
@@ -165,9 +174,9 @@ def _only(place: str, headers: Sequence[Header], name: str) -> int | None:
     return healthy[0] if healthy else None
 
 
-def _label(place: str, headers: Sequence[Header], given: FileDescription) -> int | None:
-    if given.loop is not None:
-        return find_column(place, headers, given.loop)
+def _label(place: str, headers: Sequence[Header], description: FileDescription) -> int | None:
+    if description.loop is not None:
+        return find_column(place, headers, description.loop)
     indices = [index for index, header in enumerate(headers) if header.is_label]
     if len(indices) > 1:
         texts = " and ".join(f"'{headers[index].text}'" for index in indices)
@@ -210,12 +219,12 @@ def _fixed_values(
 
 
 def _schedule(
-    place: str, headers: Sequence[Header], given: FileDescription
+    place: str, headers: Sequence[Header], description: FileDescription
 ) -> tuple[int | None, float | None, Quantity | None]:
     """Find the scheduling variable: what was asked for, else the gap, else the temperature."""
-    if given.schedule == _NO_SCHEDULE:
+    if description.schedule == _NO_SCHEDULE:
         return None, None, None
-    fixed = _fixed_values(place, given.constants)
+    fixed = _fixed_values(place, description.constants)
     for name in fixed:
         if any(h.quantity is not None and h.quantity.name == name for h in headers):
             raise InputError(
@@ -223,7 +232,11 @@ def _schedule(
                 code="column-and-constant",
                 key=name,
             )
-    names = ["gap", "temperature"] if given.schedule is None else [_meant(given.schedule, headers)]
+    names = (
+        ["gap", "temperature"]
+        if description.schedule is None
+        else [_meant(description.schedule, headers)]
+    )
     for name in names:
         if name in fixed:
             quantity, value = fixed[name]
@@ -231,12 +244,12 @@ def _schedule(
         index = _only(place, headers, name)
         if index is not None:
             return index, None, headers[index].quantity
-    if given.schedule is not None:
+    if description.schedule is not None:
         raise InputError(
-            f"{place}: has no column or constant '{given.schedule}' to schedule by "
+            f"{place}: has no column or constant '{description.schedule}' to schedule by "
             f"({_have(headers)}){mapping(headers, names) if names[0] in QUANTITIES else ''}",
             code="column-missing",
-            key=given.schedule,
+            key=description.schedule,
         )
     return None, None, None
 
@@ -252,3 +265,99 @@ def _meant(schedule: str, headers: Sequence[Header]) -> str:
 
 def _have(headers: Sequence[Header]) -> str:
     return "columns: " + ", ".join(header.text for header in headers)
+
+
+Rows = NDArray[np.intp]
+
+SHORTEST = 6
+"""Samples that a loop has at least."""
+_REVERSAL = 0.02
+_ALIKE = 0.03
+"""Loops whose ranges agree within this share repeat each other: cycles of one record."""
+
+
+def may_label(header: Header, first: Sequence[str]) -> bool:
+    """Whether a column may distinguish loops, by its header and its first `SHORTEST` fields."""
+    return bool(header.name) and len(first) == SHORTEST and len(set(first)) == 1 and first[0] != ""
+
+
+def find_label(
+    place: str,
+    headers: Sequence[Header],
+    idle: Mapping[int, Texts],
+    drive: FloatArray,
+    answer: FloatArray,
+    schedule: FloatArray | None,
+) -> int | None:
+    """Find the column that stays through each loop and changes from one to the next.
+
+    Each of its values must hold one run of rows at each value of the schedule, in which the input
+    reverses; and the loops must differ in size, or they are cycles of one record.
+    """
+    rows_of_label: dict[int, list[Rows]] = {}
+    for index, column in idle.items():
+        loops = _loops(column, schedule)
+        if loops is not None and _are_loops(loops, drive, answer):
+            rows_of_label[index] = loops
+    for index in rows_of_label:
+        _refuse_schedule(place, headers[index], scheduled=schedule is not None)
+    if not rows_of_label:
+        return None
+    first = next(iter(rows_of_label))
+    for index, loops in rows_of_label.items():
+        if [rows[0] for rows in loops] != [rows[0] for rows in rows_of_label[first]]:
+            names = [headers[one].text for one in (first, index)]
+            raise InputError(
+                f"{place}: columns '{names[0]}' and '{names[1]}' both may tell loops apart; say "
+                f'which does: --loop "{names[0]}" or --loop "{names[1]}"',
+                code="label-ambiguous",
+            )
+    return first
+
+
+def _loops(column: Texts, schedule: FloatArray | None) -> list[Rows] | None:
+    """Rows of each loop, if the column has one run of rows a value, at each scheduling value."""
+    if np.count_nonzero(np.bincount(column.codes)) < 2:
+        return None
+    change = np.diff(column.codes) != 0
+    alone = change.copy()
+    if schedule is not None:
+        step = np.diff(schedule) != 0.0
+        if np.count_nonzero(step) > schedule.size // SHORTEST:
+            schedule = None  # it moves during the loops
+        else:
+            alone &= ~step
+            change |= step
+    if not alone.any():
+        return None  # it says what the schedule says
+    edges = np.flatnonzero(change) + 1
+    if column.codes.size < SHORTEST * (edges.size + 1):
+        return None
+    runs = np.split(np.arange(column.codes.size), edges)
+    keys = {
+        (int(column.codes[rows[0]]), None if schedule is None else float(schedule[rows[0]]))
+        for rows in runs
+    }
+    return runs if len(keys) == len(runs) else None
+
+
+def _are_loops(loops: list[Rows], drive: FloatArray, answer: FloatArray) -> bool:
+    spans = np.array([[np.ptp(drive[rows]), np.ptp(answer[rows])] for rows in loops])
+    if (spans[:, 0] == 0.0).any() or not (np.ptp(spans, axis=0) > _ALIKE * spans.max(axis=0)).any():
+        return False
+    pairs = zip(loops, spans[:, 0], strict=True)
+    return all(reversal_count(drive[rows], _REVERSAL * span) > 0 for rows, span in pairs)
+
+
+def _refuse_schedule(place: str, header: Header, *, scheduled: bool) -> None:
+    """Ask about a column in units of a gap or a temperature: a label would hide it."""
+    kinds = {"length": "gap", "temperature": "temperature"}
+    name = kinds.get(header.unit.dimension if header.unit else "")
+    if scheduled or name is None:
+        return
+    raise InputError(
+        f"{place}: column '{header.text}' stays through each loop: is it the {name}, then map it: "
+        f'{mapping([header], [name]).partition(": ")[2]}, or a mere label: --loop "{header.text}"',
+        code="label-or-schedule",
+        key=header.text,
+    )

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.data.branches import is_even
+from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.noise import noise
 from anhyst.data.path import reversal_count
 from anhyst.data.verdict import largest_output, loop_width
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 _REVERSAL = 0.02
 """A reversal counts once the input has come back by this share of its range."""
@@ -68,7 +68,7 @@ def speeds_of(loops: Loops) -> Speeds | None:
         return None
     groups: list[list[Loop]] = []
     quick = (loop for loop, is_fast in zip(loops.loops, fast, strict=True) if is_fast)
-    for loop in sorted(quick, key=lambda one: _pace(one)[0]):
+    for loop in sorted(quick, key=lambda member: _pace(member)[0]):
         if groups and _pace(loop)[0] < APART * _pace(groups[-1][0])[0]:
             groups[-1].append(loop)
         else:

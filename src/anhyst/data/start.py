@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from anhyst.data.branches import branches, folded
+from anhyst.data.estimates import noise
 from anhyst.data.history import DEMAGNETISED, SETTLED, History
 from anhyst.data.loops import Loop
-from anhyst.data.noise import noise
 from anhyst.data.path import crossings
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Proposal = tuple[History, str]
 _Curve = tuple[FloatArray, FloatArray]

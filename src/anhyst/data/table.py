@@ -1,22 +1,48 @@
-"""Tables read whole, with their columns understood: drives, demands and whole measurements."""
+"""Tables read whole, with their columns understood: drives, demands and whole measurements.
+
+Columns in memory as a table: data frames of any library, and mappings.
+
+What a file holds, channel by channel, before anything is made of it.
+
+Writing recordings in the format that a file's name says.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from anhyst.data.formats import OpenTable, open_table
-from anhyst.data.formats.columns import TextInNumbersError, Texts, is_finite, is_number
+from anhyst.data.formats import PACKAGES, WRITERS, ChannelTable, MemoryTable, OpenTable, open_table
+from anhyst.data.formats.channels import (
+    ChannelGroup,
+    Series,
+    TextInNumbersError,
+    Texts,
+    is_finite,
+    is_number,
+    need_package,
+)
 from anhyst.data.formats.raw_table import shown
-from anhyst.data.hints import map_one, mapping
+from anhyst.data.hints import likely, map_one, mapping
+from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import time_fault
-from anhyst.support.arrays import FloatArray
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
-from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header, Quantity, parse_header
+from anhyst.support.units import (
+    GAP_ADVICE,
+    INPUTS,
+    QUANTITIES,
+    Header,
+    Quantity,
+    parse_header,
+    split_header,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,3 +212,166 @@ def _map_header(place: str, own: Header, target: str) -> Header:
                 code="units-differ",
             )
     return Header(own.text, meant.name, meant.quantity, meant.unit)
+
+
+PLACE = "data frame"
+
+
+def is_frame(source: object) -> bool:
+    """Whether something holds columns rather than naming files."""
+    return isinstance(source, Mapping) or any(
+        hasattr(source, sign) for sign in ("columns", "__dataframe__", "__arrow_c_stream__")
+    )
+
+
+def table_of(frame: Any) -> MemoryTable:
+    """Return the columns of a frame as a table whose headers are their names."""
+    if not isinstance(frame, Mapping) and not _has_names(frame):
+        frame = _through_arrow(frame)
+        names = list(frame.column_names)
+    else:
+        names = list(getattr(frame, "columns", frame))
+    columns = tuple(np.asarray(frame[name]) for name in names)
+    return MemoryTable(PLACE, tuple(map(str, names)), columns)
+
+
+def _has_names(frame: Any) -> bool:
+    columns = getattr(frame, "columns", None)  # pyarrow's are the columns themselves
+    return columns is not None and all(isinstance(name, str | int) for name in columns)
+
+
+def _through_arrow(frame: Any) -> Any:
+    try:
+        import pyarrow
+        from pyarrow import interchange
+    except ImportError as error:
+        raise InputError(
+            f"{PLACE}: pyarrow is needed to read a {type(frame).__name__}: "
+            "pip install 'anhyst[io]'; or give a dict of arrays",
+            code="not-installed",
+            key="pyarrow",
+        ) from error
+    if hasattr(frame, "__arrow_c_stream__"):
+        return pyarrow.table(frame)
+    return interchange.from_dataframe(frame)
+
+
+_EVEN = 0.01
+"""Steps of a clock that agree within this share are one rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelFigures:
+    """A channel as it stands in its file."""
+
+    name: str  # as ``--columns`` takes it
+    unit: str
+    samples: int
+    rate: float | None  # samples a second; None without a clock
+    low: float | None  # in the file's own unit; None of texts
+    high: float | None
+    role: str  # the quantity that it holds, "?" behind a guess; empty where there is none
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it for JSON."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def list_channels(path: PathLike, columns: Mapping[str, str] | None = None) -> list[ChannelFigures]:
+    """List the channels of a file in any format, one at a time in memory."""
+    table = open_table(path, least=1)
+    headers = map_headers(table, columns or {})
+    (first,) = table.first_rows(1) or [[""] * len(headers)]
+    texts = [column for column, field in enumerate(first) if not is_number(field)]
+    roles = _roles(headers, texts)
+    units = table.units or [header.unit.symbol if header.unit else "" for header in headers]
+    listed = []
+    for column, (name, unit) in enumerate(zip(table.header, units, strict=True)):
+        values = None if column in texts else _values(table, column)
+        samples, rate = _pace(table, column)
+        finite = values[np.isfinite(values)] if values is not None else np.empty(0)
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
+        count = samples if samples is not None else (0 if values is None else values.size)
+        listed.append(ChannelFigures(name, unit, count, rate, low, high, roles.get(column, "")))
+    return listed
+
+
+def _values(table: OpenTable, index: int) -> Any:
+    try:
+        return table.read([index]).numbers[index]
+    except TextInNumbersError:
+        return None
+
+
+def _pace(table: OpenTable, index: int) -> tuple[int | None, float | None]:
+    """Return the samples of a channel, and how many a second."""
+    if not isinstance(table, ChannelTable):
+        return None, None
+    channel = table.channel(index)
+    clock = channel.clock or (channel if channel in table.clocks else None)
+    if clock is None or clock.length < 2:
+        return channel.length, None
+    steps = np.diff(table.seconds(clock))
+    usual = float(np.median(steps))
+    even = usual > 0.0 and bool(np.all(np.abs(steps - usual) <= _EVEN * usual))
+    return channel.length, 1.0 / usual if even else None
+
+
+def _roles(headers: Sequence[Header], texts: Sequence[int]) -> dict[int, str]:
+    """Say what each channel is by its header, and what the best of the others may be."""
+    roles = {
+        column: header.quantity.name
+        for column, header in enumerate(headers)
+        if header.is_known and header.quantity and not header.problem
+    }
+    held = set(roles.values())
+    wanted = [names for names in (INPUTS, tuple(OUTPUT_MAPS)) if held.isdisjoint(names)]
+    wanted += [(name,) for name in ("gap", "time") if name not in held]
+    guesses = likely(headers, wanted, skip=texts, least=2)
+    return roles | {column: f"{name}?" for column, name in guesses}
+
+
+def check_format(path: PathLike) -> None:
+    """Refuse a file that no format is written as, or whose package is not installed."""
+    named = Path(path)
+    suffix = named.suffix.lower()
+    if suffix not in WRITERS:
+        raise InputError(
+            f"{path}: is written as {', '.join(WRITERS)}; name it so", code="wrong-ending"
+        )
+    if suffix in PACKAGES:
+        need_package(named, PACKAGES[suffix])
+
+
+def check_recording(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
+    """Refuse, before the work, a recording that cannot be written; `reads` must not be replaced."""
+    check_format(path)
+    check_writable(path, reads)
+
+
+def write_sections(path: PathLike, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
+    """Write sections whole or not at all; return what the format cannot hold."""
+    target = Path(path)
+    suffix = target.suffix.lower()
+    try:
+        return WRITERS[suffix](target, sections)
+    except (InputError, MemoryError):
+        raise
+    except OSError as error:  # where a library keeps what it has not written yet
+        raise write_error(path, error) from None
+    except Exception as error:  # of the format's library: names or types that it does not take
+        raise InputError(
+            f"{path}: {suffix} cannot hold this recording ({error}); choose another format",
+            code="format-cannot-hold",
+        ) from None
+
+
+def write_recording(path: PathLike, columns: Mapping[str, FloatArray]) -> None:
+    """Write columns of one length over the first, their clock, by header such as ``gap_m``."""
+    clock, *series = (_series(header, values) for header, values in columns.items())
+    write_sections(path, [ChannelGroup("", clock, tuple(series))])
+
+
+def _series(header: str, values: FloatArray) -> Series:
+    name, unit = split_header(header)
+    return Series(name, unit.replace("_per_", "/"), values)

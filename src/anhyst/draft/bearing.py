@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst.draft.machine import Machine, Value
-from anhyst.draft.magnet import MeasuredMagnet
+from anhyst.draft.magnet import Machine, MeasuredMagnet, Value
 from anhyst.draft.rules import LIFT_S, Numbers
 from anhyst.draft.text import (
     Draft,

@@ -15,8 +15,7 @@ import math
 from dataclasses import dataclass
 
 from anhyst.compensate.surface import Tangent
-from anhyst.draft.machine import Machine
-from anhyst.draft.magnet import MeasuredMagnet
+from anhyst.draft.magnet import Machine, MeasuredMagnet
 from anhyst.draft.text import down, nearest, step_down, step_up, up
 from anhyst.support.errors import InputError
 

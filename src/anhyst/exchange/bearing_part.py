@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from anhyst.compilation.core import core_files
+from anhyst.compilation.toolchain import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
@@ -16,14 +16,12 @@ from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
 from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers
-from anhyst.rig.parts.iron import CURVE, CellSteel
+from anhyst.rig.parts.iron import CURVE, CellSteel, PreisachSteel, everett
 from anhyst.rig.parts.magnet import circuit_numbers
-from anhyst.rig.parts.preisach import PreisachSteel, everett
 from anhyst.rig.recording import column
-from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.support.atomic import PathLike
+from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.support.atomic import PathLike, plant_folder
 from anhyst.support.errors import InputError
-from anhyst.support.folder import plant_folder
 
 _FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (

@@ -13,11 +13,16 @@ from pathlib import Path
 from typing import Literal
 
 from anhyst.compilation.toolchain import zig_cc
-from anhyst.exchange.actuator_part import actuator_part
 from anhyst.exchange.bearing_part import bearing_part
-from anhyst.exchange.compensator_part import Kind, compensator_part
-from anhyst.exchange.description import MODEL, FmiVersion, build_description, model_description
-from anhyst.exchange.part import WRAPPER, Part
+from anhyst.exchange.model_part import Kind, actuator_part, compensator_part
+from anhyst.exchange.part import (
+    MODEL,
+    WRAPPER,
+    FmiVersion,
+    Part,
+    build_description,
+    model_description,
+)
 from anhyst.exchange.stage_part import stage_part
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model

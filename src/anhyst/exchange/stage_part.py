@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from anhyst.compilation.core import LAYERS, SOURCES, core_files
-from anhyst.compilation.floating_source import memories
+from anhyst.compilation.parameters import memories
 from anhyst.compilation.stage import parameters_in_double
+from anhyst.compilation.toolchain import LAYERS, SOURCES, core_files
 from anhyst.control.states import Command
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
@@ -41,9 +41,9 @@ from anhyst.rig.stage.loop import (
     pid,
 )
 from anhyst.study.tracking.simulate import check_calibration
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 _CORE_OF_STAGE = (
     *(name for name in CORE_OF_PLANT if not name.startswith("control/")),

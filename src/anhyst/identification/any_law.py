@@ -23,8 +23,8 @@ from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import MAY_VARY, GapMap, Parameter
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 
 SCREENED = 256
 KEPT = 3

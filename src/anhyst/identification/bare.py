@@ -1,23 +1,147 @@
-"""From a fit to the model it stands for."""
+"""From a fit to the model it stands for.
+
+From the gauge-free form to physical parameters, and what had to be fixed to get there.
+
+Outputs do not change along the redundancies of docs/theory.md, so values along them are
+chosen, and the choice is reported:
+
+- field and flux density measured: nothing is left to choose;
+- otherwise ``M_s`` is set to 1e6 A/m where no measured quantity sets it;
+- reluctance and circuit map: ``alpha = 0``, or, where ``rho`` or its straight continuation to the
+  closed gap would come out negative, that place is made the zero of ``rho`` and alpha takes the
+  difference.
+
+The dead band of the law: what keeps small movements from eroding a model's state.
+
+A Jiles-Atherton law forgets by the whole way that the field goes, to and fro: noise of a demand
+erases what it remembers within milliseconds, and a small error that comes again and again, such as
+the ripple of a table under a gap that vibrates, makes it wander. A play in front of its
+irreversible part closes what stays within it (docs/theory.md). Real iron has something like it, and
+measured loops hardly show how wide it is: the widest one that they allow is taken.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from anhyst.data import Loops
+from anhyst.data.output_map import OutputMap, output_map
 from anhyst.identification.cell_kernel import SCALES, WeightKernel
-from anhyst.identification.default import FoundModel
-from anhyst.identification.gauge import physical
-from anhyst.identification.response import Local
-from anhyst.identification.rest import AT_REST
-from anhyst.identification.space import LEAST_GAP_FLUX
+from anhyst.identification.default import FoundModel, follow
+from anhyst.identification.fit_records import AT_REST
+from anhyst.identification.response import Local, ResponseForm
+from anhyst.identification.space import IN_SERIES, LEAST_GAP_FLUX, WRITTEN
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
 from anhyst.model.gap_map import Curve
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
+from anhyst.support.units import MU_0, Quantity
+
+SATURATION = 1e6
+"""M_s where the data do not determine it, A/m."""
+
+AIR_CORE = 1e-3
+"""h where the data do not determine it: a/(M_s*(1 - alpha))."""
+
+_ROUNDING = 1e-12
+"""What rho keeps at the closed gap, so that rounding cannot make it negative there."""
+
+Parameter = float | tuple[float, ...]
+
+
+def form_of(input_quantity: Quantity, output_quantity: Quantity, law: str) -> ResponseForm:
+    """Choose the form of the equations for what was measured."""
+    answer = output_map(output_quantity)
+    return ResponseForm(
+        power=answer.power,
+        law=law,
+        permeability=MU_0 if answer.absolute and input_quantity.name == "field" else 0.0,
+        h=AIR_CORE,
+    )
+
+
+def physical(
+    form: ResponseForm,
+    sets: Sequence[Local],
+    gap_map: str,
+    input_quantity: Quantity,
+    output_quantity: Quantity,
+    gaps: Sequence[float] = (),
+) -> dict[str, Parameter]:
+    """Physical parameters for gauge-free ones, for :class:`anhyst.model.actuator.Model`."""
+    gap_map = WRITTEN.get(gap_map, gap_map)
+    answer = output_map(output_quantity)
+    table = [_at_one_gap(form, local, gap_map, input_quantity.name, answer) for local in sets]
+    if gap_map in IN_SERIES:
+        _lift_reluctance(form, table, gaps, answer.power)
+    for row in table:
+        row.update(form.kernel.dead_band(row, form.dead_band))
+    vary = {
+        "none": set(),
+        "scaling": {"c_H"},
+        "reluctance": {"rho"},
+        "circuit": {"rho", "c_out", "in_0", "out_0"},
+        "free": set(table[0]) - ({"c_H"} if input_quantity.name == "field" else set()),
+    }[gap_map]
+    if len(sets) == 1:
+        vary = set()
+    same = {name for name in ("in_0", "out_0") if len({row[name] for row in table}) == 1}
+    return {
+        name: tuple(row[name] for row in table) if name in vary - same else table[0][name]
+        for name in table[0]
+    }
+
+
+def _lift_reluctance(
+    form: ResponseForm, table: list[dict[str, float]], gaps: Sequence[float], power: int
+) -> None:
+    """Move along the redundancy between alpha and rho until no reluctance is negative."""
+    rho = np.array([row["rho"] for row in table])
+    least = float(rho.min())
+    if len(gaps) > 1:
+        closed = float(Curve("rho", np.asarray(gaps, dtype=np.float64), rho)(np.zeros(1))[0])
+        least = min(least, closed) - _ROUNDING
+    p = min(1.0 + least, 1.0)
+    for row in table:
+        row["rho"] = max((1.0 + row["rho"]) / p - 1.0, 0.0)
+        form.kernel.shrink_field(row, p)
+        row["c_out"] /= p**power
+
+
+def _at_one_gap(
+    form: ResponseForm, local: Local, gap_map: str, input_name: str, answer: OutputMap
+) -> dict[str, float]:
+    h, omega = local.h, local.omega
+    if gap_map in IN_SERIES:
+        alpha, rho = 0.0, h * omega / (1.0 - h * omega)
+    else:
+        alpha, rho = 0.0 - h * omega / (1.0 - h * omega), 0.0
+    unscaled = local.scale / (1.0 + rho)  # input for one unit of effective field without the gap
+    if input_name == "field" and gap_map != "scaling":
+        a = unscaled
+        saturation = a / (h * (1.0 - alpha))
+    elif answer.absolute and gap_map != "circuit":
+        saturation = local.gain / (MU_0 * (1.0 - alpha))
+        a = h * saturation * (1.0 - alpha)
+    else:
+        saturation = SATURATION
+        a = h * saturation * (1.0 - alpha)
+    c_out = local.gain / (MU_0 * saturation * (1.0 - alpha)) ** answer.power
+    if abs(c_out - 1.0) < 1e-12:
+        c_out = 1.0  # flux density measured: but for rounding it is one by construction
+    return {
+        **form.kernel.iron(saturation, a, local.law, alpha),
+        "rho": rho,
+        "c_H": a / unscaled,
+        "c_out": c_out,
+        "in_0": local.in_0,
+        "out_0": local.out_0,
+    }
+
 
 _BETWEEN = 4
 """Pieces between two gaps in which the curves of a model with leakage are drawn."""
@@ -94,4 +218,37 @@ def valid_range(loopset: Loops) -> ValidRange:
         input=(low, high),
         output=span([loop.output for loop in loopset.loops]),
         schedule=(at[0], at[-1]) if at else None,
+    )
+
+
+PARTS = (0.35, 0.2, 0.1, 0.05, 0.02)
+"""Half-widths that are tried, in parts of the pinning k, the widest first."""
+
+COST = 1.03
+"""Factor by which the deviation from the loops may grow."""
+
+_TOLERANCE, _MOST = 1e-8, 40
+"""Of the fit with a dead band: it starts near its end."""
+
+
+def add_dead_band(fit: FoundModel, accepts: Callable[[FoundModel], bool]) -> FoundModel:
+    """Fit again with the widest dead band that the loops allow."""
+    form, most = fit.space.form, COST**2 * fit.cost
+    for part in PARTS:
+        space = replace(fit.space, form=replace(form, dead_band=part))
+        tried = follow(space, fit.theta, _TOLERANCE, _MOST, fit.tie, goal=most)
+        if tried.cost <= most and accepts(tried):
+            return replace(tried, evaluations=fit.evaluations + tried.evaluations)
+    return fit
+
+
+def why_dead_band(before: FoundModel, after: FoundModel) -> str:
+    """Report the dead band that was given, and what it costs."""
+    part = after.space.form.dead_band
+    if part == 0.0:
+        return f"none: even one of {PARTS[-1]:g}*k costs more than {COST - 1:.0%} of the deviation"
+    change = float(np.sqrt(after.cost / before.cost)) - 1.0
+    return (
+        f"r_d = {part:g}*k, the widest tried that costs at most {COST - 1:.0%} of the deviation "
+        f"from the loops; it changes by {100.0 * change:+.1f} %"
     )

@@ -1,15 +1,32 @@
-"""What is fitted and compared: laws and gap maps, the simplest first."""
+"""What is fitted and compared: laws and gap maps, the simplest first.
+
+All that was fitted, to all loops and without some, and which predicts what was left out best.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from anhyst.data import Loops
 from anhyst.identification.cell_kernel import LAW_OF, CellKernel
+from anhyst.identification.cross_validation import (
+    AS_GOOD,
+    Fold,
+    LeftOut,
+    Miss,
+    Refit,
+    better,
+    mean_of,
+    mean_square_of,
+)
+from anhyst.identification.default import FoundModel
 from anhyst.identification.fit_records import FitRecords
-from anhyst.identification.offsets import OFFSETS
 from anhyst.identification.run import SearchRun
+from anhyst.identification.space import WRITTEN
+from anhyst.identification.uncertainty import OFFSETS
 from anhyst.laws.cells import Shape
 from anhyst.support.errors import InputError
 
@@ -129,3 +146,128 @@ def without_interaction(candidate: ModelCandidate) -> ModelCandidate:
 def polished(candidate: ModelCandidate) -> ModelCandidate:
     """Name the same play cells with every weight fitted."""
     return replace(candidate, polished=True, rank=candidate.rank + _STEP)
+
+
+_NEAR = 4.0
+"""Mean square over the least one, of what was left out, up to which a candidate might be chosen if one
+place had not been seen."""
+
+_CERTAIN = 2.0
+"""Standard errors by which other play cells must be better where only blocks of samples are left out:
+any cells that follow the loop foresee those, and they say less of other runs than loops do."""
+
+_PLAIN = 1.5
+"""Mean square over that of other play cells, of the loops and of blocks left out, from which on nobody
+waits for certainty: the standard error is of few blocks, and most of it of the one that gains most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """Two fits under one candidate: offsets free, and only those that the data demand."""
+
+    wide: FoundModel
+    found: FoundModel
+
+
+@dataclass(eq=False)
+class Contest:
+    """All that was fitted: to all gaps, and without some."""
+
+    entrants: list[ModelCandidate]
+    fits: dict[ModelCandidate, Fits]
+    refits: dict[Fold, dict[ModelCandidate, Refit]]
+    places: Sequence[int]
+    by: LeftOut = "gap"
+
+    def misses(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> list[Miss]:
+        """Give what a candidate missed at each place, left out besides some others."""
+        return [
+            self.refits[besides | {index}][entrant].missed[index]
+            for index in self.places
+            if index not in besides
+        ]
+
+    def is_tried(self, entrant: ModelCandidate, besides: Fold = frozenset()) -> bool:
+        """Whether one was fitted without each place, and some others."""
+        return all(entrant in self.refits[besides | {index}] for index in self.places)
+
+    def near(self) -> list[ModelCandidate]:
+        """Give those that would perhaps be chosen if one of the places had not been seen."""
+        squares = {entrant: mean_square_of(self.misses(entrant)) for entrant in self.entrants}
+        most = _NEAR * min(squares.values())
+        return [
+            model for model in self.entrants if squares[model] <= most or model == self.winner()
+        ]
+
+    def winner(self, besides: Fold = frozenset()) -> ModelCandidate:
+        """Choose from all places, or from all but some."""
+        tried = [entrant for entrant in self.entrants if self.is_tried(entrant, besides)]
+        missed = {entrant: self.misses(entrant, besides) for entrant in tried}
+        if not any(missed.values()):
+            return min(self._simplest(), key=lambda entrant: self._cost(entrant, besides))
+        best = None
+        for rank in sorted({entrant.rank for entrant in tried}):
+            alike = [entrant for entrant in tried if entrant.rank == rank]
+            means = {model: mean_square_of(_compared(missed[model], alike)) for model in alike}
+            enough = AS_GOOD * min(means.values())
+            first = next(entrant for entrant, mean in means.items() if mean <= enough)
+            pair = [best, first] if best else []
+            blocks = self.by == "block" and best is not None and best.cells is not None
+            certain = _CERTAIN if blocks else 1.0
+            if (
+                best is None
+                or better(*(_compared(missed[one], pair) for one in (best, first)), certain)
+                or (blocks and self._plainly(best, first, besides))
+            ):
+                best = first
+        assert best is not None
+        return best
+
+    def _plainly(self, entrant: ModelCandidate, other: ModelCandidate, besides: Fold) -> bool:
+        """Whether another is better by much, of what it saw and of what it did not."""
+        squares = [mean_square_of(self.misses(each, besides)) for each in (entrant, other)]
+        costs = [self._cost(each, besides) for each in (entrant, other)]
+        return bool(squares[0] > _PLAIN * squares[1] and costs[0] > _PLAIN * costs[1])
+
+    def _simplest(self) -> list[ModelCandidate]:
+        least = min(entrant.rank for entrant in self.entrants)
+        return [entrant for entrant in self.entrants if entrant.rank == least]
+
+    def _cost(self, entrant: ModelCandidate, besides: Fold) -> float:
+        return self.refits[besides][entrant].cost if besides else self.fits[entrant].found.cost
+
+    def error(self, entrant: ModelCandidate) -> float | None:
+        """Cross-validation error of one; None where nothing was left out."""
+        return mean_of(self.misses(entrant)) if self.places else None
+
+    def finite_error(self, entrant: ModelCandidate) -> float | None:
+        """Cross-validation error of one; None, too, where it has no answer to what was left out."""
+        error = self.error(entrant)
+        return error if error is not None and np.isfinite(error) else None
+
+    def errors_of_maps(self, alike: ModelCandidate) -> dict[str, float]:
+        """Cross-validation error of each map under the law of one, of its best variant."""
+        errors: dict[str, float] = {}
+        for entrant in self.entrants if self.places else ():
+            if (entrant.cells, entrant.polished) == (alike.cells, alike.polished):
+                error = mean_of(self.misses(entrant))
+                name = WRITTEN.get(entrant.gap_map, entrant.gap_map)
+                errors[name] = min(error, errors.get(name, np.inf))
+        return errors
+
+    def nested(self) -> list[float]:
+        """Errors at places that neither the fit nor the choice has seen."""
+        errors = []
+        for index in self.places:
+            fold = frozenset({index})
+            seen = fold if len(self.places) > 1 else frozenset[int]()  # one gap alone decides
+            one = self.winner(seen) if len(self.entrants) > 1 else self.entrants[0]
+            errors.append(self.refits[fold][one].missed[index].mean)
+        return errors
+
+
+def _compared(misses: Sequence[Miss], candidates: Sequence[ModelCandidate]) -> list[Miss]:
+    """Take what says which of some candidates is better: of gap maps, gaps left out alone."""
+    if any(candidate.cells for candidate in candidates):
+        return list(misses)
+    return [replace(miss, outer=()) for miss in misses]

@@ -15,20 +15,18 @@ from itertools import groupby
 
 import numpy as np
 
-from anhyst.identification.candidates import ModelCandidate
-from anhyst.identification.cell_kernel import LAW_OF, CellKernel, by_weights
-from anhyst.identification.cell_path import EXACT
+from anhyst.identification.candidates import Fits, ModelCandidate
+from anhyst.identification.cell_kernel import EXACT, LAW_OF, CellKernel, by_weights
 from anhyst.identification.cell_starts import SLOPES, draw_starts, placed, possible
-from anhyst.identification.contest import Fits
 from anhyst.identification.default import TIE, TIED, FoundModel, follow
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.objective import Objective
-from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
+from anhyst.identification.uncertainty import only_demanded
 from anhyst.laws.cells import Shape
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NoResponseError
+from anhyst.support.numeric import FloatArray
 
 _ROUGH, COARSE, FINE = 16, 40, 100
 """Samples of a loop on which starts are compared, on which they descend, and on which the last ones

@@ -19,7 +19,7 @@ from anhyst.identification.response import FLATTEST, Local
 from anhyst.identification.screening import evenly
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
 from anhyst.laws.cells import Shape
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 SLOPES: dict[Shape, float] = {"tanh": 1.0, "langevin": 1.0 / 3.0}
 """Slope of each curve at its middle."""

@@ -9,10 +9,12 @@ from functools import lru_cache, partial
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.noise import noise
+from anhyst.data.estimates import noise
 from anhyst.data.output_map import is_actuator
-from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.bare import add_dead_band, model_of, valid_range, why_dead_band
 from anhyst.identification.candidates import (
+    Contest,
+    Fits,
     ModelCandidate,
     cell_candidates,
     cell_map,
@@ -24,7 +26,6 @@ from anhyst.identification.candidates import (
 )
 from anhyst.identification.cell_kernel import CellKernel, by_weights
 from anhyst.identification.cell_search import exact, polish, remapped, search_cells
-from anhyst.identification.contest import Contest, Fits
 from anhyst.identification.cross_validation import (
     LeftOut,
     block_places,
@@ -35,10 +36,10 @@ from anhyst.identification.cross_validation import (
     promise,
     refit,
 )
-from anhyst.identification.dead_band import add_dead_band, why_dead_band
 from anhyst.identification.default import (
     SCREENED,
     TO_END,
+    Evaluation,
     FoundModel,
     follow,
     join_circuit,
@@ -47,7 +48,6 @@ from anhyst.identification.default import (
     search_each_gap,
     search_one_gap,
 )
-from anhyst.identification.fitting import Evaluation
 from anhyst.identification.left_open import (
     ALIKE,
     FARTHEST,
@@ -57,11 +57,11 @@ from anhyst.identification.left_open import (
     left_open,
 )
 from anhyst.identification.objective import Objective
-from anhyst.identification.offsets import only_demanded
 from anhyst.identification.response import Local
 from anhyst.identification.run import SearchRun
 from anhyst.identification.screening import starts
 from anhyst.identification.space import WRITTEN
+from anhyst.identification.uncertainty import only_demanded
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import CHOSEN, CandidateFit, CrossValidation
 from anhyst.model.left_over import EXACT

@@ -24,8 +24,8 @@ from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics
 from anhyst.model.fit_record import CandidateFit
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 LAW = "play-cells"
@@ -125,7 +125,9 @@ def fit_creeping(loopset: Loops) -> CreepingFit:
     lags = problem.lags
     plain = [problem.solve(_Try(lag, middle)) for lag, middle in product(lags, problem.middles)]
     best = min(plain, key=lambda attempt: attempt.rms)
-    still = min((attempt for attempt in plain if attempt.lag == 0.0), key=lambda one: one.rms)
+    still = min(
+        (attempt for attempt in plain if attempt.lag == 0.0), key=lambda attempt_at: attempt_at.rms
+    )
     # Several lags do about as well where all cycles are alike: the shortest that does.
     kept = [attempt for attempt in plain if attempt.rms <= best.rms / ALIKE]
     chosen = min(kept, key=lambda attempt: (attempt.lag, attempt.rms))
@@ -154,14 +156,15 @@ def _with_creep(problem: _Problem, plain: Sequence[_Try], chosen: _Try) -> _Try:
     """Give creep to those that fit best without, and keep it where it is worth it."""
     near = sorted(plain, key=lambda attempt: attempt.rms)[:4]
     tried = []
-    for one in {id(each): each for each in (*near, chosen)}.values():
-        now = one
+    for start in {id(each): each for each in (*near, chosen)}.values():
+        now = start
         for _ in range(ROUNDS):
             now = problem.solve(replace(now, times=problem.times))
         tried.append(now)
     best = min(tried, key=lambda attempt: attempt.rms)
     alike = min(
-        (attempt for attempt in tried if attempt.rms <= best.rms / ALIKE), key=lambda one: one.lag
+        (attempt for attempt in tried if attempt.rms <= best.rms / ALIKE),
+        key=lambda start: start.lag,
     )
     return alike if alike.rms < WORTH * chosen.rms else chosen
 
@@ -242,9 +245,12 @@ class _Problem:
             off.append(np.abs(loop.output - made))
         usual = float(np.median(np.concatenate(off)))
         counted = [
-            known & (one <= STRAY * usual) for known, one in zip(self.counted, off, strict=True)
+            known & (deviation <= STRAY * usual)
+            for known, deviation in zip(self.counted, off, strict=True)
         ]
-        before, after = (sum(int(one.sum()) for one in some) for some in (self.counted, counted))
+        before, after = (
+            sum(int(deviation.sum()) for deviation in some) for some in (self.counted, counted)
+        )
         if before - after <= FEW * before:
             self.counted = counted
 
@@ -273,8 +279,8 @@ class _Problem:
         """That are tried, s."""
         if not self.step:
             return [0.0]
-        one = max(self.rates) < RATES_APART * min(self.rates)
-        return [part * self.step for part in LAGS if not one or part <= LONGEST_AT_ONE_RATE]
+        one_rate = max(self.rates) < RATES_APART * min(self.rates)
+        return [part * self.step for part in LAGS if not one_rate or part <= LONGEST_AT_ONE_RATE]
 
     @cached_property
     def times(self) -> tuple[float, ...]:
@@ -318,7 +324,7 @@ class _Problem:
         from scipy.optimize import nnls
 
         self.solved += 1
-        rows, wanted = [], []
+        rows, targets = [], []
         for loop, counted, (places, at_rest) in zip(
             self.loopset.loops, self.counted, self.plays(attempt.lag, attempt.middle), strict=True
         ):
@@ -328,15 +334,15 @@ class _Problem:
             weight = 1.0 / (self.height * np.sqrt(loop.n * len(self.loopset)))
             ends = np.ones((loop.n, 1))
             rows.append(weight * np.hstack([own, ends, -ends])[counted])
-            wanted.append(weight * (loop.output - self.slope * places[:, 0])[counted])
-        matrix, target = np.concatenate(rows), np.concatenate(wanted)
+            targets.append(weight * (loop.output - self.slope * places[:, 0])[counted])
+        matrix, target = np.concatenate(rows), np.concatenate(targets)
         smooth = SMOOTH * self._differences(matrix.shape[1], np.linalg.norm(matrix, axis=0))
         normal = matrix.T @ matrix + smooth.T @ smooth
         normal += 1e-12 * np.trace(normal) * np.eye(normal.shape[0])
         factor = np.linalg.cholesky(normal)
-        found, _ = nnls(factor.T, np.linalg.solve(factor, matrix.T @ target), maxiter=10000)
-        off = matrix @ found - target
-        return replace(attempt, weights=found, rms=float(np.linalg.norm(off)) * self.height)
+        weights, _ = nnls(factor.T, np.linalg.solve(factor, matrix.T @ target), maxiter=10000)
+        off = matrix @ weights - target
+        return replace(attempt, weights=weights, rms=float(np.linalg.norm(off)) * self.height)
 
     def _differences(self, columns: int, size: FloatArray) -> FloatArray:
         """Second differences over the thresholds, one block a width."""

@@ -16,16 +16,16 @@ from typing import Literal
 import numpy as np
 
 from anhyst.data import Loop, Loops
-from anhyst.data.noise import noise
+from anhyst.data.estimates import noise
 from anhyst.data.verdict import largest_output
 from anhyst.identification.bare import model_of
 from anhyst.identification.default import FoundModel, follow
 from anhyst.identification.fit_records import FitRecords, blocks_along, clocks_of
-from anhyst.identification.offsets import only_demanded
+from anhyst.identification.uncertainty import only_demanded
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import CrossValidation
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 
 Fold = frozenset[int]
 """Places of the gaps, loops, or blocks of samples that are left out together."""
@@ -209,14 +209,16 @@ def better(simple: Sequence[Miss], complex_: Sequence[Miss], errors: float = 1.0
     worse in those that were left out only fits them.
     """
     pairs = list(zip(simple, complex_, strict=True))
-    left_out = [np.subtract(one.squares, two.squares) for one, two in pairs]
-    outer = [np.subtract(one.outer, two.outer) for one, two in pairs]
+    left_out = [np.subtract(mine.squares, theirs.squares) for mine, theirs in pairs]
+    outer = [np.subtract(mine.outer, theirs.outer) for mine, theirs in pairs]
     every = np.concatenate([*left_out, *outer])
     if not np.isfinite(every).all() or every.size < 2:
         return not np.isfinite(mean_of(simple)) and np.isfinite(mean_of(complex_))
     scatter = float(np.std(every, ddof=1)) / math.sqrt(every.size)
     if len(pairs) > 1:
-        gaps = [float(np.mean([*one, *two])) for one, two in zip(left_out, outer, strict=True)]
+        gaps = [
+            float(np.mean([*mine, *theirs])) for mine, theirs in zip(left_out, outer, strict=True)
+        ]
         scatter = max(scatter, float(np.std(gaps, ddof=1)) / math.sqrt(len(gaps)))
     least = (AS_GOOD - 1.0) * mean_square_of(complex_)
     everywhere = every.size >= _EVERYWHERE and bool(np.all(every > 0.0))
@@ -268,7 +270,7 @@ def promise(
 def _student(freedom: float) -> float:
     """Quantile of 95 % of Student's t, after Cornish and Fisher; good to 1 % from 3 on."""
     z = 1.644854
-    one = (z**3 + z) / 4.0
-    two = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
-    three = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
-    return z + one / freedom + two / freedom**2 + three / freedom**3
+    first = (z**3 + z) / 4.0
+    second = (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
+    third = (3.0 * z**7 + 19.0 * z**5 + 17.0 * z**3 - 15.0 * z) / 384.0
+    return z + first / freedom + second / freedom**2 + third / freedom**3

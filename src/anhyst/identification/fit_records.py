@@ -1,4 +1,7 @@
-"""Loops made ready for fitting: arrays, weights, and what came before the first sample."""
+"""Loops made ready for fitting: arrays, weights, and what came before the first sample.
+
+What the sensors read where nothing flows: offsets that no law is needed for.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,80 @@ from numpy.typing import NDArray
 from anhyst.data import Loop, Loops
 from anhyst.data.path import thinned
 from anhyst.data.verdict import largest_output
-from anhyst.identification.rest import Rest
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+
+AT_REST = 0.01
+"""A smallest input below this share of the largest counts as zero."""
+
+_SAME = 1e-3
+"""Readings this near to each other, in parts of the largest, were taken at the same rest; an
+offset smaller than this is none."""
+
+_SURE = 3.0
+"""An offset is taken from this many standard errors on."""
+
+
+@dataclass(frozen=True, slots=True)
+class RestReading:
+    """What a sensor reads at rest."""
+
+    # what is taken for its offset, SI; zero where the readings do not differ from it
+    offset: float = 0.0
+    # standard error of the reading, SI; None where the records do not come to rest
+    std: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Readings of both sensors at rest."""
+
+    input: RestReading = field(default_factory=RestReading)
+    output: RestReading = field(default_factory=RestReading)
+
+
+def rest_of(loopset: Loops) -> Rest:
+    """Take the offsets of the sensors from where the drive is at rest.
+
+    A drive of one sign that comes down to almost nothing, time after time, comes down to nothing:
+    what the sensor reads there is its offset. What the output reads there is an offset only before
+    the iron was ever magnetised; later it is remanence too.
+    """
+    span = max(float(np.max(np.abs(loop.input))) for loop in loopset.loops)
+    lowest = [_lowest(loop, span) for loop in loopset.loops]
+    offset = _reading([value for value in lowest if value is not None], span)
+    if offset.std is None:
+        return Rest()
+    first = [
+        float(loop.output[_begins(loop, offset.offset, span)].mean())
+        for loop in loopset.loops
+        if loop.history.kind == "demagnetised" and _begins(loop, offset.offset, span).any()
+    ]
+    return Rest(offset, _reading(first, largest_output(loopset)))
+
+
+def _lowest(loop: Loop, span: float) -> float | None:
+    """Return the reading at which a drive of one sign rests, None if it does not."""
+    low, high = float(loop.input.min()), float(loop.input.max())
+    near = low if abs(low) <= abs(high) else high
+    if abs(near) > AT_REST * span or high - low < 2.0 * AT_REST * span:
+        return None
+    return float(np.median(loop.input[np.abs(loop.input - near) <= _SAME * span]))
+
+
+def _begins(loop: Loop, offset: float, span: float) -> NDArray[np.bool_]:
+    """Mark the samples before the drive has moved."""
+    return np.logical_and.accumulate(np.abs(loop.input - offset) <= 2.0 * _SAME * span)
+
+
+def _reading(values: Sequence[float], span: float) -> RestReading:
+    if len(values) < 2:  # one reading does not show how far it scatters
+        return RestReading()
+    mean = float(np.mean(values))
+    std = float(np.std(values, ddof=1) / np.sqrt(len(values)))
+    real = abs(mean) > _SURE * std and abs(mean) > _SAME * span
+    return RestReading(mean if real else 0.0, std)
+
 
 WEIGHTINGS = ("loops", "points", "relative")
 """How loops count: each the same, each sample the same, or each by its own largest output."""
@@ -153,7 +227,9 @@ def clocks_of(groups: Sequence[Sequence[Loop]]) -> list[list[FloatArray]]:
     for group in groups:
         times = [loop.time for loop in group if loop.time is not None]
         order = sorted(times, key=lambda time: float(time[0]))
-        if len(times) < len(group) or not all(one[-1] <= two[0] for one, two in pairwise(order)):
+        if len(times) < len(group) or not all(
+            earlier[-1] <= later[0] for earlier, later in pairwise(order)
+        ):
             return [[np.zeros(loop.n) for loop in group] for group in groups]
         clocks.append([time - order[0][0] for time in times])
     longest = max(float(clock[-1]) for group in clocks for clock in group)
@@ -246,8 +322,8 @@ class Past:
 
     def then(self, drive: FloatArray, gap: int) -> Past:
         """Go on at a gap."""
-        place = np.full(drive.size, float(gap))
-        return Past(np.concatenate([self.drive, drive]), np.concatenate([self.place, place]))
+        gaps = np.full(drive.size, float(gap))
+        return Past(np.concatenate([self.drive, drive]), np.concatenate([self.place, gaps]))
 
     def only_at(self, gap: int) -> Past:
         """Take what was at one gap, as if there were no other."""

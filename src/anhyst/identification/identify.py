@@ -15,21 +15,18 @@ from anhyst.data.output_map import is_actuator, output_map
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import Speeds, speeds_of, with_spread_times
 from anhyst.identification.any_law import fit_any
-from anhyst.identification.bare import model_of, valid_range
+from anhyst.identification.bare import form_of, model_of, valid_range
 from anhyst.identification.candidates import require_gaps
 from anhyst.identification.cell_kernel import LAW_OF
-from anhyst.identification.cell_resolution import resolved
 from anhyst.identification.choice import FEWEST, ModelChoice, search_models
 from anhyst.identification.creeping import LAW as CREEPING_LAW
 from anhyst.identification.creeping import fit_creeping
 from anhyst.identification.default import TO_END, FoundModel, follow
-from anhyst.identification.fit_records import records_of
-from anhyst.identification.gauge import form_of
-from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed
+from anhyst.identification.fit_records import records_of, rest_of
+from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed, resolved
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
-from anhyst.identification.rest import rest_of
 from anhyst.identification.result import IdentifyResult
 from anhyst.identification.run import SEARCHED, SearchRun
 from anhyst.identification.space import IN_SERIES

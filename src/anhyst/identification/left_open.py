@@ -7,6 +7,14 @@
   at eight times their width below.
 - Between the gaps that were measured, a map with much freedom may bend although it meets gaps left
   out by luck. What a simpler map misses at these bounds what it misses between them.
+
+What no sample of the loops shows of play cells: thresholds finer than their steps.
+
+A cell of threshold ``r`` moves again after the field has turned back by ``2*r``. Where samples lie
+farther apart than that, none shows how stiffly the iron answers a reversal, and of a loop's width there
+may be too little to tell a pinned cell from a free one. A compensator believes what the model says: of an
+iron that answers every reversal stiffly it asks too much current, and its loop makes noise louder. So
+cells count as free as far as the loops do not contradict.
 """
 
 from __future__ import annotations
@@ -22,8 +30,11 @@ from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
+from anhyst.laws.cells import CellWeights
+from anhyst.laws.registry import law_of
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.units import MU_0
 
 ALIKE = 1.5
 """Deviation from the loop over that of the model that was chosen, up to which a fit follows it as well."""
@@ -57,7 +68,7 @@ _COMPARABLE = 3.0
 """Cross-validation error over another's up to which a simpler map says where the other bends."""
 
 
-def apart_between(one: Model, other: Model, loopset: Loops) -> float:
+def apart_between(model: Model, rival: Model, loopset: Loops) -> float:
     """Return the mean deviation of two models midway between gaps, in parts of the largest output."""
     groups = loopset.by_schedule()
     off = []
@@ -66,8 +77,8 @@ def apart_between(one: Model, other: Model, loopset: Loops) -> float:
         history = replace(loop.history, schedule=())
         gap = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
         try:
-            first = one.predict(loop.input, gap, history=history).output
-            second = other.predict(loop.input, gap, history=history).output
+            first = model.predict(loop.input, gap, history=history).output
+            second = rival.predict(loop.input, gap, history=history).output
         except (InputError, NegativeResult):
             return float("inf")
         off.append(float(np.mean(np.abs(first - second))))
@@ -81,9 +92,14 @@ def bends(model: Model, error: float, simpler: Sequence[tuple[Model, float]], lo
     """
     if model.fixed_gap_only:
         return False
-    known = [(one, missed) for one, missed in simpler if missed <= _COMPARABLE * error]
+    known = [
+        (simpler_model, missed)
+        for simpler_model, missed in simpler
+        if missed <= _COMPARABLE * error
+    ]
     return bool(known) and all(
-        apart_between(model, one, loops) > _EXPLAINED * (error + missed) for one, missed in known
+        apart_between(model, simpler_model, loops) > _EXPLAINED * (error + missed)
+        for simpler_model, missed in known
     )
 
 
@@ -118,3 +134,73 @@ def first_rise(model: Model, loopset: Loops) -> float:
         below = float(np.max(np.abs(rising) - np.abs(first)))
         worst = max(worst, below / width if width > 0.0 else 0.0)
     return worst
+
+
+_UNSEEN = 1.05
+"""Mean square deviation over the least, up to which loops do not tell a pinned cell from a free one."""
+
+
+def field_step(model: Model, loops: Loops) -> float:
+    """Return by how much the effective field moves to the first sample after a reversal, A/m.
+
+    The median over all reversals; 0 where there is none. Just there the iron hardly answers, and
+    the field moves farther for a step of the drive than anywhere else.
+    """
+    steps = []
+    for loop in loops.loops:
+        schedule = loop.schedule if model.needs_schedule else None
+        predicted = model.predict(loop.input, schedule, loop.time, loop.history)
+        alpha = model.parameters_at(loop.schedule_value if model.needs_schedule else None)["alpha"]
+        magnetisation = predicted.flux_density / MU_0 - predicted.field
+        moved = np.diff(predicted.field + alpha * magnetisation)
+        steps.append(np.abs(moved[1:][moved[1:] * moved[:-1] < 0.0]))
+    turned = np.concatenate(steps)
+    return float(np.median(turned)) if turned.size else 0.0
+
+
+def resolved(model: Model, loops: Loops) -> Model:
+    """Count cells as free that no sample shows to be pinned, the finest first."""
+    law = model.operator_law
+    if law.cells is None:
+        return model
+    cells = law.cells(model.parameters_at(model.first_node))
+    fine = (cells.thresholds > 0.0) & (2.0 * cells.thresholds < field_step(model, loops))
+    hidden = int(np.count_nonzero(fine))
+    if not cells.weights[fine].any() or not cells.weights[1 + hidden :].any():
+        return model
+    most = _UNSEEN * _deviation(model, loops)
+    refined, known, beyond = model, 0, hidden + 1
+    while beyond - known > 1:
+        middle = hidden if refined is model and beyond > hidden else (known + beyond) // 2
+        other = _freed(model, cells, middle)
+        if _deviation(other, loops) <= most:
+            refined, known = other, middle
+        else:
+            beyond = middle
+    return refined
+
+
+def _freed(model: Model, cells: CellWeights, count: int) -> Model:
+    """Give the weights of the first cells with a threshold to the one without."""
+    weights = np.delete(cells.weights, np.s_[1 : 1 + count], axis=0)
+    weights[0] += cells.weights[1 : 1 + count].sum(axis=0)
+    other = replace(
+        cells, thresholds=np.delete(cells.thresholds, np.s_[1 : 1 + count]), weights=weights
+    )
+    gone = {spec.name for spec in model.operator_law.parameters}
+    gone -= {spec.name for spec in law_of(model.law, other).parameters}
+    kept = {name: value for name, value in model.parameters.items() if name not in gone}
+    return replace(model, cells=other, parameters=kept)
+
+
+def _deviation(model: Model, loops: Loops) -> float:
+    """Mean square of what a model misses, over all samples."""
+    off = [
+        model.predict(
+            loop.input, loop.schedule if model.needs_schedule else None, loop.time, loop.history
+        ).output
+        - loop.output
+        for loop in loops.loops
+    ]
+    every = np.concatenate(off)
+    return float(every @ every) / every.size

@@ -23,7 +23,7 @@ from anhyst.model.dynamics import GAMMA, Dynamics, Layers
 from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import Parameter
 from anhyst.model.predict import as_history, initial_state
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 COUNTS = (1, 2, 3, 4)
 """Layers that are tried; 1 is a lag of the flux."""
@@ -317,8 +317,8 @@ def without_rate(model: Model, static: Model, slow: Loops) -> Loops | None:
     left, done, mended = [], [], []
     for loop in slow.loops:
         late, still = (
-            one.predict(loop.input, loop.schedule, loop.time, loop.history).output
-            for one in (model, static)
+            compared.predict(loop.input, loop.schedule, loop.time, loop.history).output
+            for compared in (model, static)
         )
         left.append(np.mean((loop.output - still) ** 2))
         done.append(np.mean((late - still) ** 2))

@@ -20,8 +20,8 @@ from anhyst.identification.cell_kernel import CellKernel, WeightKernel
 from anhyst.identification.fit_records import FitRecord, Past
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import DEFAULT_LAW, LAWS
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import NoResponseError
+from anhyst.support.numeric import FloatArray
 
 SURROUNDING = ("omega", "scale", "gain", "in_0", "out_0")
 """What surrounds the law, in the order of the derivatives."""

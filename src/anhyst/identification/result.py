@@ -14,8 +14,8 @@ from anhyst.data.look import few, length_scale
 from anhyst.model.acceptance import Acceptance, GapCheck
 from anhyst.model.actuator import Model
 from anhyst.model.writer import write_model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
+from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result
 
 if TYPE_CHECKING:

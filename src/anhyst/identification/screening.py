@@ -18,8 +18,8 @@ from anhyst.data.path import thinned
 from anhyst.identification.fit_records import FitRecord, FitRecords
 from anhyst.identification.response import LOCAL, Local, ResponseForm
 from anhyst.identification.space import IN_SERIES, CoordinateSpace
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NowhereNearError
+from anhyst.support.numeric import FloatArray
 
 VARIABLE = "ANHYST_DISPATCH"
 """Environment variable that forces an instruction set on the batch."""
@@ -166,9 +166,9 @@ def starts(space: CoordinateSpace, count: int, keep: int, seed: int) -> list[Loc
     if "in_0" not in space.held and _may_be_biased(space.form, space.records):
         ways.append(True)
     begins = [
-        one
+        start
         for biased in ways
-        for one in _best_of(space, sample_sets(space.records, count, seed, free, biased), keep)
+        for start in _best_of(space, sample_sets(space.records, count, seed, free, biased), keep)
     ]
     if not begins:
         raise NowhereNearError(
@@ -221,8 +221,8 @@ def scan_gap(
     best = np.argmin(cost, axis=1)
     at = best + _SCAN * np.arange(count)
     sets = [
-        replace(local, omega=float(table[2, place]), scale=float(table[3, place]))
-        for local, place in zip(known, at, strict=True)
+        replace(local, omega=float(table[2, index]), scale=float(table[3, index]))
+        for local, index in zip(known, at, strict=True)
     ]
     return sets, cost[np.arange(count), best]
 

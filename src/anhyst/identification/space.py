@@ -20,7 +20,7 @@ from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.response import SURROUNDING, Local, ResponseForm
 from anhyst.laws.law import FitNumber
 from anhyst.model.parameters import GapMap
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 PER_GAP = {
     "none": frozenset[str](),

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Shape = Literal["tanh", "langevin"]
 

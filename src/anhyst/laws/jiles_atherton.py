@@ -14,7 +14,7 @@ from anhyst.laws.law import FitNumber, Kernel, Law, ParameterSpec
 
 if TYPE_CHECKING:
     from anhyst._core import Iron, Operator
-    from anhyst.support.arrays import FloatArray
+    from anhyst.support.numeric import FloatArray
 
 PARAMETERS = (
     ParameterSpec(

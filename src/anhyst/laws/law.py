@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 if TYPE_CHECKING:
     from anhyst._core import Operator
     from anhyst.laws.cells import CellWeights
-    from anhyst.support.arrays import FloatArray
+    from anhyst.support.numeric import FloatArray
 
 Coordinate = Literal["reciprocal", "log", "plain"]
 """In what a parameter is nearest to straight over a gap, and a search moves it."""

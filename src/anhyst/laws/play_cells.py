@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from anhyst._core import CellIron
     from anhyst.laws.cells import CellWeights, Shape
-    from anhyst.support.arrays import FloatArray
+    from anhyst.support.numeric import FloatArray
 
 POPULATIONS = 3
 

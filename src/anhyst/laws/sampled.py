@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from scipy.optimize import brentq
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 _OK, _NOT_SETTLED = 0, -6
@@ -76,7 +76,7 @@ class SampledIron(ABC):
         *,
         inverse: bool,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found, fields = np.empty(given.size), np.empty(given.size)
+        outputs, fields = np.empty(given.size), np.empty(given.size)
         here: State = tuple(state.tolist())
         before = self._flux(here, self.field_of(here))
         rows = zip(given.tolist(), rho.tolist(), (eddy * MU_0).tolist(), strict=True)
@@ -88,9 +88,9 @@ class SampledIron(ABC):
                 field = self._root(start, 1.0, weight, value + rate * before)
             _, here = self.step(start, field)
             flux = self._flux(start, field)
-            found[index] = field + weight * flux - rate * before if inverse else MU_0 * flux
+            outputs[index] = field + weight * flux - rate * before if inverse else MU_0 * flux
             fields[index], before = field, flux
-        return found, fields, np.array(here)
+        return outputs, fields, np.array(here)
 
     def _flux(self, state: State, field: float) -> float:
         """Return ``B/mu0`` at a field, from a state."""

@@ -39,8 +39,7 @@ from anhyst.link.frames import (
     StatusAnswer,
 )
 from anhyst.link.streaming import Status, demand_request, stream
-from anhyst.link.transport import BAUD, LinkPort, Port
-from anhyst.link.wire import Frame, Receiver, encode
+from anhyst.link.wire import BAUD, Frame, LinkPort, Port, Receiver, encode
 from anhyst.support.errors import InputError
 
 _Answer = TypeVar("_Answer", bound=Message)

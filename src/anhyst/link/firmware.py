@@ -15,10 +15,9 @@ from functools import partial
 from pathlib import Path
 
 from anhyst.link.process import check_runs_here
-from anhyst.support.atomic import PathLike, write_bytes
+from anhyst.support.atomic import PathLike, core_folder, write_bytes
 from anhyst.support.c_objects import compile_and_link
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.folder import core_folder
 from anhyst.support.version import running_version
 
 _MANIFEST = "manifest.json"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from anhyst.link.plant_bus import DRIVE_BYTES, Plant, PlantBus, over
-from anhyst.link.transport import LinkPort
+from anhyst.link.wire import LinkPort
 from anhyst.support.errors import InputError
 
 _QEMU = "qemu-system-arm"
@@ -150,8 +150,8 @@ def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> 
     with ours, _started(command, [theirs], stdout=subprocess.PIPE) as process:
         url = link
         if link == "pty" or link.startswith("tcp:"):
-            place = _printed(process, program)
-            url = place if link == "pty" else f"socket://127.0.0.1:{place}"
+            address = _printed(process, program)
+            url = address if link == "pty" else f"socket://127.0.0.1:{address}"
         offered = 0 if xcp is None else int(_printed(process, program))
         yield Started(url, ours, offered, process.pid)
 

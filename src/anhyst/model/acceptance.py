@@ -14,8 +14,8 @@ import numpy as np
 from anhyst.data.output_map import output_map
 from anhyst.model.predict import predict
 from anhyst.model.record import ActuatorRecord
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 
 GAPS_BETWEEN_NODES = 20
 DRIVES_A_BRANCH = 100

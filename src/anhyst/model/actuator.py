@@ -17,9 +17,9 @@ from anhyst.model.prediction import Prediction
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.stepper import Stepper
 from anhyst.model.writer import write_model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, range_text
 
 if TYPE_CHECKING:

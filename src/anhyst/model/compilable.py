@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anhyst.laws.registry import LAWS
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
     from anhyst.model.actuator import Model

@@ -205,11 +205,11 @@ def _compare(first: Model, second: Model, drive: Range, gap: float | None) -> Lo
     half = np.linspace(*drive, DRIVES_A_BRANCH)
     cycle = np.concatenate([half, half[-2::-1]])
     slow = 1e9 * np.arange(cycle.size, dtype=np.float64)  # eddy currents do not count
-    one, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
-    apart = np.abs(one - other)
+    output, other = (model.predict(cycle, gap, slow, "settled").output for model in (first, second))
+    apart = np.abs(output - other)
     return LoopDifference(
         schedule=gap,
-        largest_output=float(np.abs(one).max()),
+        largest_output=float(np.abs(output).max()),
         mean=float(apart.mean()),
         worst=float(apart.max()),
         at_drive=float(cycle[int(np.argmax(apart))]),

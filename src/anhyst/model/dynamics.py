@@ -27,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.speeds import rate_of
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 GAMMA = "gamma (A s/(m T))"
 """What it is called among the fitted quantities."""

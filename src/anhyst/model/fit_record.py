@@ -14,7 +14,7 @@ import numpy as np
 
 from anhyst.data.loops import Loops, Source
 from anhyst.data.verdict import largest_output
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Range = tuple[float, float]
 

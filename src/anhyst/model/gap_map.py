@@ -22,8 +22,8 @@ import numpy as np
 
 from anhyst._core import exp, log
 from anhyst.laws.law import Coordinate
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 LARGEST_LOGARITHM = 700.0  # exp overflows at 709.8
 
@@ -156,8 +156,8 @@ def _monotone_slopes(nodes: FloatArray, heights: FloatArray) -> FloatArray:
     slopes = np.zeros(nodes.size)
     same = secant[:-1] * secant[1:] > 0.0
     left, right = 2.0 * width[1:] + width[:-1], width[1:] + 2.0 * width[:-1]
-    one, two = np.where(same, secant[:-1], 1.0), np.where(same, secant[1:], 1.0)
-    slopes[1:-1] = np.where(same, (left + right) / (left / one + right / two), 0.0)
+    left_secant, right_secant = np.where(same, secant[:-1], 1.0), np.where(same, secant[1:], 1.0)
+    slopes[1:-1] = np.where(same, (left + right) / (left / left_secant + right / right_secant), 0.0)
     slopes[0] = _end_slope(width[0], width[1], secant[0], secant[1])
     slopes[-1] = _end_slope(width[-1], width[-2], secant[-1], secant[-2])
     return slopes

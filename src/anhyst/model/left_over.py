@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data import Loops
-from anhyst.data.noise import noise
+from anhyst.data.estimates import noise
 from anhyst.data.verdict import largest_output
 from anhyst.model.actuator import Model
 from anhyst.model.residual_shapes import Coloured, Residual, Shape, basis, coloured, shapes_of
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 EXACT = 1e-4
 """Deviation, in parts of the largest output, that no sensor sees."""
@@ -159,7 +159,7 @@ def _foremost(rest: FloatArray, ways: list[_Way]) -> _Way:
     """Shape that explains most, or one with fewer numbers that explains almost as much."""
     worth = [way.worth(rest) for way in ways]
     enough = max(worth) - (1.0 - _AS_MUCH) * abs(max(worth))
-    as_good = [way for way, one in zip(ways, worth, strict=True) if one >= enough]
+    as_good = [way for way, share in zip(ways, worth, strict=True) if share >= enough]
     return min(as_good, key=lambda cause: cause.columns.shape[1])
 
 

@@ -12,13 +12,12 @@ from numpy.typing import ArrayLike
 from anhyst._core import status_text
 from anhyst.data.history import History
 from anhyst.laws.law import IronOperator
-from anhyst.model.circuit import Circuit
 from anhyst.model.dynamics import Dynamics, too_fast
-from anhyst.model.prediction import Prediction
+from anhyst.model.parameters import Circuit
+from anhyst.model.prediction import BoolArray, Given, Prediction, flag, warn_if_far
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.valid_range import BoolArray, Given, flag, warn_if_far
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 
 OK = 0
 NOT_CONVERGED, NOT_SETTLED = -5, -6  # the work was done and there is no answer
@@ -388,11 +387,11 @@ def eddy_rate(model: ActuatorRecord, time: ArrayLike | None, size: int) -> Float
     return np.concatenate([[0.0], 1.0 / steps])
 
 
-def check(status: int, name: str, index: int, given: FloatArray) -> None:
+def check(status: int, name: str, index: int, values: FloatArray) -> None:
     """Turn a return code of the core into an error that names the sample."""
     if status == OK:
         return
-    error = SampleError(name, index, f"({given[index]:g}) {status_text(status)}")
+    error = SampleError(name, index, f"({values[index]:g}) {status_text(status)}")
     raise (
         NegativeResult(str(error), code=error.code, key=name)
         if status in {NOT_CONVERGED, NOT_SETTLED}
@@ -418,6 +417,8 @@ def _runs(model: ActuatorRecord, schedule: FloatArray | None, size: int) -> Iter
         yield slice(int(start), int(stop))
 
 
-def _is_open(given: FloatArray) -> bool:
+def _is_open(values: FloatArray) -> bool:
     """Whether a record ends farther from its start than from sample to sample."""
-    return given.size > 2 and bool(abs(given[-1] - given[0]) > 2.0 * np.abs(np.diff(given)).max())
+    return values.size > 2 and bool(
+        abs(values[-1] - values[0]) > 2.0 * np.abs(np.diff(values)).max()
+    )

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.columns import Texts
+from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import write_csv
 from anhyst.data.history import SETTLED, History
+from anhyst.data.joining import IN_ONE_RUN, one_after_another
 from anhyst.data.loops import Loop
 from anhyst.data.output_map import OUTPUT_MAPS
-from anhyst.data.sequence import IN_ONE_RUN, one_after_another
 from anhyst.data.table import DataTable, read_columns
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
-from anhyst.model.valid_range import Given, flag
-from anhyst.support.arrays import FloatArray
+from anhyst.model.prediction import Given, flag
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:
@@ -331,7 +331,11 @@ def _by_value(schedule: FloatArray | None, rows: Rows) -> list[Rows]:
 
 
 def _write(
-    table: DataTable, out: PathLike, quantity: Quantity, found: FloatArray, valid: NDArray[np.bool_]
+    table: DataTable,
+    out: PathLike,
+    quantity: Quantity,
+    answer: FloatArray,
+    valid: NDArray[np.bool_],
 ) -> str:
     """Write the columns of the file and those computed; return the header of the computed one."""
     columns: dict[str, FloatArray | NDArray[np.bool_] | Texts] = dict(table.as_columns())
@@ -347,15 +351,15 @@ def _write(
             code="exists-already",
             key=taken,
         )
-    write_csv(out, columns | {name: found, flag: valid})
+    write_csv(out, columns | {name: answer, flag: valid})
     return name
 
 
-def _deviation(table: DataTable, quantity: Quantity, found: FloatArray) -> Deviation | None:
+def _deviation(table: DataTable, quantity: Quantity, predicted: FloatArray) -> Deviation | None:
     measured = _measured(table, _named(table, quantity))
     if measured is None:
         return None
-    apart = np.abs(found - measured)
+    apart = np.abs(predicted - measured)
     return Deviation(
         mean_abs=float(apart.mean()),
         rms=float(np.sqrt(np.square(apart).mean())),

@@ -1,19 +1,152 @@
-"""What a model computed over a record."""
+"""What a model computed over a record.
+
+Where a model was seen to hold, and what is said about samples that are not there.
+"""
 
 from __future__ import annotations
 
+import math
+import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from anhyst.data.history import History
 from anhyst.data.look import few, length_scale
-from anhyst.model.valid_range import BoolArray
-from anhyst.support.arrays import FloatArray
+from anhyst.model.record import ActuatorRecord
+from anhyst.support.errors import ImplausibleWarning
+from anhyst.support.numeric import FloatArray
 from anhyst.support.result import Result, range_text
-from anhyst.support.units import Quantity
+from anhyst.support.units import DIMENSIONS, UNITS, Quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+BoolArray = NDArray[np.bool_]
+Given = Literal["drive", "demand"]
+
+GIVEN_MARGIN = 1e-9
+COMPUTED_MARGIN = 0.02
+"""What a value may exceed the valid range by, in parts of the range, and count as inside. A
+computed one gets more: the model of the largest measured loop does not end on its largest sample.
+"""
+FAR = 20.0
+"""Times the largest value a model knows from which the unit is likely wrong."""
+
+
+def flag(
+    model: ActuatorRecord,
+    kind: Given,
+    drive: FloatArray,
+    output: FloatArray,
+    schedule: FloatArray | None,
+    reachable: BoolArray,
+    rows: bool = False,
+) -> tuple[BoolArray, tuple[str, ...]]:
+    """Flag samples outside the valid range, and say so."""
+    valid, flags = reachable.copy(), []
+    if not reachable.all():
+        flags.append(_sentence(reachable, output, model.output.unit, rows, _UNREACHABLE))
+    if model.valid is None:
+        flags.append("the model does not say where it holds (no [valid]): nothing could be checked")
+        return valid, tuple(flags)
+    computed = {"drive": model.output, "demand": model.input}[kind]
+    ranges = (
+        (model.input, drive, model.valid.input),
+        (model.output, output, model.valid.output),
+        (model.schedule, schedule, model.valid.schedule),
+    )
+    far = any(
+        far_outside(quantity, values, limits)
+        for quantity, values, limits in ranges
+        if quantity is not computed
+    )
+    for quantity, values, limits in ranges:
+        if quantity is None or values is None or limits is None:
+            continue
+        margin = COMPUTED_MARGIN if quantity is computed else GIVEN_MARGIN
+        low, high = limits
+        allowance = margin * (high - low) + GIVEN_MARGIN * max(abs(low), abs(high))
+        inside = (values >= low - allowance) & (values <= high + allowance)
+        valid &= inside
+        if not inside.all() and not (far and quantity is computed):  # which would follow from it
+            what = (
+                f"lie outside the valid range of {quantity.name.replace('_', ' ')}, {low:g} to "
+                f"{high:g} {quantity.unit}"
+            )
+            likely = far_outside(quantity, values, limits) if quantity is not computed else ""
+            text = _sentence(inside, values, quantity.unit, rows, what)
+            flags.append(f"{text}: {likely}" if likely else text)
+    return valid, tuple(flags)
+
+
+def far_outside(
+    quantity: Quantity | None, values: FloatArray | None, limits: tuple[float, float] | None
+) -> str:
+    """Say how far values lie outside a range, if that is more than anybody would want."""
+    if quantity is None or values is None or limits is None or quantity.unit == "degC":
+        return ""
+    name, unit = quantity.name.replace("_", " "), quantity.unit
+    largest = max(map(abs, limits))
+    most = float(values[np.argmax(np.abs(values))])
+    if abs(most) > FAR * largest > 0.0:
+        times = abs(most) / largest
+        text = f"{name} {most:g} {unit} is {times:.3g} times the largest {name} the model knows"
+        near = likely_unit(quantity, times)
+        return f"{text}; given in {near}?" if near else text
+    least = float(np.abs(values).min())
+    # Only a gap is never near zero by intention.
+    if quantity.name == "gap" and 0.0 < FAR * least < min(limits):
+        times = min(limits) / least
+        return (
+            f"{name} {least:g} {unit} is {times:.3g} times less than the smallest {name} the model "
+            f"knows; metres taken for {likely_unit(quantity, times) or 'another unit'}?"
+        )
+    return ""
+
+
+def likely_unit(quantity: Quantity, times: float) -> str:
+    """Name the unit that is about so many times smaller than the SI unit; empty if none is."""
+    dimension = DIMENSIONS.get(quantity.name, quantity.name)
+    nearest = min(
+        (unit for unit in UNITS.values() if unit.dimension == dimension and unit.scale < 0.02),
+        key=lambda unit: abs(math.log(unit.scale * times)),
+        default=None,
+    )
+    if nearest is None or not 1.0 / 32.0 < nearest.scale * times < 32.0:
+        return ""
+    return nearest.symbol
+
+
+def warn_if_far(
+    model: ActuatorRecord, quantity: Quantity, values: FloatArray, schedule: ArrayLike | None
+) -> None:
+    """Warn a caller in Python, once a call, of values whose unit is likely wrong."""
+    if model.valid is None:
+        return
+    limits = model.valid.input if quantity is model.input else model.valid.output
+    at = None if schedule is None else np.atleast_1d(np.asarray(schedule, dtype=np.float64))
+    far = (
+        far_outside(model.schedule, at, model.valid.schedule),
+        far_outside(quantity, values, limits),
+    )
+    text = "; ".join(filter(None, far))
+    if text:
+        warnings.warn(text, ImplausibleWarning, stacklevel=4)  # who called the model's method
+
+
+_UNREACHABLE = "demand less than any drive can give"
+
+
+def _sentence(good: BoolArray, values: FloatArray, unit: str, rows: bool, what: str) -> str:
+    first = int(np.argmin(good))
+    where = f"row {first + 1}" if rows else f"sample {first}"
+    return (
+        f"{int((~good).sum())} of {good.size} {'rows' if rows else 'samples'} {what} "
+        f"(first: {where}, {values[first]:g} {unit})"
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

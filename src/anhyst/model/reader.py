@@ -25,16 +25,19 @@ from anhyst.model.fit_record import (
     Uncertainty,
     ValidRange,
 )
-from anhyst.model.keys import VERSION, Names, meant, section_names
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.schema import (
+    VERSION,
     CellsTable,
     FitTable,
     ModelTable,
+    Names,
     QuantityTable,
     UncertaintyTable,
+    meant,
     model_table,
+    section_names,
 )
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError

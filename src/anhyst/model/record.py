@@ -26,14 +26,13 @@ from anhyst.data.output_map import output_map
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
 from anhyst.laws.registry import DEFAULT_LAW, LAWS, law_of
-from anhyst.model.circuit import Circuit
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
-from anhyst.model.keys import Names, parameter_names
-from anhyst.model.parameters import CIRCUIT, GapMap, Parameter, find_problems, specs_of
-from anhyst.support.arrays import FloatArray
+from anhyst.model.parameters import CIRCUIT, Circuit, GapMap, Parameter, find_problems, specs_of
+from anhyst.model.schema import Names, parameter_names
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 
 SHORT_ROW, MOST_ROWS = 1 << 13, 32

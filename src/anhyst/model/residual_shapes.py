@@ -17,7 +17,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import fdtrc
 
 from anhyst.data.branches import branches
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 Shape = Literal["input", "direction", "gap", "amplitude", "start", "drift"]
 
@@ -224,9 +224,9 @@ class _Remainder:
         return whole, together
 
 
-def _products(one: FloatArray, other: FloatArray) -> FloatArray:
+def _products(first: FloatArray, second: FloatArray) -> FloatArray:
     """Products of columns with columns, on one thread: a library would wait for its others."""
-    products: FloatArray = np.einsum("nk,nl->kl", one, other)
+    products: FloatArray = np.einsum("nk,nl->kl", first, second)
     return products
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from anhyst.data.history import History
-from anhyst.model.circuit import Circuit
+from anhyst.model.parameters import Circuit
 from anhyst.model.predict import as_history, as_samples, check, initial_state, run_through
+from anhyst.model.prediction import flag, warn_if_far
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.valid_range import flag, warn_if_far
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,9 @@ from anhyst.laws.cells import CellWeights
 from anhyst.laws.registry import LAWS
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
-from anhyst.model.keys import FORMAT, VERSION, column
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
+from anhyst.model.schema import FORMAT, VERSION, column
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
 from anhyst.support.toml_text import toml_key, toml_value

@@ -7,8 +7,18 @@ from matplotlib.figure import Figure
 
 from anhyst.study.fleet.fleet import Fleet
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import Block, Items, Note, Picture, Section, Text, table
-from anhyst.support.page.page import Headline, Tile, render_page
+from anhyst.support.page.blocks import (
+    Block,
+    Headline,
+    Items,
+    Note,
+    Picture,
+    Section,
+    Text,
+    Tile,
+    render_page,
+    table,
+)
 from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from anhyst.study.bench import address_of, through
 from anhyst.study.excite.excite import Excitation, excite, measure
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_picture, write_figure
 from anhyst.support.errors import InputError
-from anhyst.support.picture import check_picture, write_figure
 from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:

@@ -16,9 +16,17 @@ from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.kinds import NAMES
-from anhyst.support.page.blocks import Items, Note, Picture, Section, Text, table
+from anhyst.support.page.blocks import (
+    Headline,
+    Items,
+    Note,
+    Picture,
+    Section,
+    Text,
+    render_page,
+    table,
+)
 from anhyst.support.page.numbers import MINUS, NBSP, number
-from anhyst.support.page.page import Headline, render_page
 from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
@@ -66,7 +74,7 @@ def _deviations(runs: MonteCarlo) -> str:
     spread, drawn = file.spread, SPREADS[file.kind]
     if file.several:
         of_all = (SPREADS_OF_MAGNET, SPREADS_OF_BODY, SPREADS_OF_HEAD)
-        drawn = {key.rpartition("_")[0]: key for one in of_all for key in one.values()}
+        drawn = {key.rpartition("_")[0]: key for drift in of_all for key in drift.values()}
     for name, key in drawn.items():
         value, what = getattr(spread, key), name.replace("_", " ")
         if key.endswith("_percent"):

@@ -7,29 +7,25 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
-from anhyst.data.writing import check_recording
+from anhyst.data.table import check_recording
 from anhyst.reports.bearing import write_simulation_report
-from anhyst.reports.bearing.from_benefit import subject_of_benefit
-from anhyst.reports.bearing.from_simulation import subject_of
-from anhyst.reports.force.figures import draw as draw_force
+from anhyst.reports.bearing.from_simulation import subject_of, subject_of_benefit
+from anhyst.reports.force import draw as draw_force
 from anhyst.reports.plants import write_plants_report
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.piezo.file import read_piezo_rig
+from anhyst.rig.piezo import read_piezo_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.bearing.benefit import Benefit
 from anhyst.study.bearing.benefit import benefit as map_benefit
 from anhyst.study.bearing.on_board import BoardComparison, run_board, write_comparison
-from anhyst.study.bearing.plants import bearing_plants
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import Simulation, explore, write_simulation
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants
 from anhyst.study.engine.monte_carlo import monte_carlo as run_plants
 from anhyst.study.force.force_control import ForceControl, force_control
-from anhyst.study.force.plants import force_plants
-from anhyst.study.piezo.plants import piezo_plants
-from anhyst.study.piezo.track import TITLES, PiezoTracking, track
-from anhyst.study.tracking.plants import stage_plants
+from anhyst.study.piezo import TITLES, PiezoTracking, track
+from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable, write_bytes
 from anhyst.support.errors import InputError, NegativeResult
@@ -156,26 +152,26 @@ def simulate_rig(
     NegativeResult
         Levitation was lost before anything could be compared.
     """
-    given = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
-    asked = [name for name, value in given.items() if value]
-    if len(asked) > 1:
+    switches = {"--benefit": benefit, "--monte-carlo": monte_carlo is not None, "--board": board}
+    chosen = [name for name, value in switches.items() if value]
+    if len(chosen) > 1:
         raise InputError(
-            f"{' and '.join(asked)} do not go together; give one of them",
+            f"{' and '.join(chosen)} do not go together; give one of them",
             code="options-together",
-            key=asked[0],
+            key=chosen[0],
         )
     kind = take_kind(rig, TAKES["simulate"])
     refused = ["--controller"] if controller is not None else []
     allowed = ("--monte-carlo", "--board") if kind is FileKind.FORCE else ("--monte-carlo",)
-    refused += [name for name in asked if name not in allowed]
+    refused += [name for name in chosen if name not in allowed]
     if refused and kind is not FileKind.BEARING:
         raise InputError(
             f"{NAMES[kind][0]} has no {' or '.join(refused)}; leave it out",
             code="option-not-for-this",
             key=refused[0],
         )
-    if out is None and (asked or kind is FileKind.FORCE):
-        what = asked[0] if asked else "force control"
+    if out is None and (chosen or kind is FileKind.FORCE):
+        what = chosen[0] if chosen else "force control"
         raise InputError(f"{what}: needs a place to write to", code="missing", key="--out")
     task = _Task(rig, controller, Path(out or "-"), out is not None, progress)
     with workers_of(scheduler):

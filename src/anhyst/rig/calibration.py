@@ -13,7 +13,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.file import RigFile
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
@@ -100,7 +100,7 @@ class CalibratedMethod(Table):
     @property
     def taken(self) -> bool:
         """Whether anything corrects the method: what does not fit does not."""
-        return self.fits and any(not one.frozen for one in self.parameter)
+        return self.fits and any(not number.frozen for number in self.parameter)
 
     @property
     def judgement(self) -> str:
@@ -119,8 +119,8 @@ class CalibratedMethod(Table):
 
     def value(self, name: ParameterName) -> float:
         """Return a number that corrects it."""
-        found = self.parameter if self.fits else []
-        return next((one.value for one in found if one.name == name), 0.0)
+        numbers = self.parameter if self.fits else []
+        return next((number.value for number in numbers if number.name == name), 0.0)
 
     def widths(self, count: int) -> list[float]:
         """Return by how much the loop of each magnet is wider."""
@@ -144,39 +144,39 @@ class CalibrationFile(Table):
 
     def of(self, method: MethodName) -> CalibratedMethod | None:
         """Return what it says of a method; None where it says nothing."""
-        return next((one for one in self.method if one.name == method), None)
+        return next((table for table in self.method if table.name == method), None)
 
 
 def read_calibration(
-    place: Path, rig: Path, settings: RigFile, numbers: Sequence[ParameterName]
+    path: Path, rig: Path, settings: RigFile, numbers: Sequence[ParameterName]
 ) -> CalibrationFile:
     """Read a file that a rig file names, whose magnets have these numbers.
 
     Feedforward and force scale must believe in the same mass.
     """
-    file = read_toml(place, CalibrationFile, kinds=[FileKind.CALIBRATION])
+    file = read_toml(path, CalibrationFile, kinds=[FileKind.CALIBRATION])
     if file.rig != settings.name:
         raise InputError(
-            f"{place}: rig: is that of '{file.rig}', and {rig} is "
+            f"{path}: rig: is that of '{file.rig}', and {rig} is "
             f"'{settings.name}'; calibrate this one",
             code="rig-differs",
             key="rig",
         )
     if file.mass_kg != settings.body.mass_kg:
         raise InputError(
-            f"{place}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
+            f"{path}: mass_kg: was {file.mass_kg:g} kg when this was found, and is "
             f"{settings.body.mass_kg:g} kg in {rig}; calibrate again",
             code="mass-differs",
             key="mass_kg",
         )
     known = {*numbers}
-    for one in file.method:
-        names = {number.name for number in one.parameter}
+    for method in file.method:
+        names = {number.name for number in method.parameter}
         kinds = {kind_of(name) for name in names}
         missing = {name for name in known - names if kind_of(name) in kinds}
         for name in sorted(names - known) or sorted(missing):
             raise InputError(
-                f"{place}: {name}: {rig} has other magnets or coordinates; calibrate this one",
+                f"{path}: {name}: {rig} has other magnets or coordinates; calibrate this one",
                 code="unknown-name",
                 key=name,
             )

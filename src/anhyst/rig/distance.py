@@ -12,7 +12,7 @@ from anhyst._core import Coil, Magnet
 from anhyst.data import Loops
 from anhyst.data.loops import Loop
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 SLACK = 1.1
 """A plant counts as farther from its loops than a model from this ratio of the means on."""
@@ -128,20 +128,20 @@ class PlantCheck:
     @property
     def lines(self) -> list[str]:
         """What is always said."""
-        found = [
+        text = [
             f"plant against its loops: {self.plant.text}; the compensator's model: "
             f"{self.model.text}"
         ]
         if self.guessed:
-            found.append(f"guessed for the plant: {', '.join(self.guessed)}")
-        return found
+            text.append(f"guessed for the plant: {', '.join(self.guessed)}")
+        return text
 
     @property
     def warnings(self) -> list[str]:
         """What takes something from the results."""
-        found = []
+        texts = []
         if self.same:
-            found.append(
+            texts.append(
                 "the plant's force is made by the compensator's own model: what compensation gains "
                 'here proves nothing; set iron = "from loops" and force = "cells"'
             )
@@ -151,12 +151,12 @@ class PlantCheck:
                 if self.fitted
                 else 'set iron = "from loops"'
             )
-            found.append(
+            texts.append(
                 f"the plant is {self.plant.mean:.3g} N from its loops in the mean, the "
                 f"compensator's model {self.model.mean:.3g} N: errors of that size are those of "
                 f"the plant, not of the magnet that was measured; {remedy}"
             )
-        return found
+        return texts
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as JSON files hold it."""

@@ -79,9 +79,9 @@ class The(Maybe[Entry]):
     """The same, where the kind of rig makes sure that there is one."""
 
     def __get__(self, file: RigFile, owner: type[RigFile]) -> Entry:
-        found = super().__get__(file, owner)
-        assert found is not None
-        return found
+        value = super().__get__(file, owner)
+        assert value is not None
+        return value
 
 
 class RigFile(Table):
@@ -171,12 +171,12 @@ class RigFile(Table):
     @property
     def placed(self) -> list[MagnetTable | LikeTable]:
         """Everything that pulls at the body, as listed."""
-        return [one for one in self.magnets if isinstance(one, MagnetTable | LikeTable)]
+        return [magnet for magnet in self.magnets if isinstance(magnet, MagnetTable | LikeTable)]
 
     @property
     def position_sensors(self) -> list[PositionSensorTable]:
         """What the pose of the body is found from."""
-        return [one for one in self.sensors if isinstance(one, PositionSensorTable)]
+        return [sensor for sensor in self.sensors if isinstance(sensor, PositionSensorTable)]
 
     @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file

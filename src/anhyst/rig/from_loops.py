@@ -27,9 +27,9 @@ from anhyst.rig.iron_table import steel_table
 from anhyst.rig.magnet_table import FROM_LOOPS, MagnetTable, SolidTable
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.rig.parts.magnet import Poles, iron_magnet
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 CELLS = 24
@@ -105,15 +105,15 @@ def fit_magnet(loops: Loops, table: MagnetTable) -> FittedPlant:
 
 
 def _fit(loops: Loops, table: MagnetTable) -> FittedPlant:
-    found = _fit_at_rest(slow_loops(loops), table)
-    return replace(found, solid=table.solid and _fit_solid(loops, found, table.solid))
+    fitted = _fit_at_rest(slow_loops(loops), table)
+    return replace(fitted, solid=table.solid and _fit_solid(loops, fitted, table.solid))
 
 
 def _fit_at_rest(loops: Loops, table: MagnetTable) -> FittedPlant:
     fit = _AtRest(thinned(loops, COARSE), table)
-    found = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda one: one[0])
+    best = min((fit.run(fit.start(pinning)) for pinning in STARTS), key=lambda trial: trial[0])
     fit = _AtRest(thinned(loops, FINE), table)
-    _, at = fit.run(found[1])
+    _, at = fit.run(best[1])
     turns = round(fit.turns(at))
     if table.turns is None:
         fit = _AtRest(fit.loops, table.model_copy(update={"turns": turns}))
@@ -139,18 +139,18 @@ def complete_rig(rig: AnyRig, loops: Loops) -> AnyRig:
     file = rig.settings
     if file.solenoid is not None or not file.magnet.from_loops or file.iron is not None:
         return rig
-    found = fit_magnet(loops, file.magnet)
-    whole = file.replaced(file.magnet, file.magnet.model_copy(update=found.keys))
-    steel = steel_table("fitted", found.steel).model_copy(update={"name": FROM_LOOPS})
+    fitted = fit_magnet(loops, file.magnet)
+    whole = file.replaced(file.magnet, file.magnet.model_copy(update=fitted.keys))
+    steel = steel_table("fitted", fitted.steel).model_copy(update={"name": FROM_LOOPS})
     irons = [*file.irons, steel]
-    return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=found)
+    return replace(rig, settings=whole.model_copy(update={"irons": irons}), fitted=fitted)
 
 
-def _fit_solid(loops: Loops, found: FittedPlant, given: SolidTable) -> SolidTable:
+def _fit_solid(loops: Loops, fitted: FittedPlant, given: SolidTable) -> SolidTable:
     """Fit what a rig file leaves out of solid iron, conductivity and length of the path in it."""
-    if (given.path_m or 0.0) > found.poles.iron_length:
+    if (given.path_m or 0.0) > fitted.poles.iron_length:
         raise InputError(
-            f"magnet.solid.path_m is longer than the {found.poles.iron_length:.3g} m of the path in "
+            f"magnet.solid.path_m is longer than the {fitted.poles.iron_length:.3g} m of the path in "
             "the iron; lower it, or give iron_length_m",
             code="too-long",
             key="magnet.solid.path_m",
@@ -171,7 +171,7 @@ def _fit_solid(loops: Loops, found: FittedPlant, given: SolidTable) -> SolidTabl
     weight = 1.0 / (WEIGHT * top * math.sqrt(sum(loop.n for loop in fast.loops)))
 
     def table(at: FloatArray) -> SolidTable:
-        conductivity, path = STEEL * math.exp(at[0]), found.poles.iron_length * _share(at[1])
+        conductivity, path = STEEL * math.exp(at[0]), fitted.poles.iron_length * _share(at[1])
         return given.model_copy(
             update={
                 "conductivity_S_per_m": given.conductivity_S_per_m or conductivity,
@@ -180,10 +180,10 @@ def _fit_solid(loops: Loops, found: FittedPlant, given: SolidTable) -> SolidTabl
         )
 
     def misses(at: FloatArray) -> FloatArray:
-        solid = table(at).solid(found.poles.iron_length)
-        magnet = iron_magnet(found.poles, found.steel, solid=solid)
+        solid = table(at).solid(fitted.poles.iron_length)
+        magnet = iron_magnet(fitted.poles, fitted.steel, solid=solid)
         off = [
-            along_in_time(magnet, loop, found.zero_current) + found.zero_force - loop.output
+            along_in_time(magnet, loop, fitted.zero_current) + fitted.zero_force - loop.output
             for loop in fast.loops
         ]
         return np.concatenate([weight * np.concatenate(off), at / _WIDE])
@@ -223,16 +223,16 @@ class _AtRest:
         """Return the turns there, not rounded yet."""
         return self._poles(self._values(at))[0].turns
 
-    def fitted(self, at: FloatArray, given: MagnetTable) -> FittedPlant:
+    def fitted(self, at: FloatArray, table: MagnetTable) -> FittedPlant:
         """Return the magnet there."""
         values = self._values(at)
         poles, steel = self._poles(values)
         resistance = COPPER * MEAN_TURN * poles.turns**2 / math.sqrt(poles.width * poles.depth)
         guessed = [
-            key for key in ("resistance_ohm", "iron_length_m") if getattr(given, key) is None
+            key for key in ("resistance_ohm", "iron_length_m") if getattr(table, key) is None
         ]
         return FittedPlant(
-            replace(poles, resistance=given.resistance_ohm or resistance),
+            replace(poles, resistance=table.resistance_ohm or resistance),
             steel,
             values["zero_current"] * self._high,
             values["zero_force"] * self._top,
@@ -315,18 +315,18 @@ def _expected(loops: Loops, table: MagnetTable, top: float) -> dict[str, tuple[f
         "leakage": table.leakage_H is not None,
         "joints": table.joints_m is not None,
     }
-    return {name: one for name, one in expected.items() if not held.get(name, False)}
+    return {name: value for name, value in expected.items() if not held.get(name, False)}
 
 
 def _turns_squared_by_area(loops: Loops) -> float:
     """Return turns^2 times the area of a pole, m^2, as if the iron needed nothing."""
-    found = []
+    estimates = []
     for loop in loops.loops:
         assert loop.schedule is not None
         high = float(np.max(loop.output))
         some = (loop.output > 0.05 * high) & (loop.output < 0.4 * high) & (loop.input != 0.0)
-        found += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[some].tolist()
-    return float(np.median(found)) if found else 1.0
+        estimates += (loop.output * (2.0 * loop.schedule / loop.input) ** 2 / MU_0)[some].tolist()
+    return float(np.median(estimates)) if estimates else 1.0
 
 
 def _share(odds: float) -> float:

@@ -11,8 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
-from anhyst.rig.parts.iron import MOST_CELLS, CellSteel, DuhemSteel
-from anhyst.rig.parts.preisach import PreisachSteel
+from anhyst.rig.parts.iron import MOST_CELLS, CellSteel, DuhemSteel, PreisachSteel
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import BRANCH, Name, NotNegative, Positive, Share, Table, tag_by
 

@@ -19,8 +19,8 @@ from anhyst.rig.case_table import (
     TrajectoryCase,
 )
 from anhyst.rig.file import RigFile
-from anhyst.rig.loop_files import identify_faults
 from anhyst.rig.magnet_table import CLOSES, FROM_LOOPS, OPENS, LikeTable, MagnetTable, SolenoidTable
+from anhyst.rig.measurement_table import identify_faults
 from anhyst.rig.old_files import modernise, rig_error
 from anhyst.rig.sensor_table import (
     CurrentSensorTable,
@@ -231,7 +231,7 @@ def _count_faults(file: RigFile) -> Iterator[FileFault]:
     rule, whose = RULES[file.kind], NAMES[file.kind][0]
     counts = {**rule.tables, **(rule.several if file.several else {})}
     for kind, (key, title) in _TITLES.items():
-        places = [place for place, table in file.tables() if type(table) is kind]
+        places = [path for path, table in file.tables() if type(table) is kind]
         least, most = counts.get(kind, (0, 0))
         if len(places) < least:
             yield FileFault((key,), f"{whose} needs {title}; add one", code="missing")
@@ -246,9 +246,9 @@ def _count_faults(file: RigFile) -> Iterator[FileFault]:
 
 def _single_faults(file: RigFile) -> Iterator[FileFault]:
     rule, whose = RULES[file.kind], NAMES[file.kind][0]
-    given = file.model_fields_set
+    fields = file.model_fields_set
     for key in _SINGLE:
-        written = bool({key, f"given_{key}"} & given)
+        written = bool({key, f"given_{key}"} & fields)
         if rule.single.get(key, False) and not written:
             yield FileFault((key,), f"{whose} needs it; add it", code="missing")
         if key not in rule.single and written:
@@ -265,26 +265,28 @@ def _key_faults(file: RigFile) -> Iterator[FileFault]:
     ]
     also = _SEVERAL_NEED if file.several else {}
     besides = _SEVERAL_UNUSED if file.several else _ONE_UNUSED
-    for place, table in [*file.tables(), *single]:
+    for path, table in [*file.tables(), *single]:
         for key in (*rule.needed.get(type(table), ()), *also.get(type(table), ())):
             if key not in table.model_fields_set:
                 text = f"is missing, {whose} needs it; add it"
-                yield FileFault((*place, key), text, code="missing")
+                yield FileFault((*path, key), text, code="missing")
         for key in (*rule.unused.get(type(table), ()), *besides.get(type(table), ())):
             if key in table.model_fields_set:
                 text = f"{whose} has no use for it; remove it"
-                yield FileFault((*place, key), text, code="not-for-this-kind")
+                yield FileFault((*path, key), text, code="not-for-this-kind")
 
 
 def _name_faults(file: RigFile) -> Iterator[FileFault]:
     names = [iron.name for iron in file.irons]
-    wanted = {one.iron for one in file.magnets if isinstance(one, MagnetTable)}
-    wanted -= {None, FROM_LOOPS}
+    named = {
+        magnet_table.iron for magnet_table in file.magnets if isinstance(magnet_table, MagnetTable)
+    }
+    named -= {None, FROM_LOOPS}
     for number, name in enumerate(names):
         if name == FROM_LOOPS or name in names[:number]:
             text = f"'{name}' is taken; choose another name"
             yield FileFault(("iron", number, "name"), text, code="name-taken")
-        if wanted <= {*names} and name not in wanted:
+        if named <= {*names} and name not in named:
             text = f"no magnet is made of '{name}'; remove it, or name it in one"
             yield FileFault(("iron", number), text, code="not-used")
     called = [magnet.name for magnet in file.magnets]
@@ -292,23 +294,23 @@ def _name_faults(file: RigFile) -> Iterator[FileFault]:
         if name in called[:number]:
             text = f"'{name}' is taken; choose another name"
             yield FileFault(("magnet", number, "name"), text, code="name-taken")
-    for place, magnet in file.tables():
+    for path, magnet in file.tables():
         if isinstance(magnet, LossCase) and not set(magnet.magnets or []) <= {*called}:
             text = f"there is no such [[magnet]]; name one or more of {', '.join(called)}"
-            yield FileFault((*place, "magnets"), text, code="unknown-name")
+            yield FileFault((*path, "magnets"), text, code="unknown-name")
         if isinstance(magnet, MagnetTable) and magnet.iron not in (None, FROM_LOOPS, *names):
             text = f"there is no [[iron]] '{magnet.iron}'; correct it"
-            yield FileFault((*place, "iron"), text, code="unknown-name")
+            yield FileFault((*path, "iron"), text, code="unknown-name")
         if isinstance(magnet, LikeTable):
-            yield from _opposite_faults(file, place, magnet)
+            yield from _opposite_faults(file, path, magnet)
         elif isinstance(magnet, MagnetTable) and magnet.direction != CLOSES and not file.several:
             text = f"the first magnet pulls along {CLOSES}, towards smaller gaps; write that"
-            yield FileFault((*place, "direction"), text, code="wrong-direction")
+            yield FileFault((*path, "direction"), text, code="wrong-direction")
     yield from _pair_faults(file)
 
 
 def _pair_faults(file: RigFile) -> Iterator[FileFault]:
-    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
+    first = next((magnet for magnet in file.magnets if isinstance(magnet, MagnetTable)), None)
     pushes = first is not None and first.both_ways
     if first is not None and pushes and not file.several:
         text = "pushes as well as it pulls; it is for a stage of several coordinates"
@@ -339,14 +341,14 @@ def _push_faults(file: RigFile, first: MagnetTable, control: TrackingTable) -> I
             yield FileFault(file.place(magnet, "gap_m"), text, code="option-differs")
 
 
-def _opposite_faults(file: RigFile, place: Any, magnet: LikeTable) -> Iterator[FileFault]:
-    first = next((one for one in file.magnets if isinstance(one, MagnetTable)), None)
+def _opposite_faults(file: RigFile, path: Any, magnet: LikeTable) -> Iterator[FileFault]:
+    first = next((table for table in file.magnets if isinstance(table, MagnetTable)), None)
     if first is not None and magnet.like != first.name:
         text = f"names no magnet; write '{first.name}'"
-        yield FileFault((*place, "like"), text, code="unknown-name")
+        yield FileFault((*path, "like"), text, code="unknown-name")
     if magnet.direction != OPENS and not file.several:
         text = f"a second magnet pulls against the first, along {OPENS}; write that"
-        yield FileFault((*place, "direction"), text, code="wrong-direction")
+        yield FileFault((*path, "direction"), text, code="wrong-direction")
 
 
 def read_rig_file(path: PathLike, kinds: Collection[FileKind]) -> RigFile:

@@ -1,16 +1,38 @@
-"""How loops are measured, read and identified: ``[loops]``, ``[measurement]`` and ``[excite]``."""
+"""How loops are measured, read and identified: ``[loops]``, ``[measurement]`` and ``[excite]``.
 
-# ruff: noqa: N815 - keys of the file carry units
+The loops that a rig file names, and how they are read and identified.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from anhyst.identification.options import IdentifyTable
+from anhyst.data import Loops
+from anhyst.data.output_map import is_actuator
+from anhyst.data.reading import files_read
+from anhyst.data.verdict import closings, largest_output
+from anhyst.identification import identify
+from anhyst.identification.identify import check_wanted
+from anhyst.identification.result import whole_search
+from anhyst.identification.run import IdentifyTable
+from anhyst.laws.registry import LAWS, OWN
+from anhyst.model.actuator import Model
+from anhyst.rig.old_files import rig_error
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import Name, NotNegative, Positive, Table
+from anhyst.support.kept import kept
+from anhyst.support.numeric import FloatArray
+from anhyst.support.progress import Progress
+from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table
+from anhyst.support.units import QUANTITIES
+
+# ruff: noqa: N815 - keys of the file carry units
+
 
 Turn = Annotated[float, Field(ge=-1.0, le=1.0)]
 """Of the largest current; below zero for what goes both ways."""
@@ -19,7 +41,7 @@ Turn = Annotated[float, Field(ge=-1.0, le=1.0)]
 def _listed(value: Any) -> Any:
     if isinstance(value, str):
         return [value]
-    if isinstance(value, list) and value and all(isinstance(one, str) for one in value):
+    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
         return value
     raise InputError("must be a file, a folder, or a list of them", code="wrong-kind")
 
@@ -94,3 +116,100 @@ class ExciteTable(Table):
                 code="belong-together",
             )
         return self
+
+
+_FILES = ("loops", "files")
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Measured loops as a rig file names them."""
+
+    rig: Path  # the rig file
+    options: LoopsTable  # what it says of them
+    output: str = "force"  # quantity that its magnets make
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """Files and folders."""
+        return tuple(self.rig.parent / name for name in self.options.files)
+
+    @property
+    def text(self) -> str:
+        """For messages: the first one, and how many more there are."""
+        more = f" and {len(self.places) - 1} more" if len(self.places) > 1 else ""
+        return f"{self.places[0]}{more}"
+
+    @property
+    def files(self) -> list[Path]:
+        """All that is read for them: tables in folders, and what describes them."""
+        for number, path in enumerate(self.places):
+            if not path.exists():
+                key = (*_FILES, number) if len(self.places) > 1 else _FILES
+                text = f"{path}: no such file or folder; check the path"
+                raise rig_error(self.rig, [FileFault(key, text, code="no-such-file")])
+        try:
+            return files_read(self.places, self.options.reading(self.rig.parent).sidecar)
+        except InputError as error:
+            raise rig_error(self.rig, [FileFault(_FILES, str(error), code=error.code)]) from error
+
+    def read(self) -> Loops:
+        """Read and clean them."""
+        if not self.files:
+            raise InputError(f"{self.text}: no loops", code="no-loops")
+        loops = self.options.reading(self.rig.parent).read(self.places)
+        if not is_actuator(loops) or loops.schedule is None or loops.output.name != self.output:
+            column = f"{QUANTITIES[self.output].symbol}_N"
+            raise InputError(
+                f"{self.text}: this rig needs columns I_A, {column} and gap_m",
+                code="columns-missing",
+            )
+        return loops
+
+
+def identify_faults(options: IdentifyTable, gap_map: str = "circuit") -> list[FileFault]:
+    """Find what a rig file wants of its identification and cannot have."""
+    if options.gap_map == "free":
+        text = "'free' holds at the measured gaps alone, and the armature moves; choose another"
+        return [FileFault(("loops", "gap_map"), text, code="choice-not-for-this")]
+    try:
+        check_wanted(options.law, options.gap_map or gap_map, options.search)
+    except InputError as error:
+        return [FileFault(("loops",), str(error), code=error.code)]
+    return []
+
+
+def identify_loops(
+    loops: Loops, options: IdentifyTable, gap_map: str, progress: Progress | None = None
+) -> Model:
+    """Identify a model as a rig file wants it; once of the same loops."""
+    settings = options.searching(gap_map)
+
+    def whole() -> Model:
+        return whole_search(identify(loops, **settings, progress=progress)).model
+
+    # What else is registered has sources that the cache does not know.
+    return whole() if LAWS.keys() - OWN else kept("models", whole, loops, settings)
+
+
+_FINEST = 2e-4
+"""Of the largest output: loops are not known to close better, however little noise they have."""
+
+
+def misclosures(loops: Loops, models: Sequence[Model]) -> FloatArray:
+    """Return what each model leaves of how small loops close, squared, in squares of its error.
+
+    A row a closing, a column a model, about 1 where it is noise. The first must follow the loops.
+    """
+    left: list[list[float]] = []
+    least = _FINEST * largest_output(loops)
+    for loop in loops.loops:
+        given = loop.input, loop.schedule, loop.time, loop.history
+        runs = [model.predict(*given).output for model in models]
+        for closing in closings(loop):
+            if (measured := closing.measured(loop, runs[0])) is None:
+                continue
+            step, unsure = measured
+            off = [(step - closing.step(loop, run)) / max(unsure, least) for run in runs]
+            left.append([one**2 for one in off])
+    return np.array(left).reshape(-1, len(models))

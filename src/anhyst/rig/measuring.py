@@ -14,7 +14,7 @@ from anhyst.data.history import History
 from anhyst.data.loops import Loop
 from anhyst.rig.measurement_table import MeasurementTable
 from anhyst.rig.parts.sensors import Sensor
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 _WHOLE = 1e-6
 """Of a step: so much more than a whole number of them is rounding."""
@@ -73,7 +73,7 @@ def take(
     magnet: Pull, sensors: Sensors, gap: float, path: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Move along currents, A, at a gap, m."""
-    rows = np.array([sensors.read(one, magnet.step(one, gap)) for one in path.tolist()])
+    rows = np.array([sensors.read(current, magnet.step(current, gap)) for current in path.tolist()])
     return rows[:, 0], rows[:, 1]
 
 
@@ -93,10 +93,10 @@ def measure_path(
 
 
 def measure_place(
-    held: HeldRig, campaign: MeasurementTable, place: int, magnet: Pull | None = None
+    held: HeldRig, campaign: MeasurementTable, index: int, magnet: Pull | None = None
 ) -> list[Loop]:
     """Measure all records of a campaign at one of its gaps."""
-    gap, past = campaign.gaps_m[place], conditioning(campaign)
+    gap, past = campaign.gaps_m[index], conditioning(campaign)
     step = campaign.sweep_A_per_s * campaign.sample_s
     loops = []
     for number, record in enumerate(campaign.records):
@@ -104,6 +104,6 @@ def measure_place(
         for turn in past:
             specimen.step(turn, gap)
         path = straight([campaign.current_max_A * turn for turn in record.turns], step)
-        sensors = held.sensors([place, number], campaign.sample_s)
+        sensors = held.sensors([index, number], campaign.sample_s)
         loops.append(measure_path(specimen, sensors, gap, path, record.name, past))
     return loops

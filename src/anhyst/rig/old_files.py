@@ -21,7 +21,7 @@ from anhyst.support.toml_text import Path as KeyPath
 def modernise(file: TomlFile, quiet: bool = False) -> None:
     """Bring a file of an older format up to date, and warn."""
     old = (file.content.get("format"), file.content.get("version"))
-    rewrite = _REWRITES.get(old) if all(isinstance(one, str | int) for one in old) else None
+    rewrite = _REWRITES.get(old) if all(isinstance(key, str | int) for key in old) else None
     if rewrite is None:
         return
     if not quiet:
@@ -217,9 +217,9 @@ def _stage(rewriter: _Rewriter) -> None:
     rewriter.move(("tracking", "stray_m"), ("frame", "stray_m"))
     rewriter.move(("tracking", "noise_seeds"), ("noise_seeds",))
     rewriter.put(("noise_seeds",), rewriter.get("noise_seeds") or 3)
-    place = len(rewriter.get("sensor") or [])
-    rewriter.move(("tracking", "position_noise_m"), ("sensor", place, "noise_m"))
-    if (sensor := rewriter.get("sensor", place)) is not None:
+    index = len(rewriter.get("sensor") or [])
+    rewriter.move(("tracking", "position_noise_m"), ("sensor", index, "noise_m"))
+    if (sensor := rewriter.get("sensor", index)) is not None:
         sensor["of"] = "position"
     rewriter.listed("tracking", "case", kind="scan")
     rewriter.move(("calibration",), ("spread",))
@@ -231,9 +231,9 @@ def _force(rewriter: _Rewriter) -> None:
     _loops(rewriter, "force_control", "loops")
     _magnet(rewriter)
     if rewriter.get("solenoid") is not None:
-        place = ("magnet", len(rewriter.get("magnet") or []))
-        rewriter.put(place, {"name": "solenoid", "kind": "solenoid"})
-        rewriter.move(("solenoid",), (*place, "file"))
+        path = ("magnet", len(rewriter.get("magnet") or []))
+        rewriter.put(path, {"name": "solenoid", "kind": "solenoid"})
+        rewriter.move(("solenoid",), (*path, "file"))
     rewriter.rename(("amplifier",), current_max_A="current_high_A")
     rewriter.move(("amplifier", "shunt_offset_A"), ("current_sensor", "offset_A"))
     if isinstance(lvdt := rewriter.get("lvdt"), dict):

@@ -11,9 +11,9 @@ import numpy as np
 
 from anhyst._core import POSITION_MAGNETS, PlantLoop
 from anhyst.control.states import Phase, State
-from anhyst.data.writing import check_recording, write_recording
-from anhyst.support.arrays import FloatArray
+from anhyst.data.table import check_recording, write_recording
 from anhyst.support.atomic import PathLike
+from anhyst.support.numeric import FloatArray
 
 OUT_OF_PROPORTION = 10.0
 """Demand of a loop that was lost, in parts of the largest that the rig file states."""
@@ -45,7 +45,7 @@ def column(signal: str, unit: str, number: int = 1) -> str:
 
 def of_magnets(signals: Sequence[tuple[str, str]], first: int, last: int) -> tuple[str, ...]:
     """Return the columns of some signals, magnet by magnet."""
-    return tuple(column(*one, number) for number in range(first, last + 1) for one in signals)
+    return tuple(column(*name, number) for number in range(first, last + 1) for name in signals)
 
 
 COLUMNS: tuple[str, ...] = (
@@ -157,13 +157,13 @@ def settled_from(deviation: FloatArray, band: float) -> int:
 
 def find_loss(bounds: Sequence[SignalBound], planned: int) -> Loss | None:
     """Return where a loop of so many planned ticks was lost first; None where it held."""
-    found = []
+    losses = []
     for bound in bounds:
         within = (bound.values > bound.low) & (bound.values < bound.high)  # NaN is nowhere
         if not within.all():
             tick = int(np.argmin(within))
             finite = np.isfinite(bound.values[tick])
-            found.append(Loss(tick, bound.reached if finite else "a value was not finite"))
+            losses.append(Loss(tick, bound.reached if finite else "a value was not finite"))
         if len(within) < planned:
-            found.append(Loss(len(within), "the simulation lost all bounds"))
-    return min(found, key=lambda loss: loss.tick, default=None)
+            losses.append(Loss(len(within), "the simulation lost all bounds"))
+    return min(losses, key=lambda loss: loss.tick, default=None)

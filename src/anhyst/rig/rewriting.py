@@ -9,8 +9,7 @@ from typing import Any
 
 from anhyst.rig.file import RigFile
 from anhyst.rig.old_files import modernise
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
-from anhyst.support.folder import seen_from
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable, seen_from
 from anhyst.support.toml_file import TomlFile
 from anhyst.support.toml_text import Path as KeyPath
 from anhyst.support.toml_text import parts_of, toml_key, toml_value, with_comment
@@ -30,8 +29,8 @@ def rewrite_rig(
     last = {line: key for key, line in file.lines.items()}  # on a line with an inline table
     notes = {key: parts_of(text[line - 1]) for line, key in last.items()}
     head = [line for line in _head(text) if line.startswith("#")]
-    given = {**_moved(file, Path(source), Path(out)), **changes} if changes else {}
-    for path, value in given.items():
+    values = {**_moved(file, Path(source), Path(out)), **changes} if changes else {}
+    for path, value in values.items():
         file.content[str(path[0])][str(path[1])] = value
     head = [*(f"# {line}".rstrip() for line in [*note.splitlines(), ""] if note), *head]
     with atomic_writer(out) as stream:
@@ -44,12 +43,12 @@ def _moved(file: TomlFile, source: Path, out: Path) -> dict[KeyPath, Any]:
     def seen(name: str) -> str:
         return seen_from(out.parent, source.parent / name)
 
-    found: dict[KeyPath, Any] = {}
+    paths: dict[KeyPath, Any] = {}
     for path in (("loops", "files"), ("loops", "sidecar"), ("control", "calibration")):
         named = file.content.get(path[0], {}).get(path[1])
         if named is not None:
-            found[path] = [seen(one) for one in named] if isinstance(named, list) else seen(named)
-    return found
+            paths[path] = [seen(one) for one in named] if isinstance(named, list) else seen(named)
+    return paths
 
 
 def _head(text: list[str]) -> Iterator[str]:
@@ -75,23 +74,23 @@ def _lines(content: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]])
 
 
 def _table(
-    title: str, place: KeyPath, table: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]
+    title: str, path: KeyPath, table: Mapping[str, Any], notes: Mapping[KeyPath, tuple[str, str]]
 ) -> Iterator[str]:
     yield ""
-    yield _noted(title, notes.get(place, ("", ""))[1])
+    yield _noted(title, notes.get(path, ("", ""))[1])
     first = [key for key in ("name", "of", "kind", "mode") if key in table]
-    listed = [key for key in table if (*place, key, 0) in notes]
+    listed = [key for key in table if (*path, key, 0) in notes]
     for key in [*first, *(key for key in table if key not in (*first, *listed))]:
-        yield from _entry((*place, key), table[key], notes)
+        yield from _entry((*path, key), table[key], notes)
     for key in listed:
         for number, row in enumerate(table[key]):
             inner = f"[[{title.strip('[]')}.{key}]]"
-            yield from _table(inner, (*place, key, number), row, notes)
+            yield from _table(inner, (*path, key, number), row, notes)
 
 
-def _entry(place: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
-    before, note = notes.get(place, ("", ""))
-    key = toml_key(str(place[-1]))
+def _entry(path: KeyPath, value: Any, notes: Mapping[KeyPath, tuple[str, str]]) -> Iterator[str]:
+    before, note = notes.get(path, ("", ""))
+    key = toml_key(str(path[-1]))
     if _is_table(value):
         yield _noted(f"{key} = [", note)
         yield from (f"  {toml_value(row)}," for row in value)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.rig.magnet_table import ORIGIN, Place
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind

@@ -1,19 +1,28 @@
-"""Open the bench of a rig file: compile its controller, build the firmware, switch on."""
+"""Open the bench of a rig file: compile its controller, build the firmware, switch on.
+
+Prepared benches, kept in the user's cache: files that were opened before open soon.
+
+What is kept is found by a hash over all that goes into it: the contents of the files that a rig
+names, where they lie, the sources and the binary that compute, the compiler. So it is never stale.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
+import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
-from contextlib import closing
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from anhyst.compensate.block import DemandLimits, Kind, Scales
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.plan import CompileRequest
+from anhyst.link.firmware import firmware_folder
 from anhyst.link.xcp import XcpMaster
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
@@ -22,16 +31,15 @@ from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.bench.stage import StageBench, StageVariant
 from anhyst.rig.force.file import read_rig
-from anhyst.rig.force.modelling import find_model, loops_of_rig
-from anhyst.rig.force.programs import prepare
+from anhyst.rig.force.programs import find_model, loops_of_rig, prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.bearing.on_board import build_firmware
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.study.excite.design import Specimen
 from anhyst.study.excite.excite import Excitation, Measuring
-from anhyst.study.excite.limits import Specimen
 from anhyst.study.excite.on_board import measure_on_board
 from anhyst.study.prepared import (
     Prepared,
@@ -41,9 +49,10 @@ from anhyst.study.prepared import (
     PreparedStage,
 )
 from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, cache_folder, core_folder
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
+from anhyst.support.kept import computed_with, forget, load, sealed
 from anhyst.support.kinds import NAMES, FileKind, refuse_other
 from anhyst.support.progress import Progress, in_parts
 from anhyst.support.toml_file import take_kind
@@ -53,9 +62,9 @@ def open_bench(
     rig_path: PathLike, controller_path: PathLike | None = None, progress: Progress | None = None
 ) -> BearingBench | ForceBench | StageBench:
     """Open the virtual bench of a rig."""
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as place:  # a firmware runs on without it
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:  # a firmware runs on without it
         parts = in_parts(progress, (2.0, 1.0))
-        bench = prepare_bench(rig_path, controller_path, Path(place), next(parts)).open()
+        bench = prepare_bench(rig_path, controller_path, Path(folder), next(parts)).open()
     next(parts)(1, 1)
     return bench
 
@@ -113,14 +122,14 @@ def prepare_board(rig_path: PathLike, folder: PathLike) -> PreparedBoard:
 def _manifest(folder: PathLike) -> dict[str, Any]:
     """Read the manifest of a compiled folder."""
     refuse_other(folder, [FileKind.COMPILED])
-    place = Path(folder) / "manifest.json"
+    path = Path(folder) / "manifest.json"
     try:
-        manifest = json.loads(place.read_text(encoding="utf-8"))
+        manifest = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         manifest = None
     if not isinstance(manifest, dict) or "signals" not in manifest:
         raise InputError(
-            f"{place}: is not there or no manifest; name the folder that anhyst compile wrote and "
+            f"{path}: is not there or no manifest; name the folder that anhyst compile wrote and "
             "the firmware is built around",
             code="not-a-compiled-folder",
         )
@@ -129,10 +138,10 @@ def _manifest(folder: PathLike) -> dict[str, Any]:
 
 def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
     """Find the model file that a folder was compiled from, by its checksum."""
-    wanted = manifest["model"]["sha256"]
-    for place in (one for folder in folders for one in sorted(folder.glob("*.toml"))):
-        if hashlib.sha256(place.read_bytes()).hexdigest() == wanted:
-            return read_model(place)
+    digest = manifest["model"]["sha256"]
+    for path in (file for folder in folders for file in sorted(folder.glob("*.toml"))):
+        if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
+            return read_model(path)
     places = " or ".join(str(folder) for folder in folders)
     raise InputError(
         f"model '{manifest['model']['name']}': the file that the folder was compiled from is not in "
@@ -144,13 +153,13 @@ def _model_of(manifest: Mapping[str, Any], folders: Sequence[Path]) -> Model:
 def prepare_bench(
     rig_path: PathLike,
     controller_path: PathLike | None,
-    place: Path,
+    folder: Path,
     progress: Progress | None = None,
 ) -> Prepared:
     """Compile and build all that the virtual bench of a rig needs."""
     kind = kind_of_bench(rig_path)
     if kind is FileKind.BEARING:
-        return _bearing(rig_path, controller_path, place, progress)
+        return _bearing(rig_path, controller_path, folder, progress)
     if controller_path is not None:
         what = NAMES[kind][0]
         raise InputError(
@@ -158,30 +167,30 @@ def prepare_bench(
         )
     if kind is FileKind.STAGE:
         return _stage(rig_path, progress)
-    return _force(rig_path, place, progress)
+    return _force(rig_path, folder, progress)
 
 
 def _bearing(
-    rig_path: PathLike, controller_path: PathLike | None, place: Path, progress: Progress | None
+    rig_path: PathLike, controller_path: PathLike | None, folder: Path, progress: Progress | None
 ) -> PreparedBearing:
     parts = in_parts(progress, (1.0, 1.0))
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller)
     next(parts)(1, 1)
     known = ready.knowledge()
-    setup, firmware = build_firmware(ready.rig, controller, known, "library", place)
+    setup, firmware = build_firmware(ready.rig, controller, known, "library", folder)
     next(parts)(1, 1)
     return PreparedBearing(setup, known.model, firmware)
 
 
-def _force(rig_path: PathLike, place: Path, progress: Progress | None) -> PreparedForce:
+def _force(rig_path: PathLike, folder: Path, progress: Progress | None) -> PreparedForce:
     parts = in_parts(progress, (1.0, 1.0))
     rig = read_rig(rig_path)
     loops = loops_of_rig(rig)
     rig = complete_rig(rig, loops)
     next(parts)(1, 1)
     program = prepare(
-        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "library", place / "full"
+        "full", find_model(rig, loops), rig.settings.timing.rate_Hz, "library", folder / "full"
     )
     next(parts)(1, 1)
     return PreparedForce(rig, loops, program)
@@ -202,10 +211,96 @@ def _stage(rig_path: PathLike, progress: Progress | None) -> PreparedStage:
     scan = rig.settings.scan
     training = motion_of(scan, scan.train_m_per_s2)
     gains = all_of(partial(find_gains, motion=training), setups, next(parts))
-    variants = [StageVariant(*one) for one in zip(setups, gains, strict=True)]
+    variants = [StageVariant(*pair) for pair in zip(setups, gains, strict=True)]
     return PreparedStage(rig, magnet, tuple(variants))
 
 
 def kind_of_bench(path: PathLike) -> FileKind:
     """Return what a rig file is of; no other kind has a virtual bench."""
     return take_kind(path, (FileKind.BEARING, FileKind.FORCE, FileKind.STAGE))
+
+
+MOST = 20
+"""Benches that are kept; those not opened for longest go."""
+_FIRMWARE, _PICKLE = "firmware", "prepared.pickle"
+
+
+@contextmanager
+def prepared_once(
+    rig_path: PathLike, controller_path: PathLike | None, progress: Progress | None = None
+) -> Iterator[Prepared]:
+    """Prepare a bench, or take what was prepared of the same files before."""
+    place = cache_folder("benches") / _key(rig_path, controller_path)
+    prepared_before = _load(place)
+    if prepared_before is not None:
+        yield prepared_before
+        return
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
+        prepared = prepare_bench(rig_path, controller_path, Path(folder), progress)
+        with suppress(OSError):
+            _keep(prepared, place)
+        yield prepared
+
+
+def _load(folder: Path) -> Prepared | None:
+    """Return what is kept at a place, if it is there, whole and one's own."""
+    prepared: Prepared | None = load(folder / _PICKLE)
+    if prepared is not None:
+        os.utime(folder)
+    return prepared and prepared.with_firmware(folder / _FIRMWARE)
+
+
+def _keep(prepared: Prepared, place: Path) -> None:
+    """Put a bench into the cache, whole or not at all."""
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=place.parent) as draft:
+        folder = Path(draft) / "whole"
+        folder.mkdir()
+        if prepared.firmware is not None:
+            shutil.copy2(prepared.firmware, folder / _FIRMWARE)
+        (folder / _PICKLE).write_bytes(sealed(prepared))
+        shutil.rmtree(place, ignore_errors=True)  # one that could not be read
+        folder.rename(place)
+    forget(place.parent, MOST)
+
+
+def _key(rig_path: PathLike, controller_path: PathLike | None) -> str:
+    """Return a name for all that goes into a bench."""
+    digest = hashlib.sha256(computed_with())
+    for path in [*_named(rig_path, controller_path), *_sources()]:
+        digest.update(f"\0{path}\0{path.resolve()}\0".encode())
+        with suppress(OSError):  # whoever reads it says what is wrong
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _named(rig_path: PathLike, controller_path: PathLike | None) -> list[Path]:
+    """Return all files that a rig and a controller name."""
+    kind = kind_of_bench(rig_path)
+    if kind is FileKind.STAGE:
+        stage = read_stage(rig_path)
+        calibration = stage.settings.tracking.calibration
+        own = [stage.path, None if calibration is None else stage.path.parent / calibration]
+        files = stage.measured.files
+    elif kind is FileKind.FORCE:
+        force = read_rig(rig_path)
+        named = force.settings.solenoid
+        own = [force.path, None if named is None else force.path.parent / named.file]
+        files = force.measured.files
+    else:
+        rig, controller = read_files(rig_path, controller_path)
+        own = [rig.path, rig.model, rig.flux_table, controller.path, controller.model]
+        own += [rig.calibration]
+        files = rig.measured.files
+    return [name for name in own if name is not None] + list(files)
+
+
+def _sources() -> Iterator[Path]:
+    """Return what firmware is made of: the C that is compiled, the compiler."""
+    for name in ("cc", "gcc", "clang"):
+        if tool := shutil.which(name):
+            yield Path(tool)
+    for folder in (core_folder(), firmware_folder()):
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and path.suffix in {".c", ".h", ".ld", ".toml"}:
+                yield path

@@ -5,28 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from anhyst.compensate.baselines import fit_ratio
-from anhyst.compensate.bearing import bearing_model
 from anhyst.compensate.block import Block, DemandLimits, Kind, Scales
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.hysteresis_inverse import HysteresisInverse, bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
+from anhyst.compensate.surface import fit_ratio
 from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.fit_record import ValidRange
-from anhyst.rig.bearing.controller_check import pair_of
-from anhyst.rig.bearing.loop import Setup
+from anhyst.rig.bearing.loop import Setup, pair_of
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.stage import StageBench, StageVariant, bench_of
 from anhyst.rig.force.file import Rig
-from anhyst.rig.force.modelling import find_model, loops_at
-from anhyst.rig.force.programs import Program
-from anhyst.rig.loop_files import identify_loops
+from anhyst.rig.force.programs import Program, find_model, loops_at
+from anhyst.rig.measurement_table import identify_loops
 from anhyst.rig.stage.file import StageRig
-from anhyst.study.excite.limits import Specimen, bearing_specimen, force_specimen
+from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst.support.errors import InputError
 from anhyst.support.progress import Progress
 

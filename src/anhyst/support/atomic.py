@@ -1,16 +1,26 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all.
+
+Folders: written whole or not at all, that of what is kept, those of the C sources.
+
+Figures as files: whole or not at all.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import shutil
 import stat
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from anhyst.support.errors import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PathLike = str | os.PathLike[str]
 
@@ -118,3 +128,132 @@ def check_writable(path: PathLike, reads: Iterable[PathLike] = ()) -> None:
 
 def _beside(target: Path) -> Path:
     return target.with_name(f".{target.name}.{os.getpid()}.part")
+
+
+def cache_folder(kind: str) -> Path:
+    """Return where things of a kind are kept; ``XDG_CACHE_HOME`` says where caches are.
+
+    A user without a home has none: below the null device nothing is found or made.
+    """
+    try:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:
+        caches = Path(os.devnull)
+    return caches / "anhyst" / kind
+
+
+def seen_from(folder: Path, path: Path) -> str:
+    """Return how a file is named in another folder; past a link to a folder ".." leads elsewhere."""
+    whole = os.path.join(os.path.realpath(path.parent), path.name)
+    return Path(os.path.relpath(whole, os.path.realpath(folder))).as_posix()
+
+
+def core_folder() -> Path:
+    """Return the folder with ``include/``, ``src/`` and ``port/`` of the core.
+
+    In a source tree it is the one that is edited, otherwise the copy inside the package.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package.parents[1] / "core", package / "_core" / "c"):
+        if (folder / "include" / "anhyst" / "compensator" / "compensator.h").is_file():
+            return folder
+    raise InputError(
+        f"{package}: the C sources of the core are missing; install anhyst again",
+        code="installation-incomplete",
+    )
+
+
+def plant_folder() -> Path:
+    """Return the folder with ``include/`` and ``src/`` of the virtual plant; see :func:`core_folder`."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package.parents[1] / "plant", package / "_core" / "plant"):
+        if (folder / "include" / "anhyst_plant" / "body.h").is_file():
+            return folder
+    raise InputError(
+        f"{package}: the C sources of the plant are missing; install anhyst again",
+        code="installation-incomplete",
+    )
+
+
+@contextmanager
+def whole_folder(out: PathLike, *, replace: bool = False) -> Iterator[Path]:
+    """Give a folder to work in; what is in it appears in its place when all is done, else nothing."""
+    target = Path(os.path.realpath(out))
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{out}: is a file; name a folder", code="is-a-file")
+    as_whole = replace or not target.exists()
+    draft = (target.parent if as_whole else target) / f".{target.name}.{os.getpid()}.part"
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft.mkdir()
+        yield draft
+        if as_whole:
+            _exchange(draft, target)
+        else:
+            _move_files(draft, target)
+    except OSError as error:
+        if error.filename is None or str(error.filename).startswith(str(target.parent)):
+            raise write_error(out, error) from error
+        raise
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files into a folder, by their paths below it."""
+    for name, text in texts.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _exchange(draft: Path, target: Path) -> None:
+    """Put a draft where its folder stood."""
+    old = target.with_name(draft.name.removesuffix(".part") + ".old")
+    if target.exists():
+        target.rename(old)
+    try:
+        draft.rename(target)
+    except OSError:
+        if old.exists():
+            old.rename(target)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _move_files(draft: Path, target: Path) -> None:
+    """Put the files of a draft beside others."""
+    made: list[Path] = []
+    try:
+        for file in sorted(path for path in draft.rglob("*") if path.is_file()):
+            moved = target / file.relative_to(draft)
+            for above in reversed(moved.relative_to(target).parents[:-1]):
+                if not (target / above).exists():
+                    (target / above).mkdir()
+                    made.append(target / above)
+            if not moved.exists():
+                made.append(moved)
+            file.replace(moved)
+    except OSError:
+        for moved in reversed(made):
+            if moved.is_dir():
+                moved.rmdir()
+            else:
+                moved.unlink(missing_ok=True)
+        raise
+
+
+def check_picture(path: PathLike) -> None:
+    """Refuse a picture that could not be written in the end."""
+    if Path(path).suffix.lower() not in {".png", ".svg", ".pdf"}:
+        raise InputError(
+            f"{path}: a plot is written as .png, .svg or .pdf; change the ending",
+            code="wrong-ending",
+        )
+    check_writable(path)
+
+
+def write_figure(figure: Figure, path: PathLike) -> None:
+    """Write a figure in the format that the ending names."""
+    picture = BytesIO()
+    figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=150)
+    write_bytes(path, picture.getvalue())

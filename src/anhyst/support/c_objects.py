@@ -2,11 +2,14 @@
 
 What is kept is found by a hash over the preprocessed text, the options and the compiler, so it is
 never stale.
+
+What an actuator is called in C.
 """
 
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import sys
 import tempfile
@@ -16,7 +19,8 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-from anhyst.support.folder import cache_folder
+from anhyst.support.atomic import cache_folder
+from anhyst.support.errors import InputError
 from anhyst.support.jobs import cores
 
 MOST = 4000
@@ -55,11 +59,11 @@ def compile_and_link(
 
 def _identity(compiler: str) -> str | None:
     """Return what tells a compiler from others; None for zig's, which keeps objects itself."""
-    found = None if compiler == sys.executable else shutil.which(compiler)
-    if found is None:
+    program = None if compiler == sys.executable else shutil.which(compiler)
+    if program is None:
         return None
-    about = Path(found).stat()
-    return f"{Path(found).resolve()} {about.st_size} {about.st_mtime_ns}"
+    about = Path(program).stat()
+    return f"{Path(program).resolve()} {about.st_size} {about.st_mtime_ns}"
 
 
 def _compile(command: Sequence[str], key: str, run: Run, source: Path, target: Path) -> str:
@@ -91,3 +95,32 @@ def _keep(kept: Path, content: bytes, messages: str) -> None:
         for old in sorted(kept.parent.glob("*.o"), key=lambda path: path.stat().st_mtime)[:-MOST]:
             old.unlink(missing_ok=True)
             old.with_suffix(".txt").unlink(missing_ok=True)
+
+
+LONGEST = 31
+UNNAMED = "actuator"
+
+_NAME = re.compile(rf"[a-z][a-z0-9_]{{0,{LONGEST - 1}}}")
+
+
+def c_name(text: str) -> str:
+    """Return the nearest name that C takes, in small letters.
+
+    >>> c_name("Magnet 3, upper"), c_name("2nd"), c_name("")
+    ('magnet_3_upper', 'actuator_2nd', 'actuator')
+    """
+    words = re.findall(r"[a-z0-9]+", text.lower())
+    if not words or words[0][0].isdigit():
+        words.insert(0, UNNAMED)
+    return "_".join(words)[:LONGEST].rstrip("_")
+
+
+def check_name(name: str) -> None:
+    """Refuse what cannot begin the names of an actuator's C."""
+    if not _NAME.fullmatch(name):
+        raise InputError(
+            f"--name: '{name}' is no name; give up to {LONGEST} small letters, digits and "
+            "underscores, a letter first",
+            code="bad-name",
+            key="--name",
+        )

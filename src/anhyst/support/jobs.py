@@ -65,7 +65,7 @@ def all_of(
 ) -> list[B]:
     """Do some work on every input; results in their order."""
     results = dict(each(work, inputs, progress, jobs))
-    return [results[place] for place in range(len(inputs))]
+    return [results[index] for index in range(len(inputs))]
 
 
 @contextmanager

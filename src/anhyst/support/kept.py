@@ -2,11 +2,14 @@
 
 It is found by a hash over these inputs, this machine and all that computes: the sources of the
 package, its binary, the libraries underneath. So it is never stale, and the same as if computed anew.
+
+Results of long work in a file that grows line by line, so that a stopped run goes on later.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import pickle
 import platform
@@ -18,16 +21,15 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, Self, TypeVar
 
 import numpy as np
 import scipy
 from pydantic import BaseModel
 
 from anhyst._core import _native
-from anhyst.support.atomic import write_bytes
+from anhyst.support.atomic import PathLike, atomic_writer, cache_folder, write_bytes, write_error
 from anhyst.support.errors import InputError
-from anhyst.support.folder import cache_folder
 
 T = TypeVar("T")
 
@@ -42,14 +44,14 @@ def kept(kind: str, make: Callable[[], T], *inputs: object) -> T:
     digest = hashlib.sha256(computed_with())
     _take(digest, inputs)
     path = cache_folder(kind) / digest.hexdigest()
-    found: T | None = load(path)
-    if found is None:
-        found = make()
+    value: T | None = load(path)
+    if value is None:
+        value = make()
         with suppress(OSError, InputError):  # without a cache it is computed each time
             path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            write_bytes(path, sealed(found))
+            write_bytes(path, sealed(value))
             forget(path.parent, MOST)
-    return found
+    return value
 
 
 def sealed(value: object) -> bytes:
@@ -58,15 +60,15 @@ def sealed(value: object) -> bytes:
     return hashlib.sha256(content).digest() + content
 
 
-def load(place: Path) -> Any:
+def load(file: Path) -> Any:
     """Return what is kept at a place, if it is there, undamaged and one's own; None otherwise."""
     try:
         if hasattr(os, "getuid"):
-            owners = {path.stat().st_uid for path in (place, place.parent)}
+            owners = {path.stat().st_uid for path in (file, file.parent)}
             if owners != {os.getuid()}:
                 return None
-        content = place.read_bytes()
-        os.utime(place)
+        content = file.read_bytes()
+        os.utime(file)
         seal, content = content[:_SEAL], content[_SEAL:]
         return pickle.loads(content) if hashlib.sha256(content).digest() == seal else None
     except (OSError, MemoryError, pickle.UnpicklingError, AttributeError, ImportError, ValueError):
@@ -112,3 +114,96 @@ def _take(digest: Any, value: object) -> None:
         digest.update(f"\0{len(value)}".encode())
     else:
         raise TypeError(f"{type(value).__qualname__} has no contents that could be compared")
+
+
+class ResultsFile:
+    """A file of JSON lines: a header that says what it belongs to, then one result a line.
+
+    A last line that was cut off, by a full disk or a lost process, is dropped. Use it as a context.
+    """
+
+    def __init__(
+        self,
+        path: PathLike,
+        header: Mapping[str, Any],
+        key: str,
+        fault: Callable[[Mapping[str, Any]], str | None],
+    ) -> None:
+        self.path = Path(path)
+        self._key, self._fault = key, fault
+        self.done: dict[int, dict[str, Any]] = {}
+        if not self.path.exists():
+            with atomic_writer(self.path) as stream:
+                stream.write(_line(header))
+        try:
+            content = self.path.read_bytes()
+            whole = content.rfind(b"\n") + 1
+            self._read(content[:whole], header)
+            if whole < len(content):
+                os.truncate(self.path, whole)
+            self._stream: IO[str] = self.path.open("a", encoding="utf-8", newline="")
+        except OSError as error:
+            raise write_error(self.path, error) from error
+
+    def _read(self, content: bytes, header: Mapping[str, Any]) -> None:
+        rows = content.splitlines()
+        self._check(self._parse(rows[0], 1) if rows else {}, header)
+        for number, row in enumerate(rows[1:], start=2):
+            result = self._parse(row, number)
+            wrong = self._fault(result)
+            if wrong is not None:
+                raise InputError(
+                    f"{self.path}: line {number}: {wrong}; {_AGAIN}", code="damaged-results"
+                )
+            self.done[result[self._key]] = result
+
+    def _parse(self, row: bytes, number: int) -> dict[str, Any]:
+        try:
+            entry = json.loads(row)
+        except ValueError:
+            entry = None
+        if not isinstance(entry, dict):
+            raise InputError(
+                f"{self.path}: line {number}: cannot be read; {_OTHER}", code="damaged-results"
+            )
+        return entry
+
+    def _check(self, kept_settings: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+        for name, value in settings.items():
+            there = kept_settings.get(name)
+            if there != json.loads(json.dumps(value)):
+                text = f"is {_short(there)} in the file and {_short(value)} now"
+                raise InputError(
+                    f"{self.path}: line 1: {name}: {text}, its results belong to something else; "
+                    f"{_OTHER}",
+                    code="other-results",
+                    key=name,
+                )
+
+    def add(self, result: Mapping[str, Any]) -> None:
+        """Append a result; it is on its way to the disk when this returns."""
+        self.done[result[self._key]] = dict(result)
+        try:
+            self._stream.write(_line(result))
+            self._stream.flush()
+        except OSError as error:
+            raise write_error(self.path, error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+
+_OTHER = "name another file or remove this one"
+_AGAIN = "remove this line, so that its work is done again, or name another file"
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    return json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 24 else f"{text[:12]}..."

@@ -107,31 +107,34 @@ def kind_of(path: PathLike) -> FileKind:
 
     Whoever reads it then says what is wrong with it.
     """
-    place = Path(path)
-    if place.is_dir():
-        return FileKind.COMPILED if (place / "manifest.json").is_file() else FileKind.UNKNOWN
-    if not place.is_file():  # a port must not be read from
+    file = Path(path)
+    if file.is_dir():
+        return FileKind.COMPILED if (file / "manifest.json").is_file() else FileKind.UNKNOWN
+    if not file.is_file():  # a port must not be read from
         return FileKind.UNKNOWN
-    if place.suffix.lower() in MEASUREMENTS:
+    if file.suffix.lower() in MEASUREMENTS:
         return FileKind.MEASUREMENT
     try:
-        return kind_in(tomllib.loads(place.read_text(encoding="utf-8")))
+        return kind_in(tomllib.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, RecursionError):
         return FileKind.UNKNOWN
 
 
 def refuse_other(
-    path: PathLike, wanted: Collection[FileKind], verb: str = "", found: FileKind | None = None
+    path: PathLike,
+    taken: Collection[FileKind],
+    verb: str = "",
+    kind_in_file: FileKind | None = None,
 ) -> FileKind:
     """Return what a file is, or refuse one of another kind and name the verbs that take it.
 
     ``found`` is what it is, where that is known already.
     """
-    kind = kind_of(path) if found is None else found
-    if kind in wanted or kind is FileKind.UNKNOWN:
+    kind = kind_of(path) if kind_in_file is None else kind_in_file
+    if kind in taken or kind is FileKind.UNKNOWN:
         return kind
     plural = verb != ""
-    names = _listed([NAMES[kind][plural] for kind in wanted], "and" if plural else "or")
+    names = _listed([NAMES[kind][plural] for kind in taken], "and" if plural else "or")
     needed = f"{verb} is for {names}" if plural else f"{names} is needed"
     raise InputError(
         f"{path}: this is {NAMES[kind][0]}; {needed}; {_taken(kind)}", code="wrong-kind"

@@ -164,22 +164,22 @@ def read_toml(
         raise file.error() from error
 
 
-def take_kind(path: PathLike, wanted: Collection[FileKind]) -> FileKind:
+def take_kind(path: PathLike, taken: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a TOML file is; refuse what is none of them."""
-    kind = refuse_other(path, wanted)
-    return check_kind(TomlFile(path), wanted) if kind is FileKind.UNKNOWN else kind
+    kind = refuse_other(path, taken)
+    return check_kind(TomlFile(path), taken) if kind is FileKind.UNKNOWN else kind
 
 
-def check_kind(file: TomlFile, wanted: Collection[FileKind]) -> FileKind:
+def check_kind(file: TomlFile, taken: Collection[FileKind]) -> FileKind:
     """Return which of several kinds a file says that it is; refuse what says none of them."""
-    kind = refuse_other(file.path, wanted, found=kind_in(file.content))
+    kind = refuse_other(file.path, taken, kind_in_file=kind_in(file.content))
     if kind is FileKind.UNKNOWN:
-        names = " or ".join(NAMES[kind][0] for kind in wanted)
+        names = " or ".join(NAMES[kind][0] for kind in taken)
         if file.content.get("format") == RIG_FORMAT:
-            controls = " or ".join(f'"{kind}"' for kind in wanted)
+            controls = " or ".join(f'"{kind}"' for kind in taken)
             file.add(("control", "kind"), f"must be {controls}; is this {names}?", "wrong-format")
         else:
-            formats = " or ".join(sorted({f'"{format_of(kind)}"' for kind in wanted}))
+            formats = " or ".join(sorted({f'"{format_of(kind)}"' for kind in taken}))
             file.add(("format",), f"must be {formats}; is this {names}?", code="wrong-format")
         raise file.error()
     return kind
@@ -187,23 +187,23 @@ def check_kind(file: TomlFile, wanted: Collection[FileKind]) -> FileKind:
 
 def _rename(file: TomlFile, renamed: Sequence[Renamed]) -> None:
     """Bring older names up to date, in the content and in the lines of the keys."""
-    for one in renamed:
+    for key in renamed:
         table: Any = file.content
-        for part in one.table:
+        for part in key.table:
             table = table.get(part) if isinstance(table, dict) else None
-        if not isinstance(table, dict) or one.key not in table:
+        if not isinstance(table, dict) or key.key not in table:
             continue
-        old: KeyPath = (*one.table, one.key)
-        line, value = file.lines[old], table[one.key]
-        if isinstance(one.new, str):
-            if one.new in table:
+        old: KeyPath = (*key.table, key.key)
+        line, value = file.lines[old], table[key.key]
+        if isinstance(key.new, str):
+            if key.new in table:
                 continue
-            table[one.new] = table.pop(one.key)
-            file.lines[*one.table, one.new] = line
-            text = f"is now called {one.new}; write that"
-        elif isinstance(value, str) and value in one.new:
-            table[one.key] = one.new[value]
-            text = f'"{value}" is now called "{one.new[value]}"; write that'
+            table[key.new] = table.pop(key.key)
+            file.lines[*key.table, key.new] = line
+            text = f"is now called {key.new}; write that"
+        elif isinstance(value, str) and value in key.new:
+            table[key.key] = key.new[value]
+            text = f'"{value}" is now called "{key.new[value]}"; write that'
         else:
             continue
         warnings.warn(f"{file.path}:{line}: {dotted(old)}: {text}", RenamedWarning, stacklevel=4)
@@ -252,9 +252,9 @@ def _text(path: PathLike) -> str:
 
 
 def _damage(path: PathLike, text: str, message: str) -> str:
-    what, _, place = message.rpartition(" (at ")
-    if place.startswith("line "):
-        line = place.removeprefix("line ").partition(",")[0]
+    what, _, position = message.rpartition(" (at ")
+    if position.startswith("line "):
+        line = position.removeprefix("line ").partition(",")[0]
     else:
         what, line = (what or message), str(len(text.splitlines()))
     return f"{path}:{line}: damaged TOML: {what[0].lower()}{what[1:]}; mend this line"
@@ -297,7 +297,7 @@ def _tagged(annotation: Any, tag: str) -> Any:
     inner = get_args(annotation)
     if any(isinstance(branch, Tag) and branch.tag == tag for branch in inner):
         return annotation
-    return next((found for branch in inner if (found := _tagged(branch, tag)) is not None), None)
+    return next((value for branch in inner if (value := _tagged(branch, tag)) is not None), None)
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:

@@ -69,12 +69,12 @@ def parts_of(line: str) -> tuple[str, str]:
     >>> parts_of('a = "#1"  # first')
     ('"#1"', 'first')
     """
-    for place in (*(at for at, letter in enumerate(line) if letter == "#"), len(line)):
+    for end in (*(at for at, letter in enumerate(line) if letter == "#"), len(line)):
         try:
-            tomllib.loads(line[:place])
+            tomllib.loads(line[:end])
         except tomllib.TOMLDecodeError:
             continue
-        return line[:place].partition("=")[2].strip(), line[place + 1 :].strip()
+        return line[:end].partition("=")[2].strip(), line[end + 1 :].strip()
     return "", line.rpartition("#")[2].strip() if "#" in line else ""
 
 

@@ -14,8 +14,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 MU_0 = 4.0e-7 * math.pi
 """Permeability of vacuum, H/m."""
@@ -265,15 +265,15 @@ def split_header(text: str, unit: str | None = None) -> tuple[str, str]:
     (('H', 'A_per_m'), ('I', 'mA'), ('I', 'A'))
     """
     text = text.strip()
-    given = (unit or "").strip(" []()")
+    stated = (unit or "").strip(" []()")
     brackets = _BRACKETS.match(text)
     if brackets:
         name, written = brackets["name"].strip(), brackets["unit"].strip()
     else:
         name, written = _split(text.replace(" ", "_"))
-    if not given or (given == _NO_UNIT and find_unit(written)):
+    if not stated or (stated == _NO_UNIT and find_unit(written)):
         return name, written
-    return (name, given) if _same(find_unit(written), find_unit(given)) else (text, given)
+    return (name, stated) if _same(find_unit(written), find_unit(stated)) else (text, stated)
 
 
 def join_header(name: str, unit: str) -> str:
@@ -287,19 +287,20 @@ def join_header(name: str, unit: str) -> str:
 
 def _conflict(text: str, unit: str | None) -> str | None:
     """Say what is wrong with a name that holds another unit than the one that stands apart."""
-    given = (unit or "").strip(" []()")
+    stated = (unit or "").strip(" []()")
     written = split_header(text)[1]
     own = find_unit(written) if written else None
-    if not given or given == _NO_UNIT or own is None or _same(own, find_unit(given)):
+    if not stated or stated == _NO_UNIT or own is None or _same(own, find_unit(stated)):
         return None
-    return f"its name says {written}, its unit {given}"
+    return f"its name says {written}, its unit {stated}"
 
 
-def _same(one: Unit | None, other: Unit | None) -> bool:
+def _same(first: Unit | None, other: Unit | None) -> bool:
     return (
-        one is not None
+        first is not None
         and other is not None
-        and (one.dimension, one.scale, one.offset) == (other.dimension, other.scale, other.offset)
+        and (first.dimension, first.scale, first.offset)
+        == (other.dimension, other.scale, other.offset)
     )
 
 

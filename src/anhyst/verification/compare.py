@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from anhyst.verification.bundle import GoldenVectors
 from anhyst.verification.protocol import (
     CHECKPOINTS,
     RANDOM,
@@ -18,7 +19,6 @@ from anhyst.verification.protocol import (
     Request,
     Words,
 )
-from anhyst.verification.vectors import GoldenVectors
 from anhyst.verification.workshop import HarnessProgram
 
 STACK_STEPS = 500
@@ -98,10 +98,10 @@ def compare(
     """Hold a target against the host and the golden vectors."""
     host, target = outcomes
     for name in ("status", "words", "hash"):
-        expected, found = getattr(host.start, name), getattr(target.start, name)
-        if expected != found:
+        expected, answer = getattr(host.start, name), getattr(target.start, name)
+        if expected != answer:
             quantity = f"hash of the {vectors.form.start}" if name == "hash" else name
-            return Difference("start", 0, quantity, expected, found)
+            return Difference("start", 0, quantity, expected, answer)
     if (difference := _against_file(target, vectors)) is not None:
         return difference
     if (wrong := _first_wrong(host.vectors, target.vectors)) is not None:
@@ -181,9 +181,9 @@ def _first_wrong(host: Words, target: Words) -> tuple[int, int] | None:
 
 
 def _difference(
-    form: RecordForm, part: str, first: int, place: tuple[int, int], host: Words, target: Words
+    form: RecordForm, part: str, first: int, index: tuple[int, int], host: Words, target: Words
 ) -> Difference:
-    row, word = place
+    row, word = index
     return Difference(
         part, first + row, form.record[word], _signed(host[row, word]), _signed(target[row, word])
     )

@@ -1,13 +1,28 @@
-"""What stands in a linked program: memory image, symbols, sizes by source file."""
+"""What stands in a linked program: memory image, symbols, sizes by source file.
+
+Worst-case stack of a Thumb program, read from its machine code.
+
+How long a step would take on a 16-bit digital signal controller that nobody can emulate.
+
+The Freescale 56F8322 of the paper (core 56800E, 60 MHz) has no open emulator and no open compiler.
+Its cycles are estimated from the machine code of another processor with plain instructions, the
+Cortex-M0+, whose every instruction is put into a class with a price. The prices are assumptions,
+stated in :data:`PRICES`; the counts are measured.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import re
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from anhyst.compilation.core import PIDD2
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst.compilation.toolchain import PIDD2
 
 FLASH = 0x08000000
 """Where the code of a Cortex-M stands, as in ``harness/cortex_m.ld``."""
@@ -79,11 +94,13 @@ def _symbols(elf: Any) -> Iterator[Symbol]:
     """Give the symbols; local ones follow the name of their source file."""
     source = ""
     for symbol in elf.get_section_by_name(".symtab").iter_symbols():
-        kind, place = symbol["st_info"]["type"], symbol["st_shndx"]
+        kind, section_index = symbol["st_info"]["type"], symbol["st_shndx"]
         if kind == "STT_FILE":
             source = Path(symbol.name).name
             continue
-        section = place if isinstance(place, str) else elf.get_section(place).name
+        section = (
+            section_index if isinstance(section_index, str) else elf.get_section(section_index).name
+        )
         local = symbol["st_info"]["bind"] == "STB_LOCAL"
         yield Symbol(
             symbol.name,
@@ -131,3 +148,190 @@ def measure_sizes(
             else:
                 variables += symbol.size
     return ProgramSizes(code, control, tables, block, variables)
+
+
+WORD = 4
+ANYWHERE = -1
+_LOADED = re.compile(r"(\w+), \[\w+(?:, #((?:0x)?[0-9a-f]+))?\]")
+_NUMBER = re.compile(r"#(-?(?:0x)?[0-9a-f]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class _Function:
+    """What one function does to the stack; ``named`` are functions whose address it forms."""
+
+    frame: int
+    callees: frozenset[int]
+    named: frozenset[int]
+    # calls through a pointer: where in its table that was read, ANYWHERE where that is not seen
+    places: frozenset[int]
+
+
+def stack_below(image: Image, roots: Iterable[str]) -> int | None:
+    """Return the deepest stack of a call of any of these functions; bytes.
+
+    Frames and calls are read from the code. A call through a pointer is taken to reach any
+    function whose address stands at that place of a constant, or where it is no part of one, but
+    none that is already running: nothing here calls itself through a pointer.
+    """
+    functions = {symbol.address & ~1: symbol for symbol in image.functions()}
+    known = {address: _read(image, symbol, functions) for address, symbol in functions.items()}
+    pointed = _in_constants(image, functions)
+    pointed[ANYWHERE] = pointed[ANYWHERE].union(*(function.named for function in known.values()))
+
+    def reached(address: int) -> set[int]:
+        if address == ANYWHERE:
+            return set().union(*pointed.values())
+        return pointed[address] | pointed[ANYWHERE]
+
+    def depth(address: int, running: frozenset[int]) -> int | None:
+        function, inside = known[address], running | {address}
+        if function.callees & inside:
+            return None
+        callees = function.callees.union(*(reached(place) - inside for place in function.places))
+        below = [depth(callee, inside) for callee in callees]
+        numbers = [each for each in below if each is not None]
+        return function.frame + max(numbers, default=0) if len(numbers) == len(below) else None
+
+    depths = [depth(image.address(root), frozenset()) for root in roots]
+    numbers = [each for each in depths if each is not None]
+    return max(numbers) if len(numbers) == len(depths) else None
+
+
+def _in_constants(image: Image, functions: dict[int, Symbol]) -> defaultdict[int, set[int]]:
+    """Find functions whose address stands in a constant, by its place there, or between functions."""
+    objects = (symbol for symbol in image.symbols if symbol.kind == "STT_OBJECT")
+    places = {item.address + at: at for item in objects for at in range(0, item.size, WORD)}
+    callees: defaultdict[int, set[int]] = defaultdict(set)
+    for address, content in image.segments:
+        for at in range(0, len(content) - WORD + 1, WORD):
+            word = int.from_bytes(content[at : at + WORD], "little")
+            if word & 1 and word & ~1 in functions:
+                callees[places.get(address + at, ANYWHERE)].add(word & ~1)
+    return callees
+
+
+def _instructions(image: Image, begin: int, end: int) -> Iterator[Any]:
+    """Decode what lies between two addresses, without the constants in between."""
+    import capstone
+
+    decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
+    for first, last in image.thumb_ranges():
+        low, high = max(first, begin), min(last, end)
+        for address, content in image.segments:
+            if low < high and address <= low < address + len(content):
+                yield from decoder.disasm(content[low - address : high - address], low)
+
+
+def _read(image: Image, symbol: Symbol, functions: dict[int, Symbol]) -> _Function:
+    """Add up what a function pushes, and list what it calls."""
+    begin = symbol.address & ~1
+    frame, callees, named, places = 0, set(), set(), set()
+    low_halves: dict[str, int] = {}
+    loaded: dict[str, int] = {}
+    for instruction in _instructions(image, begin, begin + symbol.size):
+        name = instruction.mnemonic.split(".")[0]
+        frame += _pushed(name, instruction.op_str)
+        register, _, value = instruction.op_str.partition(", ")
+        if name == "ldr" and (load := _LOADED.fullmatch(instruction.op_str)):
+            loaded[load[1]] = int(load[2] or "0", 0)
+        elif name == "movw":
+            low_halves[register] = _value(value)
+        elif name == "movt":
+            named.add((_value(value) << 16 | low_halves.get(register, 0)) & ~1)
+        elif name == "blx" or (name == "bx" and instruction.op_str != "lr"):
+            places.add(loaded.get(instruction.op_str, ANYWHERE))
+        elif name.startswith("b") and (number := _NUMBER.fullmatch(instruction.op_str)):
+            target = int(number[1], 0)
+            # A jump back to the start of a loop is not a call of itself.
+            if target in functions and (target != begin or name == "bl"):
+                callees.add(target)
+    own = frozenset(callees), frozenset(named & functions.keys()), frozenset(places)
+    return _Function(frame, *own)
+
+
+def _value(operand: str) -> int:
+    number = _NUMBER.fullmatch(operand)
+    return int(number[1], 0) if number else 0
+
+
+def _pushed(name: str, operands: str) -> int:
+    if name in {"push", "vpush"}:
+        size = 2 * WORD if operands.startswith("{d") else WORD
+        return size * sum(_registers(part) for part in operands.strip("{}").split(","))
+    if name in {"sub", "subw"} and operands.startswith("sp,"):
+        number = _NUMBER.search(operands)
+        return int(number[1], 0) if number else 0
+    if name == "str" and "[sp, #-" in operands and operands.endswith("!"):
+        number = _NUMBER.search(operands)
+        return -int(number[1], 0) if number else 0
+    return 0
+
+
+def _registers(part: str) -> int:
+    first, _, last = part.strip().partition("-")
+    return int(last[1:]) - int(first[1:]) + 1 if last else 1
+
+
+CLOCK_HZ = 60e6
+SOURCE = "cortex-m0plus"
+
+Prefix = NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True)
+class Prices:
+    """Cycles of each class of instruction."""
+
+    simple: int  # addition, logic, shift, comparison, move, of 16 or 32 bits
+    multiply: int  # one 16x16 product
+    memory: int  # A load or store, a word on the stack included
+    branch: int  # A conditional or unconditional branch, taken or not
+    call: int  # A call or a return
+
+
+PRICES: Mapping[str, Prices] = {
+    "at best": Prices(simple=1, multiply=1, memory=1, branch=1, call=1),
+    "cautious": Prices(simple=1, multiply=1, memory=2, branch=5, call=8),
+}
+"""``at best``: everything in one cycle, branches as if they cost nothing extra. ``cautious``: every
+memory access is two of 16 bits, every branch is taken and the pipeline refilled."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Cycles of one part of a step, worst case, and the rate they would allow."""
+
+    part: str  # part of the step
+    prices: str  # which of :data:`PRICES`
+    cycles: int  # most over all steps
+    rate: float  # ticks a second at :data:`CLOCK_HZ` if nothing else ran, Hz
+
+
+def costs_of(prices: Prices, image: Image, code: bytes) -> Prefix:
+    """Price each instruction of a Thumb program: the cycles before each half-word."""
+    import capstone
+
+    decoder = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
+    cycles = np.zeros(len(code) // 2, dtype=np.uint32)
+    for begin, end in image.thumb_ranges():
+        for instruction in decoder.disasm(code[begin - FLASH : end - FLASH], begin):
+            cycles[(instruction.address - FLASH) // 2] = _price(prices, instruction)
+    return np.concatenate(([np.uint32(0)], np.cumsum(cycles, dtype=np.uint32)))
+
+
+def _price(prices: Prices, instruction: Any) -> int:
+    name = str(instruction.mnemonic).split(".")[0]
+    if name in {"bl", "blx", "bx"}:
+        return prices.call
+    if name in {"push", "pop", "ldm", "stm", "ldmia", "stmia"}:
+        operands = str(instruction.op_str).partition("{")[2]
+        registers = operands.count(",") + 1
+        return registers * prices.memory + (prices.call if "pc" in operands else 0)
+    if name.startswith(("ldr", "str")):
+        return prices.memory
+    if name.startswith("mul"):
+        return prices.multiply
+    if name.startswith("b") and name not in {"bic", "bics"}:
+        return prices.branch
+    return prices.simple

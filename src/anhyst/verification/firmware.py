@@ -110,9 +110,9 @@ def _run(runner: Runner, program: Path, ticks: int, seed: int) -> FirmwareRun:
 
 def compare_runs(host: FirmwareRun, board: FirmwareRun) -> Difference | None:
     """Return where a board first departs from the host, if it does."""
-    for tick, (value, found) in enumerate(zip(host.drives, board.drives, strict=True)):
-        if value != found:
-            return Difference("firmware", tick, "drive", value, found)
+    for tick, (value, answer) in enumerate(zip(host.drives, board.drives, strict=True)):
+        if value != answer:
+            return Difference("firmware", tick, "drive", value, answer)
     for index, (expected, answered) in enumerate(zip(host.statuses, board.statuses, strict=True)):
         for name, value in expected.items():
             if value != answered[name]:

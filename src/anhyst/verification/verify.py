@@ -15,16 +15,33 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import cores
 from anhyst.support.progress import Progress
-from anhyst.verification.bundle import LEVITATION, PLAY, VECTORS, read_bundle
+from anhyst.verification.bundle import (
+    LEVITATION,
+    PLAY,
+    VECTORS,
+    GoldenVectors,
+    read_bundle,
+    read_flight,
+    read_levitation,
+    read_vectors,
+)
 from anhyst.verification.compare import Answers, compare, run
-from anhyst.verification.cortex_m import CortexProgram
-from anhyst.verification.elf import Image, ProgramSizes, measure_sizes
-from anhyst.verification.estimate import CLOCK_HZ, PRICES, SOURCE, Estimate, costs_of
+from anhyst.verification.elf import (
+    CLOCK_HZ,
+    PRICES,
+    SOURCE,
+    Estimate,
+    Image,
+    ProgramSizes,
+    costs_of,
+    measure_sizes,
+    stack_below,
+)
+from anhyst.verification.emulators import CortexProgram
 from anhyst.verification.firmware import TARGET as FIRMWARE
 from anhyst.verification.firmware import missing_tools, verify_firmware
 from anhyst.verification.protocol import RecordForm, Reply
 from anhyst.verification.result import Cost, TargetResult, Verification
-from anhyst.verification.stack_depth import stack_below
 from anhyst.verification.targets import (
     CORTEX,
     TARGETS,
@@ -34,7 +51,6 @@ from anhyst.verification.targets import (
     parse_targets,
     reference,
 )
-from anhyst.verification.vectors import GoldenVectors, read_flight, read_levitation, read_vectors
 from anhyst.verification.workshop import CONTROL_SOURCES, Subject, Variant, Workshop
 
 DEFAULT = "host,cortex-m4"

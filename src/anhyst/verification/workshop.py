@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from anhyst.compilation.core import PIDD2, SRC, core_files
-from anhyst.compilation.toolchain import Build
+from anhyst.compilation.toolchain import PIDD2, SRC, Build, core_files
 from anhyst.link.firmware import actuator_defines, firmware_folder
 from anhyst.verification.bundle import FORMATS, PLAY, Bundle
 from anhyst.verification.elf import Image
@@ -86,12 +85,12 @@ class Workshop:
 
     def build(self, port: str, *flags: str) -> Build:
         """Return what to compile for a port of the harness, such as ``cortex_m``."""
-        place = self.folder / "c"
+        target = self.folder / "c"
         ports = [port, "freestanding"] if port == WITHOUT_LIBRARY else [port]
         sources = [name for name in self.bundle.c_files if name.endswith(".c")]
         if self.subject == "compensator":
             sources = [name for name in sources if name != f"{self.bundle.name}_controller.c"]
-        free = [place / FREE_OF_LIBRARIES] if port == "cortex_m" else []
+        free = [target / FREE_OF_LIBRARIES] if port == "cortex_m" else []
         names = [
             "harness.c",
             f"run_{self.subject}.c",
@@ -99,8 +98,8 @@ class Workshop:
             *sorted({*sources, *CONTROL_SOURCES}),
         ]
         return Build(
-            tuple(place / name for name in names),
-            (place, place / "include", place / "port", firmware_folder(), *free),
+            tuple(target / name for name in names),
+            (target, target / "include", target / "port", firmware_folder(), *free),
             self._defines(),
             (*SECTIONS_APART, ONE_ROUNDING_EACH, ROOT_IS_AN_INSTRUCTION, *flags),
             ("-lm",) if port == "host" and self.subject == "stage" else (),

@@ -9,8 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from anhyst.data.formats.channel_table import ChannelTable
-from anhyst.data.formats.channels import ChannelGroup
-from anhyst.data.formats.columns import MemoryTable, OpenTable
+from anhyst.data.formats.channels import ChannelGroup, MemoryTable, OpenTable
 from anhyst.data.formats.excel import open_excel
 from anhyst.data.formats.hdf5 import open_hdf5, write_hdf5
 from anhyst.data.formats.mat import open_mat, write_mat

@@ -11,7 +11,7 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.data.formats.columns import is_number
+from anhyst.data.formats.channels import is_number
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.units import find_unit, parse_header

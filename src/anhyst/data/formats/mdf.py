@@ -135,13 +135,15 @@ def write_mdf(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ...]:
                     )
                 stamps = np.arange(float(count)) if times is None else times.values
                 signals = []
-                for one in part:
-                    values, encoding = one.values, None
+                for series in part:
+                    values, encoding = series.values, None
                     if values.dtype.kind == "U":
                         values, encoding = np.char.encode(values, "utf-8"), "utf-8"
                     elif values.dtype.kind == "b":
                         values = values.astype(np.uint8)
-                    signals.append(Signal(values, stamps, one.unit, one.name, encoding=encoding))
+                    signals.append(
+                        Signal(values, stamps, series.unit, series.name, encoding=encoding)
+                    )
                 source = Source(section.group, section.group, "", Source.SOURCE_OTHER, 0)
                 group = file.append(signals, acq_name=section.group, acq_source=source)
                 master = file.groups[group].channels[0]

@@ -93,11 +93,11 @@ def write_parquet(path: Path, sections: Sequence[ChannelGroup]) -> tuple[str, ..
 
     fields, columns = [], []
     for section in sections:
-        for one in [*([section.clock] if section.clock else []), *section.series]:
-            column = pyarrow.array(one.values)
-            about = {b"unit": one.unit, _GROUP: section.group}
+        for series in [*([section.clock] if section.clock else []), *section.series]:
+            column = pyarrow.array(series.values)
+            about = {b"unit": series.unit, _GROUP: section.group}
             kept = {key: text.encode() for key, text in about.items() if text}
-            fields.append(pyarrow.field(one.name, column.type, metadata=kept or None))
+            fields.append(pyarrow.field(series.name, column.type, metadata=kept or None))
             columns.append(column)
     with binary_writer(path) as stream:
         parquet.write_table(pyarrow.table(columns, schema=pyarrow.schema(fields)), stream)

@@ -17,10 +17,10 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.columns import RawColumns, TextInNumbersError, Texts
+from anhyst.data.formats.channels import RawColumns, TextInNumbersError, Texts
 from anhyst.data.formats.layout import Layout
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 
 Labels = NDArray[np.bytes_] | list[str]
@@ -185,8 +185,8 @@ class _Reader:
             step = np.zeros(data.size + 1, np.int8)
             step[starts[:, order].ravel()] += 1
             step[stops[:, order].ravel() + 1] -= 1
-            wanted: NDArray[np.uint8] = data[np.cumsum(step[:-1], dtype=np.int8).astype(bool)]
-            piece = wanted.tobytes()
+            rows: NDArray[np.uint8] = data[np.cumsum(step[:-1], dtype=np.int8).astype(bool)]
+            piece = rows.tobytes()
             text = piece.replace(sign, b" ").replace(b",", b".").replace(b" ", b",")
             text = text.replace(b"\n", b",")
         values = _convert(text, ",", starts.shape[0] * len(order))

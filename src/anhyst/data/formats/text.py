@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.channels import ChannelGroup
-from anhyst.data.formats.columns import RawColumns, Texts
+from anhyst.data.formats.channels import ChannelGroup, RawColumns, Texts
 from anhyst.data.formats.layout import Layout, read_layout
 from anhyst.data.formats.raw_table import read_raw, row_line, split_lines
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.units import join_header
 

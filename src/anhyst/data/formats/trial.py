@@ -19,7 +19,7 @@ from importlib import import_module
 from pathlib import Path
 
 from anhyst.data.formats.channel_table import ChannelTable
-from anhyst.data.formats.columns import OpenTable
+from anhyst.data.formats.channels import OpenTable
 from anhyst.support.errors import InputError
 
 SECONDS = 30.0

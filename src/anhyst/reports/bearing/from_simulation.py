@@ -1,19 +1,24 @@
-"""From what ``simulate`` found to what its report is about."""
+"""From what ``simulate`` found to what its report is about.
+
+From the map of what compensation gains to what its report is about.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
+from anhyst.control.controller_file import ControllerFile
 from anhyst.data.speeds import slow_loops
-from anhyst.reports.bearing.force_current import identified_loop, nearest_loops
 from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.over_frequency import Response
-from anhyst.reports.bearing.over_time import StepPanel
+from anhyst.reports.bearing.over_runs import BenefitCell
+from anhyst.reports.bearing.over_time import StepPanel, identified_loop, nearest_loops
 from anhyst.reports.bearing.subject import (
     FigureTable,
     Intervals,
@@ -22,12 +27,14 @@ from anhyst.reports.bearing.subject import (
     grouped,
 )
 from anhyst.reports.bearing.tables import OVERSHOOT
+from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments
+from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell, Measure
 from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.simulate import Simulation
 from anhyst.study.engine.verdict import Interval, no_mean
@@ -144,14 +151,14 @@ def _seen(
 
 def _tracked(setups: Mapping[MethodName, Setup], tried: RigFile) -> Iterator[Tracking]:
     """Run trajectories and load steps for the eye."""
-    one = next(iter(setups.values()))
+    setup = next(iter(setups.values()))
     for shape in tried.trajectories:
-        seen = _seen(setups, *experiments.following(one, shape))
+        seen = _seen(setups, *experiments.following(setup, shape))
         size = f"{1e6 * shape.amplitude_m:g}{NBSP}µm"
         yield Tracking(f"{shape.kind} of {size} at {shape.frequency_Hz:g}{NBSP}Hz", seen)
     for force in tried.load_steps_N:
-        scenario, begin = experiments.loaded(one, force)
-        ticks = round(0.1 / one.rig.dt)
+        scenario, begin = experiments.loaded(setup, force)
+        ticks = round(0.1 / setup.rig.dt)
         seen = {name: run.part(0, ticks) for name, run in _seen(setups, scenario, begin).items()}
         yield Tracking(f"load step of {force:g}{NBSP}N", seen)
 
@@ -178,12 +185,13 @@ _CAPTIONS = {
 def _tables(figures: Mapping[str, Any]) -> dict[str, tuple[FigureTable, ...]]:
     """Return the tables of experiments beside steps."""
     follow = {
-        f"{one['kind']} of {1e6 * one['amplitude_m']:g}{NBSP}µm at {one['frequency_Hz']:g}"
-        f"{NBSP}Hz": one["variants"]
-        for one in figures["trajectories"]
+        f"{trajectory['kind']} of {1e6 * trajectory['amplitude_m']:g}{NBSP}µm at {trajectory['frequency_Hz']:g}"
+        f"{NBSP}Hz": trajectory["variants"]
+        for trajectory in figures["trajectories"]
     }
     loads = {
-        f"load step of {one['force_N']:g}{NBSP}N": one["variants"] for one in figures["load_steps"]
+        f"load step of {trajectory['force_N']:g}{NBSP}N": trajectory["variants"]
+        for trajectory in figures["load_steps"]
     }
     excess = dict(figures["events"])
     recovery = {**loads, "overload": excess.pop("overload")}
@@ -206,7 +214,7 @@ def _comparisons(rows: Mapping[str, Any], *names: str) -> tuple[FigureTable, ...
     return tuple(
         FigureTable(
             *_FIGURES[name],
-            {title: _intervals(found, name) for title, found in rows.items()},
+            {title: _intervals(intervals, name) for title, intervals in rows.items()},
             _CAPTIONS.get(name, ""),
         )
         for name in names
@@ -240,4 +248,106 @@ def _cycle_row(figures: Mapping[str, Any]) -> tuple[str, str, str]:
         count,
         number(1e9 * figures["limit_cycle_m"], 3),
         number(1e3 * figures["limit_cycle_s"], 3),
+    )
+
+
+STRONGEST = "the strongest baseline"
+_TITLES: dict[Measure, str] = {
+    "overshoot_percent": "overshoot",
+    "settling_in_noise_s": "settling time",
+}
+
+
+def subject_of_benefit(
+    rig: BearingRig, controller: ControllerFile, benefit_map: Benefit, command: str
+) -> SimulationSubject:
+    """Gather what the report of the map shows."""
+    settings = controller.settings
+    compensation = settings.compensation.model_copy(update={"variant": "full"})
+    return SimulationSubject(
+        rig=rig,
+        controller=settings.model_copy(update={"compensation": compensation}),
+        seeds=benefit_map.seeds,
+        benefit=tuple(_cells(benefit_map)),
+        blocks={"benefit": (_irons(benefit_map),)},
+        notes=(
+            Note(
+                "info",
+                "What is compared",
+                f"Every iron is measured and identified again, all variants are fitted to the same "
+                f"loops and run with the same gains, {benefit_map.seeds} noise seeds each. “{STRONGEST}” "
+                "is, cell by cell, the best of ratio, linearised and single-valued, which know no "
+                "hysteresis: chance favours it a little. flux, where there is a Hall probe, stands "
+                "beside them: it needs no model, as it measures the flux density.",
+            ),
+        ),
+        files={
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in (rig.path, controller.path)
+        },
+        command=command,
+    )
+
+
+def _cells(benefit_map: Benefit) -> list[BenefitCell]:
+    return [
+        _cell(benefit_map, cell, measure, against, comparison)
+        for measure in MEASURES
+        for cell in benefit_map.cells
+        for against, comparisons in (
+            ("ratio", cell.ratio),
+            (STRONGEST, cell.strongest),
+            ("flux", cell.flux),
+        )
+        if comparisons
+        for comparison in (comparisons[measure],)
+    ]
+
+
+def _cell(
+    benefit_map: Benefit, cell: MapCell, measure: Measure, against: str, comparison: Comparison
+) -> BenefitCell:
+    quotient = comparison.quotient
+    return BenefitCell(
+        measure=_TITLES[measure],
+        against=against,
+        baseline=comparison.baseline or "",
+        loop_width=benefit_map.row_width(cell.iron.scale),
+        reversible=cell.iron.reversible_fraction,
+        pathological=cell.iron.label == "pathological",
+        height=cell.height,
+        ratio=math.nan if quotient is None else quotient.value,
+        outcome=comparison.outcome,
+    )
+
+
+def _irons(benefit_map: Benefit) -> PageTable:
+    """Describe every iron by what loops show of it."""
+    rows = [
+        [
+            number(iron.scale, short=True),
+            NOT_KNOWN
+            if iron.reversible_fraction is None
+            else number(iron.reversible_fraction, short=True),
+            f"{number(100.0 * iron.loop_width)}{NBSP}%",
+            NOT_KNOWN if iron.after_reversal is None else number(iron.after_reversal, 2),
+            number(iron.after_reversal_true, 2),
+            iron.label,
+        ]
+        for iron in dict.fromkeys(cell.iron for cell in benefit_map.cells)
+    ]
+    return table(
+        "Irons",
+        (
+            "pinning, times",
+            "reversible fraction",
+            "loop width",
+            "slope after reversal, from loops",
+            "true",
+            "label",
+        ),
+        rows,
+        "Loop width: of the largest current. Slope just after a reversal over the static slope: "
+        "below a quarter an iron is pathological.",
+        texts=0,
     )

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.study.engine.verdict import TITLES, Interval, Judgement, Level
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.blocks import Note, Tone
 from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
 from anhyst.support.page.style import FALLING, RISING
@@ -59,8 +59,8 @@ def line_of(variant: MethodName) -> dict[str, Any]:
 
 def ordered(variants: Iterable[str]) -> list[MethodName]:
     """Return variants in the order in which every figure and table has them."""
-    given = set(variants)
-    return [name for name in COLOURS if name in given]
+    present = set(variants)
+    return [name for name in COLOURS if name in present]
 
 
 def thinned(*rows: FloatArray) -> tuple[FloatArray, ...]:

@@ -1,10 +1,14 @@
-"""Figures over many runs: where compensation gains, what tuning can choose from, drift."""
+"""Figures over many runs: where compensation gains, what tuning can choose from, drift.
+
+The picture of a tuning.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -14,11 +18,13 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
 from anhyst.study.engine.monte_carlo import PERCENTILES, percentile
-from anhyst.support.arrays import FloatArray
-from anhyst.support.page.style import ALARM, new_figure, panels, styled
+from anhyst.study.tuning.aims import TITLES, Aims, GainFigures
+from anhyst.study.tuning.result import RESULTS, Tuning, keeps_others
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page.style import ALARM, new_figure, panels, styled, write_png
 
 _DARK = 0.45  # ratio below which its colour asks for white letters
 
@@ -104,9 +110,9 @@ def _map(ax: Axes, cells: Sequence[BenefitCell], chosen: Sequence[BenefitCell]) 
     return mesh
 
 
-def _write(ax: Axes, place: tuple[int, int], cell: BenefitCell) -> None:
+def _write(ax: Axes, at: tuple[int, int], cell: BenefitCell) -> None:
     """Write the ratio into its square; hatch the square where no gain is certain."""
-    x, y = place
+    x, y = at
     text = "lost" if math.isnan(cell.ratio) else f"{cell.ratio:.2f}"
     if cell.pathological:
         text += "†"
@@ -225,3 +231,43 @@ def figure_drift(spreads: Sequence[Spread]) -> Figure:
     axes[0].set_ylabel("plants below (%)")
     legend_below(figure, *axes)
     return figure
+
+
+def write_pareto(tuning: Tuning, folder: Path) -> None:
+    """Write ``pareto.png`` into a folder."""
+    write_png(pareto(tuning), folder / RESULTS[2])
+
+
+def pareto(tuning: Tuning) -> Figure:
+    """Draw what was made small against peak sensitivity of everything that was tried."""
+
+    def candidate(variant: MethodName, aims: Aims, figures: GainFigures) -> GainsPoint:
+        return GainsPoint(
+            variant=variant,
+            reached=figures.cost,
+            peak=figures.peak_sensitivity,
+            kept=keeps_others(aims, figures),
+        )
+
+    candidates = [
+        candidate(name, tuned.aims, trial.outcome.worst)
+        for name, tuned in tuning.tuned.items()
+        for trial in tuned.found.candidates
+    ]
+    chosen = {
+        name: candidate(name, tuned.aims, tuned.figures)
+        for name, tuned in tuning.tuned.items()
+        if math.isfinite(tuned.figures.cost)
+    }
+    least = tuning.first.figures.least
+    return figure_pareto(
+        TuningPicture(
+            tuple(candidates),
+            chosen,
+            getattr(tuning.aims, least),
+            tuning.aims.peak_sensitivity,
+            TITLES[least].title,
+            TITLES[least].unit,
+            TITLES[least].factor,
+        )
+    )

@@ -1,19 +1,26 @@
-"""Figures over time: steps (the paper's Fig. 11), tracking, forces, standstill."""
+"""Figures over time: steps (the paper's Fig. 11), tracking, forces, standstill.
+
+What a run does in the plane of force over current, over the loops that were measured.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
+from anhyst.data.branches import smooth_curve
+from anhyst.data.loops import Loops
+from anhyst.model.actuator import Model
 from anhyst.reports.bearing.look import (
     COLOURS,
     INK,
+    PALE,
     SHADE,
     interval_text,
     legend_below,
@@ -25,7 +32,7 @@ from anhyst.rig.bearing.scenario import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.metrics import SETTLED
 from anhyst.study.engine.verdict import Interval
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.numbers import number
 from anhyst.support.page.style import new_figure, styled
 
@@ -101,8 +108,8 @@ def _step(ax: Axes, panel: StepPanel, shown: float) -> None:
     for index, name in enumerate(ordered(panel.recordings)):
         time, part = _shown(panel, name, shown)
         if not index:
-            wanted = 1e6 * (step.before - part["reference_m"])
-            ax.plot(time, wanted, color=INK, lw=0.9, drawstyle="steps-post", label="reference")
+            reference = 1e6 * (step.before - part["reference_m"])
+            ax.plot(time, reference, color=INK, lw=0.9, drawstyle="steps-post", label="reference")
             band = SETTLED * 1e6 * step.height
             end = 1e6 * (step.before - step.after)
             ax.axhspan(end - band, end + band, color=SHADE, alpha=0.2, lw=0)
@@ -131,10 +138,10 @@ def figure_forces(recordings: Recordings) -> Figure:
     for (above, below), name in zip(axes.T, names, strict=True):
         recording = recordings[name]
         time = 1e3 * (recording["t_s"] - recording["t_s"][0])
-        wanted, force = recording["demand_N"], recording["force_N"]
+        demand, force = recording["demand_N"], recording["force_N"]
         above.plot(*thinned(time, force), **line_of(name), label=f"true force, {name}")
-        above.plot(*thinned(time, wanted), color=INK, lw=0.8, ls=(0, (4, 3)), label="wanted force")
-        error = force - wanted
+        above.plot(*thinned(time, demand), color=INK, lw=0.8, ls=(0, (4, 3)), label="wanted force")
+        error = force - demand
         below.plot(*thinned(time, error), **line_of(name))
         rms = float(np.sqrt(np.mean(error**2)))
         above.set_title(METHODS[name].title, fontsize=8.5)
@@ -152,9 +159,9 @@ def figure_forces(recordings: Recordings) -> Figure:
 def figure_tracking(recordings: Recordings, title: str) -> Figure:
     """Draw the error of the position under a moving reference or a load, and what moves."""
     names = ordered(recordings)
-    one = recordings[names[0]]
-    factor = 1e3 if one["t_s"][-1] - one["t_s"][0] < 0.5 else 1.0
-    moving = bool(np.ptp(one["reference_m"]) > 0.0)
+    first = recordings[names[0]]
+    factor = 1e3 if first["t_s"][-1] - first["t_s"][0] < 0.5 else 1.0
+    moving = bool(np.ptp(first["reference_m"]) > 0.0)
     figure = new_figure(4.8)
     above, below = figure.subplots(2, 1, sharex=True)
     for name in names:
@@ -165,13 +172,13 @@ def figure_tracking(recordings: Recordings, title: str) -> Figure:
             f"{name}: error {number(float(np.sqrt(np.mean(error**2))))} nm rms, "
             f"{number(float(np.abs(error).max()))} nm at most"
         )
-        second = 1e6 * (one["reference_m"][0] - run["gap_m"]) if moving else run["current_A"]
+        second = 1e6 * (first["reference_m"][0] - run["gap_m"]) if moving else run["current_A"]
         above.plot(*thinned(time, error), **line_of(name), label=label)
         below.plot(*thinned(time, second), **line_of(name))
     if moving:
-        wanted = 1e6 * (one["reference_m"][0] - one["reference_m"])
-        time = factor * (one["t_s"] - one["t_s"][0])
-        below.plot(*thinned(time, wanted), color=INK, lw=0.8, ls="--", label="reference")
+        reference = 1e6 * (first["reference_m"][0] - first["reference_m"])
+        time = factor * (first["t_s"] - first["t_s"][0])
+        below.plot(*thinned(time, reference), color=INK, lw=0.8, ls="--", label="reference")
     above.set_title(title)
     above.set_ylabel("error of position (nm)")
     below.set_ylabel("position (µm)" if moving else "current (A)")
@@ -221,3 +228,103 @@ def _density(recording: Recording, away: FloatArray) -> tuple[FloatArray, FloatA
     means = [(frequency[bin_of == i].mean(), power[bin_of == i].mean()) for i in used]
     middle, mean = np.array(means).T
     return middle, np.sqrt(mean)
+
+
+_SAMPLES = 400  # of an identified loop, one way
+
+
+@dataclass(frozen=True)
+class LoopCurve:
+    """A loop in the plane."""
+
+    gap: float  # m
+    current: FloatArray  # A, N
+    force: FloatArray
+
+
+def nearest_loops(loops: Loops, gap: float) -> list[LoopCurve]:
+    """Return the measured loops of the nearest gaps, one to either side where there are two."""
+    held = [(loop.schedule_value, loop) for loop in loops.loops]
+    at = sorted({value for value, _ in held if value is not None})
+    below = [value for value in at if value <= gap][-1:]
+    above = [value for value in at if value > gap][:1]
+    return [
+        LoopCurve(value, loop.input, loop.output)
+        for value, loop in held
+        if value is not None and value in (*below, *above)
+    ]
+
+
+def identified_loop(model: Model, gap: float, low: float, high: float) -> LoopCurve:
+    """Return the settled loop of a model between two currents."""
+    half = np.linspace(low, high, _SAMPLES)
+    current = np.concatenate([half, half[-2::-1]])
+    force = model.predict(current, gap, history="settled").output
+    return LoopCurve(gap, current, np.asarray(force, dtype=np.float64))
+
+
+@styled
+def figure_force_current(
+    recordings: Recordings, measured: Sequence[LoopCurve], identified: LoopCurve | None
+) -> Figure:
+    """Draw true force over true current of a run, over measured and identified loops.
+
+    Below, the loops by themselves, less the single-valued curve through each: their width is a
+    few per cent of the force.
+    """
+    figure = new_figure(6.4)
+    grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
+    whole, near = (figure.add_subplot(grid[0, column]) for column in range(2))
+    _widths(figure.add_subplot(grid[1, :]), measured, identified)
+    for ax in (whole, near):
+        _loops(ax, measured, identified)
+        for name in ordered(recordings):
+            run = recordings[name]
+            ax.plot(run["current_A"], run["force_N"], **line_of(name), label=f"run, {name}")
+        ax.set_xlabel("current (A)")
+        ax.set_ylabel("force (N)")
+    ends = [_ends([run[column] for run in recordings.values()]) for column in _PLANE]
+    near.set_xlim(*ends[0])
+    near.set_ylim(*ends[1])
+    whole.set_title("whole range")
+    near.set_title("where the run goes")
+    legend_below(figure, whole, columns=3)
+    return figure
+
+
+_PLANE = ("current_A", "force_N")
+
+
+def _widths(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
+    """Draw loops less the curve through those of their gap."""
+    flat = []
+    for gap in dict.fromkeys(loop.gap for loop in measured):
+        flat += _less_curve([loop for loop in measured if loop.gap == gap])
+    ax.axhline(0.0, color=SHADE, lw=0.7)
+    _loops(ax, flat, None if identified is None else _less_curve([identified])[0])
+    ax.set_title("loops less the single-valued curve of their gap")
+    ax.set_xlabel("current (A)")
+    ax.set_ylabel("force (N)")
+
+
+def _less_curve(loops: Sequence[LoopCurve]) -> list[LoopCurve]:
+    curve = smooth_curve(
+        *(np.concatenate(row) for row in zip(*((o.current, o.force) for o in loops), strict=True))
+    )
+    return [replace(loop, force=loop.force - np.interp(loop.current, *curve)) for loop in loops]
+
+
+def _loops(ax: Axes, measured: Sequence[LoopCurve], identified: LoopCurve | None) -> None:
+    tones = dict(zip(sorted({loop.gap for loop in measured}), (SHADE, PALE), strict=False))
+    for loop in measured:
+        label = f"measured at {1e3 * loop.gap:.3g} mm"
+        ax.plot(loop.current, loop.force, color=tones[loop.gap], lw=0.7, label=label)
+    if identified is not None:
+        label = f"identified, at {1e3 * identified.gap:.3g} mm"
+        ax.plot(identified.current, identified.force, color=INK, lw=0.8, ls="--", label=label)
+
+
+def _ends(rows: Sequence[FloatArray]) -> tuple[float, float]:
+    low, high = min(float(row.min()) for row in rows), max(float(row.max()) for row in rows)
+    spare = 0.25 * max(high - low, 1e-9)
+    return low - spare, high + spare

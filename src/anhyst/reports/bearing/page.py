@@ -7,13 +7,13 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.bearing.block_diagram import figure_structure
-from anhyst.reports.bearing.force_current import figure_force_current
 from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
 from anhyst.reports.bearing.over_runs import BenefitCell, figure_benefit, figure_pareto
 from anhyst.reports.bearing.over_time import (
+    figure_force_current,
     figure_forces,
     figure_standstill,
     figure_steps,
@@ -34,9 +34,20 @@ from anhyst.reports.bearing.tables import (
 from anhyst.study.bearing.linear import zone
 from anhyst.study.engine.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import Block, Cell, Items, Note, Picture, Section, Text, table
+from anhyst.support.page.blocks import (
+    Block,
+    Cell,
+    Headline,
+    Items,
+    Note,
+    Picture,
+    Section,
+    Text,
+    Tile,
+    render_page,
+    table,
+)
 from anhyst.support.page.numbers import NBSP, number
-from anhyst.support.page.page import Headline, Tile, render_page
 from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
@@ -52,7 +63,7 @@ def write_simulation_report(path: PathLike, subject: SimulationSubject) -> None:
 
 def render(subject: SimulationSubject) -> str:
     """Return the text of the report; the same for the same subject."""
-    found = (
+    sections = (
         _structure(subject),
         _steps(subject),
         _forces(subject),
@@ -66,7 +77,7 @@ def render(subject: SimulationSubject) -> str:
     )
     return render_page(
         _headline(subject),
-        [section for section in found if section is not None and section.blocks],
+        [section for section in sections if section is not None and section.blocks],
         running_version(),
         kind="Magnetic bearing",
         source="a simulation",
@@ -79,7 +90,7 @@ def _picture(figure: Figure, key: str, alt: str, caption: str) -> Picture:
 
 def _more(subject: SimulationSubject, key: str) -> list[Block]:
     """Return the tables and other blocks of a section that stand below its figures."""
-    tables = [comparison_table(one) for one in subject.tables.get(key, ())]
+    tables = [comparison_table(comparison) for comparison in subject.tables.get(key, ())]
     return [*tables, *subject.blocks.get(key, ())]
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable
-from anhyst.reports.bearing.force_current import LoopCurve
 from anhyst.reports.bearing.look import ordered
 from anhyst.reports.bearing.over_frequency import Response
 from anhyst.reports.bearing.over_runs import BenefitCell, TuningPicture
-from anhyst.reports.bearing.over_time import StepPanel
+from anhyst.reports.bearing.over_time import LoopCurve, StepPanel
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Margins

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS, MODELS
 from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
@@ -101,8 +101,8 @@ def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
     for step in steps:
         other = strongest(step.of(OVERSHOOT))
         if other is not None and mine in step.cells:
-            one = step_difference(step, mine, other)
-            compared += [one] if math.isfinite(one.mine + one.its) else []
+            difference = step_difference(step, mine, other)
+            compared += [difference] if math.isfinite(difference.mine + difference.its) else []
     if not compared:
         return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
     judged = judge(mine, compared, "steps", FEEDBACK)
@@ -111,13 +111,18 @@ def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
 
 def _beside_flux(steps: Sequence[Steps], mine: MethodName) -> str:
     """Say how it stands against measured flux, if that was run."""
-    found = [
+    differences = [
         step_difference(step, mine, "flux") for step in steps if {mine, "flux"} <= set(step.cells)
     ]
-    known = [one for one in found if math.isfinite(one.mine + one.its)]
+    known = [
+        difference for difference in differences if math.isfinite(difference.mine + difference.its)
+    ]
     if not known:
         return ""
-    less, more = sum(one.less for one in known), sum(one.more for one in known)
+    less, more = (
+        sum(difference.less for difference in known),
+        sum(difference.more for difference in known),
+    )
     return f"; than measured flux less at {less} and more at {more}"
 
 
@@ -163,7 +168,7 @@ def step_tables(subject: SimulationSubject) -> list[PageTable]:
         remarks = {subject.situation(step): step.remarks for step in subject.steps}
         noted = remarks if name == OVERSHOOT else {}
         comparison = FigureTable(title, unit, factor, rows, caption, noted)
-        if any(not math.isnan(one.mean) for row in rows.values() for one in row.values()):
+        if any(not math.isnan(interval.mean) for row in rows.values() for interval in row.values()):
             made.append(comparison_table(comparison))
     return made
 
@@ -172,10 +177,10 @@ def comparison_table(comparison: FigureTable) -> PageTable:
     """Return a table of one figure: a row a situation, a column a variant."""
     variants = ordered(name for row in comparison.rows.values() for name in row)
 
-    def cell(situation: str, name: MethodName, found: Interval | None) -> str:
+    def cell(situation: str, name: MethodName, interval: Interval | None) -> str:
         """Write a figure and its remark, between which alone a line may end."""
         remark = comparison.remarks.get(situation, {}).get(name, "")
-        parts = (interval_text(found, factor=comparison.factor), remark)
+        parts = (interval_text(interval, factor=comparison.factor), remark)
         return " ".join(part.replace(" ", NBSP) for part in parts if part)
 
     rows = [

@@ -18,12 +18,12 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from anhyst.data.branches import branches, smooth_curve
+from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
-from anhyst.data.noise import noise
 from anhyst.data.speeds import Speeds, rate_of
 from anhyst.model.fit_record import ReductionStep, Uncertainty
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.numbers import (
     NBSP,
     Scale,
@@ -228,7 +228,7 @@ def figure_residuals(loopset: Loops, fitted: Fitted) -> Figure:
         None if output is None else output - loop.output
         for loop, output in zip(loopset.loops, fitted, strict=True)
     ]
-    largest = [float(np.max(np.abs(one))) for one in left_over if one is not None]
+    largest = [float(np.max(np.abs(residual))) for residual in left_over if residual is not None]
     across = scale_for(loopset.input, [_largest(loop.input) for loop in loopset.loops])
     up = scale_for(loopset.output, largest)
     for ax, group in zip(axes, groups, strict=True):
@@ -325,7 +325,7 @@ def figure_reduction(
 
 
 def _draw_candidates(
-    ax: Axes, place: float, costs: list[tuple[float, str]], top: float, names: Mapping[str, str]
+    ax: Axes, x: float, costs: list[tuple[float, str]], top: float, names: Mapping[str, str]
 ) -> None:
     """Draw rings with their names; those above the picture at its upper edge, with their cost."""
     last = -np.inf
@@ -334,11 +334,11 @@ def _draw_candidates(
         if cost > top:
             text += f" ↑ {number(cost, 2)} %"
         else:
-            ax.plot(place, cost, "o", mfc="none", color=FALLING, ms=5.0)
+            ax.plot(x, cost, "o", mfc="none", color=FALLING, ms=5.0)
         last = max(
             min(cost, 1.1 * top), last + 0.055 * top
         )  # labels of like costs one above the other
-        ax.annotate(text, (place + 0.05, last), va="center", fontsize=7.5, color="#8A3B00")
+        ax.annotate(text, (x + 0.05, last), va="center", fontsize=7.5, color="#8A3B00")
 
 
 def _not_taken(step: ReductionStep) -> list[tuple[float, str]]:

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from anhyst.model.acceptance import GapCheck
 from anhyst.model.actuator import Model
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.numbers import GREEK, Scale, label, name_of, number, scale_for, scale_of
 from anhyst.support.page.style import ALARM, MODEL, columns_of, new_figure, panels, styled
 
@@ -195,8 +195,8 @@ def _mark_failure(ax: Axes, check: GapCheck, size: Scale, across: Scale, up: Sca
     rising = check.branch == "rising"
     half = check.drive.size // 2 + 1
     along = np.abs(check.drive[:half] - check.at_drive)
-    place = int(np.argmin(along)) if rising else -1 - int(np.argmin(along))
-    curve = up.factor * check.output[:, place]
+    index = int(np.argmin(along)) if rising else -1 - int(np.argmin(along))
+    curve = up.factor * check.output[:, index]
     row = int(np.argmin(np.abs(check.gaps - check.gap)))
     name = f"FAILED at {number(across.factor * check.at_drive)} {across.unit}, {check.branch}"
     ax.plot(size.factor * check.gaps, curve, color=ALARM, lw=1.6)
@@ -206,4 +206,6 @@ def _mark_failure(ax: Axes, check: GapCheck, size: Scale, across: Scale, up: Sca
 
 def _colours(count: int) -> list[Colour]:
     """Colours of an ordered family, dark to light, readable on white."""
-    return [tuple(one) for one in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()]
+    return [
+        tuple(colour) for colour in colormaps["viridis"](np.linspace(0.0, 0.85, count)).tolist()
+    ]

@@ -6,9 +6,8 @@ import numpy as np
 
 from anhyst.laws.registry import LAWS
 from anhyst.reports.model.subject import ModelSubject
-from anhyst.support.page.blocks import Cell, Note, PageTable, table
+from anhyst.support.page.blocks import Cell, Headline, Note, PageTable, Tile, table
 from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
-from anhyst.support.page.page import Headline, Tile
 from anhyst.support.pays import LOOPS
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
@@ -159,10 +158,10 @@ def _comparison(subject: ModelSubject) -> PageTable | None:
     ]
     largest = subject.output_scale.show(fit.largest_output, 4)
     head = ["", "mean", "rms", "worst"]
-    one = f"one monotone curve for each {subject.over}" if subject.over else "one monotone curve"
+    curve = f"one monotone curve for each {subject.over}" if subject.over else "one monotone curve"
     caption = (
         f"Percentages of the largest {subject.answer}, {largest}. The best single-valued curve "
-        f"({one}, fitted to the same loops) is what a look-up table without memory can reach."
+        f"({curve}, fitted to the same loops) is what a look-up table without memory can reach."
     )
     return table("Deviation from the measurement", head, cells, caption)
 

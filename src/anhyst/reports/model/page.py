@@ -35,11 +35,10 @@ from anhyst.reports.model.sections_model import (
     section_reduction,
 )
 from anhyst.reports.model.subject import ModelSubject, gather, own_figures
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
-from anhyst.support.page.blocks import Section
-from anhyst.support.page.page import render_page
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page.blocks import Section, render_page
 from anhyst.support.page.style import write_png
 
 
@@ -122,7 +121,7 @@ def write_plots(
     model: Model, loopset: Loops, fitted: Sequence[FloatArray | None], folder: PathLike
 ) -> tuple[Path, ...]:
     """Write the figures of a model as PNG files."""
-    place = Path(folder)
+    target = Path(folder)
     figures = {
         "loops": figure_loops(loopset, fitted),
         "residuals": figure_residuals(loopset, fitted),
@@ -130,10 +129,10 @@ def write_plots(
         "between_gaps": figure_between(model, model.check_over_gap()),
         "reduction": figure_reduction(model.reduction) if model.reduction else None,
     }
-    place.mkdir(parents=True, exist_ok=True)
+    target.mkdir(parents=True, exist_ok=True)
     written = []
     for name, figure in figures.items():
         if figure is not None:
-            write_png(figure, place / f"{name}.png")
-            written.append(place / f"{name}.png")
+            write_png(figure, target / f"{name}.png")
+            written.append(target / f"{name}.png")
     return tuple(written)

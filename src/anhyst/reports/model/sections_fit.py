@@ -29,7 +29,7 @@ from anhyst.reports.model.figures import (
 )
 from anhyst.reports.model.headline import share
 from anhyst.reports.model.subject import Evidence, ModelSubject
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.blocks import Block, Cell, Items, PageTable, Picture, Section, Text, table
 from anhyst.support.page.numbers import (
     NBSP,
@@ -117,9 +117,9 @@ def section_rate(subject: ModelSubject) -> Section | None:
 
 
 def _speed_row(subject: ModelSubject, evidence: Evidence, group: Sequence[Loop]) -> list[Cell]:
-    wanted, scale = {id(loop) for loop in group}, subject.deviation
+    chosen, scale = {id(loop) for loop in group}, subject.deviation
     pairs = zip(evidence.loops.loops, evidence.fitted, strict=True)
-    off = [fit - loop.output for loop, fit in pairs if fit is not None and id(loop) in wanted]
+    off = [fit - loop.output for loop, fit in pairs if fit is not None and id(loop) in chosen]
     cells = [Cell(speed_text(group)), Cell(str(len(group)))]
     if not off:
         return [*cells, *[Cell("")] * 4]
@@ -162,11 +162,11 @@ def rate_corner(model: Model) -> float | None:
         return None
     low, high = model.valid.input
     shape = 1.0 - np.abs(np.linspace(-1.0, 1.0, _CYCLE, endpoint=False))
-    drive, place = low + (high - low) * shape, model.first_node
+    drive, node = low + (high - low) * shape, model.first_node
     rates, heights = model.dynamics.fastest * _SPEEDS, []
     for rate in rates.tolist():
         time = np.arange(_CYCLE) / (_CYCLE * rate)
-        made = model.predict(drive, place, time, "settled").output
+        made = model.predict(drive, node, time, "settled").output
         falling = np.append(made[_CYCLE // 2 :], made[0])[::-1]
         heights.append(float(np.max(falling - made[: _CYCLE // 2 + 1])) / float(np.ptp(made)))
     higher = np.array(heights) - heights[0]
@@ -431,12 +431,12 @@ def _order(schedule: float | None) -> float:
     return math.inf if schedule is None else schedule
 
 
-def _inputs(one: LoopFigures) -> tuple[float, float]:
-    return one.input_low, one.input_high
+def _inputs(loop: LoopFigures) -> tuple[float, float]:
+    return loop.input_low, loop.input_high
 
 
-def _outputs(one: LoopFigures) -> tuple[float, float]:
-    return one.output_low, one.output_high
+def _outputs(loop: LoopFigures) -> tuple[float, float]:
+    return loop.output_low, loop.output_high
 
 
 def _span(scale: Scale, low: float, high: float) -> str:

@@ -131,14 +131,14 @@ def section_reduction(subject: ModelSubject) -> Section | None:
     )
     most = max(step.cost_after for step in steps)
     rows = []
-    for place, step in enumerate(steps, start=1):
+    for order, step in enumerate(steps, start=1):
         others = sorted(
             (cost, name) for name, cost in step.candidates.items() if name != step.frozen
         )
         listed = ", ".join(f"{names.get(name, name)} {_cost(cost)}" for cost, name in others)
         rows.append(
             [
-                Cell(str(place)),
+                Cell(str(order)),
                 Cell(names.get(step.frozen, step.frozen), strong=True),
                 Cell(listed or "none"),
                 Cell(percent(step.cost_before, 3)),
@@ -423,7 +423,9 @@ def _correlated(unsure: Uncertainty) -> str:
         ),
         reverse=True,
     )
-    named = "; ".join(f"{one} with {two} {number(value, 3)}" for _, one, two, value in pairs[:3])
+    named = "; ".join(
+        f"{first} with {two} {number(value, 3)}" for _, first, two, value in pairs[:3]
+    )
     text = f"Heat map of {len(unsure.names)} by {len(unsure.names)} correlations"
     return f"{text}, the strongest: {named}." if named else f"{text}."
 

@@ -15,9 +15,9 @@ from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.sources import read_sources
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
 from anhyst.support.page.numbers import Scale, name_of, scale_for
 
 

@@ -1,15 +1,18 @@
-"""The page about a stage that follows set-points: whether compensation pays, and where not."""
+"""The page about a stage that follows set-points: whether compensation pays, and where not.
+
+Whether compensation is worth it on a stage, against which baseline, and where it is not.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.reports.bearing.look import (
     INK,
@@ -20,20 +23,116 @@ from anhyst.reports.bearing.look import (
     thinned,
     verdict_note,
 )
-from anhyst.reports.tracking.verdict import limits, memoryless, verdict, verdicts
 from anhyst.rig.recording import Recording, moving
 from anhyst.rig.stage.file import unit_of
+from anhyst.rig.stage.loop import AT_BIAS
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
+from anhyst.study.engine.verdict import ComparedFigure, Judgement, compare, judge, weigh
 from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_NOTES, LOSS_TITLE
 from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import Block, Items, Note, PageTable, Picture, Section, Text, table
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page.blocks import (
+    Block,
+    Headline,
+    Items,
+    Note,
+    PageTable,
+    Picture,
+    Section,
+    Text,
+    Tile,
+    render_page,
+    table,
+)
 from anhyst.support.page.numbers import NBSP, number
-from anhyst.support.page.page import Headline, Tile, render_page
 from anhyst.support.page.style import new_figure, styled, svg_text
+from anhyst.support.pays import STAGE
 from anhyst.support.version import running_version
+
+_NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}
+
+
+def judged(study: TrackingStudy, baseline: MethodName) -> Judgement:
+    """Compare the compensator with one baseline."""
+    return weigh(OWN, _compared(study, [baseline]), "measures")
+
+
+def verdict(study: TrackingStudy) -> Judgement:
+    """Say whether compensation is worth it on this stage.
+
+    Each measure is compared with the strongest baseline in it: of all that have neither a model of
+    the iron nor a sensor for it, the one with the lowest.
+    """
+    if study.lost_in:
+        return Judgement("unknown", f"the loop of '{OWN}' was lost: {'; '.join(study.lost_in)}")
+    held = [name for name in _held(study) if METHODS[name].role == "baseline"]
+    if not held:
+        return Judgement("unknown", "every baseline lost the loop")
+    return judge(OWN, _compared(study, held), "measures", STAGE)
+
+
+def _compared(study: TrackingStudy, names: Sequence[MethodName]) -> list[ComparedFigure]:
+    """Compare every measure with the lowest one of some variants."""
+    compared = []
+    for measure, title in _NAMES.items():
+        of = {name: study.tried[name].of(measure) for name in names}
+        best = min(of, key=lambda name: of[name].mean)
+        compared.append(compare(title, best, study.tried[OWN].of(measure), of[best]))
+    return compared
+
+
+def memoryless(study: TrackingStudy) -> MethodName:
+    """Return the variant without memory whose peak is the lowest."""
+    methods: list[MethodName] = [*AT_BIAS, "single-valued"]
+    tried = [name for name in methods if name in study.tried]
+    held = [name for name in tried if name in _held(study)]
+    return min(held or tried, key=lambda name: study.tried[name].of("peak_m").mean)
+
+
+def _held(study: TrackingStudy) -> list[MethodName]:
+    """Return the variants that were not lost on the test set-point."""
+    return [name for name, variant in study.tried.items() if not variant.of("peak_m").lost]
+
+
+def verdicts(study: TrackingStudy) -> dict[MethodName, Judgement]:
+    """Compare with the best curve without memory, with what knows one play, and with the probe.
+
+    What was lost is compared with nothing.
+    """
+    held = _held(study)
+    if study.lost_in:
+        return {}
+    names: list[MethodName] = [memoryless(study)]
+    names += [name for name in study.tried if name not in (OWN, *names, *AT_BIAS)]
+    return {name: judged(study, name) for name in names if name in held}
+
+
+def limits(study: TrackingStudy) -> list[str]:
+    """Say what is gained with small forces, at a standstill and on one repeated set-point."""
+    own, plain = study.tried[OWN], study.tried[memoryless(study)]
+    name = memoryless(study)
+
+    def against(mine: float, its: float, what: str) -> str:
+        word = "nothing to gain" if mine >= its else f"{mine / its:.2g} of it"
+        if its <= BANDS_M[-1]:
+            word = f"little to gain: that is within {1e9 * BANDS_M[-1]:g} nm without it"
+        return f"{what}: {1e9 * mine:.3g} nm against {1e9 * its:.3g} nm of '{name}', {word}"
+
+    def peaks(variant: TriedVariant) -> float:
+        return variant.small.peak_m
+
+    return [
+        against(peaks(own), peaks(plain), "A tenth of the forces, the same gains, peak"),
+        against(own.standstill_m, plain.standstill_m, "Standstill, the long stroke moving, rms"),
+        against(
+            own.repeated.average_m,
+            plain.repeated.average_m,
+            "One set-point repeated, gains found on that very one, moving average",
+        ),
+    ]
+
 
 _BEFORE_S = 5e-3
 """Shown before the turnaround."""
@@ -51,8 +150,8 @@ def figure_scan(tried: Mapping[MethodName, TriedVariant], motion: SetPoint, slit
     _, acceleration, _, _ = motion.at(first["t_s"][part])
     axes[0].plot(time, acceleration, color=INK, lw=1.2)
     axes[0].set_ylabel("acceleration [m/s²]")
-    for name, one in tried.items():
-        run = one.shown
+    for name, variant in tried.items():
+        run = variant.shown
         axes[1].plot(*thinned(time, 1e9 * run["error_m"][part]), label=name, **line_of(name))
         axes[2].plot(*thinned(*_average(run, slit, begin)), **line_of(name))
         axes[3].plot(*thinned(time, run["force_error_N"][part]), **line_of(name))
@@ -83,8 +182,8 @@ def figure_settling(tried: Mapping[MethodName, TriedVariant], cruise: float) -> 
     figure = new_figure(0.9 * len(tried) + 1.0)
     axes = figure.subplots(len(tried), 2, sharex=True, squeeze=False)
     edges = 1e3 * np.linspace(0.0, cruise, 51)
-    for row, (name, one) in zip(axes, tried.items(), strict=True):
-        for ax, settled in zip(row, one.settled, strict=True):
+    for row, (name, variant) in zip(axes, tried.items(), strict=True):
+        for ax, settled in zip(row, variant.settled, strict=True):
             ax.hist(1e3 * np.asarray(settled), bins=edges.tolist(), color=line_of(name)["color"])
         row[0].set_ylabel(name, rotation=0, ha="right", va="center")
     for ax, band in zip(axes[0], BANDS_M, strict=True):
@@ -99,8 +198,8 @@ def figure_learning(tried: Mapping[MethodName, TriedVariant]) -> Figure:
     """Draw the peak of the error over the trials of learning control."""
     figure = new_figure(3.2)
     ax = figure.subplots()
-    for name, one in tried.items():
-        peaks = 1e9 * np.asarray(one.trials_m)
+    for name, variant in tried.items():
+        peaks = 1e9 * np.asarray(variant.trials_m)
         ax.semilogy(
             np.arange(1, peaks.size + 1), peaks, marker="o", ms=3, label=name, **line_of(name)
         )
@@ -187,8 +286,8 @@ def _freedom(study: TrackingStudy) -> str:
 def _cross_talk(study: TrackingStudy) -> Section:
     crossed = list(study.tried[OWN].crossed)
     rows = [
-        [name] + [interval_text(one.cross_talk(axis), factor=1e9) for axis in crossed]
-        for name, one in study.tried.items()
+        [name] + [interval_text(variant.cross_talk(axis), factor=1e9) for axis in crossed]
+        for name, variant in study.tried.items()
     ]
     section = table(
         "Largest error of every coordinate that the set-point does not move",
@@ -200,8 +299,8 @@ def _cross_talk(study: TrackingStudy) -> Section:
         "Every coordinate at rest, rms",
         ["variant", *(f"{axis.replace('_', ' [n')}]" for axis in study.tried[OWN].at_rest)],
         [
-            [name, *(number(1e9 * rest, 3) for rest in one.at_rest.values())]
-            for name, one in study.tried.items()
+            [name, *(number(1e9 * rest, 3) for rest in variant.at_rest.values())]
+            for name, variant in study.tried.items()
         ],
         "The long stroke moves.",
     )
@@ -223,8 +322,8 @@ def _tiles(study: TrackingStudy) -> tuple[Tile, ...]:
 def _comparison(study: TrackingStudy) -> PageTable:
     rows = [
         [name, METHODS[name].title]
-        + [interval_text(one.of(key), factor=factor) for _, key, factor in _COLUMNS]
-        for name, one in study.tried.items()
+        + [interval_text(variant.of(key), factor=factor) for _, key, factor in _COLUMNS]
+        for name, variant in study.tried.items()
     ]
     return table(
         "All variants on the test set-point",
@@ -238,7 +337,7 @@ def _comparison(study: TrackingStudy) -> PageTable:
 
 
 def _scan(study: TrackingStudy) -> Section:
-    held = {name: one for name, one in study.tried.items() if one.shown.loss is None}
+    held = {name: variant for name, variant in study.tried.items() if variant.shown.loss is None}
     shown = held or study.tried
     names = ", ".join(shown)
     scan = study.rig.settings.scan
@@ -264,14 +363,14 @@ def _limits(study: TrackingStudy) -> Section:
     rows = [
         [
             name,
-            number(1e9 * one.small.peak_m, 3),
-            number(1e9 * one.small.average_m, 3),
-            number(1e9 * one.standstill_m, 3),
-            number(1e9 * one.repeated.peak_m, 3),
-            number(1e9 * one.repeated.average_m, 3),
-            number(1e3 * one.repeated.settling_50_s, 3),
+            number(1e9 * variant.small.peak_m, 3),
+            number(1e9 * variant.small.average_m, 3),
+            number(1e9 * variant.standstill_m, 3),
+            number(1e9 * variant.repeated.peak_m, 3),
+            number(1e9 * variant.repeated.average_m, 3),
+            number(1e3 * variant.repeated.settling_50_s, 3),
         ]
-        for name, one in study.tried.items()
+        for name, variant in study.tried.items()
     ]
     head = [
         "variant",
@@ -299,10 +398,10 @@ def _limits(study: TrackingStudy) -> Section:
 
 def _learning(study: TrackingStudy) -> Section:
     lines = []
-    for name, one in study.tried.items():
-        first, last = one.trials_m[0], one.trials_m[-1]
+    for name, variant in study.tried.items():
+        first, last = variant.trials_m[0], variant.trials_m[-1]
         lines.append(
-            f"{name}: {1e9 * first:.3g} nm, after {len(one.trials_m)} trials {1e9 * last:.3g} nm"
+            f"{name}: {1e9 * first:.3g} nm, after {len(variant.trials_m)} trials {1e9 * last:.3g} nm"
         )
     blocks: tuple[Block, ...] = (
         Text(

@@ -20,7 +20,7 @@ from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.recording import of_magnets
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 
 COLUMNS = (
@@ -81,7 +81,7 @@ class BearingPlant:
             gap=0.0,
             force=0.0,
             current=self._read[0] / full,
-            further=tuple(one / full for one in self._read[1:]),
+            further=tuple(force / full for force in self._read[1:]),
             position=math.nan if self.dropped else position,
         )
         return reading if self.shown is None else self.shown(reading)
@@ -94,9 +94,9 @@ class BearingPlant:
             return volts
         for i in range(len(volts)):
             error = reference[i] - self._read[i]
-            wanted = loop["resistance"] * reference[i] + loop["gain"] * error + self._integral[i]
-            volts[i] = min(max(wanted, -loop["limit"]), loop["limit"])
-            if abs(wanted) < loop["limit"]:
+            voltage = loop["resistance"] * reference[i] + loop["gain"] * error + self._integral[i]
+            volts[i] = min(max(voltage, -loop["limit"]), loop["limit"])
+            if abs(voltage) < loop["limit"]:
                 self._integral[i] += loop["reset"] * error
         return volts
 

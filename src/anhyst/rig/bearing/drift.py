@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import Magnet, Plant
-from anhyst.compensate.irons import cell_weights
+from anhyst.compensate.scheduled import cell_weights
 from anhyst.laws.law import Role
 from anhyst.laws.registry import law_of
 from anhyst.model.actuator import Model
@@ -64,22 +64,24 @@ class Drift:
 
     def as_dict(self) -> dict[str, float]:
         """Return what drifted, with units in the keys; parts of a body by their numbers."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {drift.name: getattr(self, drift.name) for drift in fields(self)}
         parts = {"magnet": values.pop("magnets"), "head": values.pop("heads")}
         drifted = {name: value for name, value in values.items() if value}
         units = {name: _UNITS.get(name, ("percent", 100.0)) for name in drifted}
         return {f"{name}_{unit}": by * drifted[name] for name, (unit, by) in units.items()} | {
             f"{part}_{number}_{key}": value
             for part, several in parts.items()
-            for number, one in enumerate(several, 1)
-            for key, value in one.as_dict().items()
+            for number, drift in enumerate(several, 1)
+            for key, value in drift.as_dict().items()
         }
 
     def alone(self, names: Collection[str]) -> Drift:
         """Return a plant that has drifted in nothing but this, in each of its magnets alike."""
         heads = self.heads if "heads" in names else ()
         own = {name: getattr(self, name) for name in names if name != "heads"}
-        return Drift(**own, magnets=tuple(one.alone(names) for one in self.magnets), heads=heads)
+        return Drift(
+            **own, magnets=tuple(magnet.alone(names) for magnet in self.magnets), heads=heads
+        )
 
 
 NO_DRIFT = Drift()
@@ -215,7 +217,7 @@ def drifted_law(model: Model, drift: Drift) -> Model:
         for spec in model.operator_law.with_role(role):
             value = model.parameters[spec.name]
             changed[spec.name] = (
-                tuple(min(factor * one, spec.high) for one in value)
+                tuple(min(factor * coefficient, spec.high) for coefficient in value)
                 if isinstance(value, tuple)
                 else min(factor * value, spec.high)
             )

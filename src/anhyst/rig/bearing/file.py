@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.calibration import CalibratedMethod, ParameterName, read_calibration
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
-from anhyst.rig.loop_files import Measured
+from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
@@ -123,12 +123,12 @@ def step_ends(gap: float, height: float) -> tuple[float, float]:
 
 def read_bearing(path: PathLike) -> BearingRig:
     """Read the rig file of a bearing."""
-    place = Path(path)
-    settings = read_rig_file(place, [FileKind.BEARING])
+    file = Path(path)
+    settings = read_rig_file(file, [FileKind.BEARING])
     faults = [*plant_faults(settings), *_case_faults(settings)]
     if faults:
-        raise rig_error(place, faults)
-    return BearingRig(place, settings)
+        raise rig_error(file, faults)
+    return BearingRig(file, settings)
 
 
 def check_load(rig: BearingRig, force_max: float) -> None:
@@ -145,12 +145,12 @@ def check_load(rig: BearingRig, force_max: float) -> None:
                 code="load-too-large",
             )
         )
-    for place, step in enumerate(steps):
+    for index, step in enumerate(steps):
         if load < force_max <= load + step:
             text = f"{load:.4g} N and this step are {load + step:.4g} N"
             text += f", the magnet reaches {force_max:.4g} N; lower it"
             assert rig.settings.load_case is not None
-            key = rig.settings.place(rig.settings.load_case, "forces_N", place)
+            key = rig.settings.place(rig.settings.load_case, "forces_N", index)
             faults.append(FileFault(key, text, code="load-too-large"))
     if faults:
         raise rig_error(rig.path, faults)

@@ -10,25 +10,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.compensate.flux import FluxCalibration
-from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.interface import MethodName, NumberFormat
+from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
 from anhyst.compensate.methods import MODELS, PROBED, make_compensator
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
-from anhyst.identification.options import IdentifyTable
+from anhyst.identification.run import IdentifyTable
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import Parameter
 from anhyst.model.schema import LawName
-from anhyst.rig.bearing.controller_check import check_controller, pair_of
 from anhyst.rig.bearing.drift import Drift, drifted_law
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.loop import Setup, check_position
+from anhyst.rig.bearing.loop import Setup, check_controller, check_position, pair_of
 from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
-from anhyst.rig.loop_files import identify_loops, misclosures
+from anhyst.rig.measurement_table import identify_loops, misclosures
 from anhyst.support.errors import CreepWarning, InputError
 
 
@@ -110,14 +108,14 @@ def fit_magnets(
     number_format: NumberFormat,
 ) -> list[ForceController]:
     """Fit one variant to what is known of each magnet."""
-    where = operating_point(rig, controller, *(one.loops for one in magnets))
+    where = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
     probe = calibrate_probe(rig) if variant in PROBED else None
     fitted = []
-    for one in magnets:
-        sources = Sources(where, one.loops, one.model, probe)
+    for magnet in magnets:
+        sources = Sources(where, magnet.loops, magnet.model, probe)
         compensator = make_compensator(variant, sources, number_format)
-        if one.wider and isinstance(compensator.parameters, PlayMap):
-            wider = compensator.parameters.widened(one.wider)
+        if magnet.wider and isinstance(compensator.parameters, PlayMap):
+            wider = compensator.parameters.widened(magnet.wider)
             compensator = replace(compensator, parameters=wider)
         fitted.append(compensator)
     return fitted
@@ -131,14 +129,16 @@ def calibrated_magnets(
     The second magnet's gap is what is left of both: it is read too small by what the first one's is
     read too large.
     """
-    found = rig.learnt(variant)
-    if found is None or not found.taken:
+    calibration = rig.learnt(variant)
+    if calibration is None or not calibration.taken:
         return [magnet]
-    widths, zero = found.widths(len(rig.magnets)), found.value("gap_zero_m")
+    widths, zero = calibration.widths(len(rig.magnets)), calibration.value("gap_zero_m")
     # one range of gaps for both of a pair
     over = 2.0 * abs(zero) if len(widths) > 1 else 0.0
     return [
-        calibrated(magnet, found.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over)
+        calibrated(
+            magnet, calibration.value(f"scale_{number + 1}"), (zero, -zero)[number], wider, over
+        )
         for number, wider in enumerate(widths)
     ]
 
@@ -158,24 +158,28 @@ def calibrated(
     """
     more, known = 1.0 + scale, magnet.loops
     loops = [
-        replace(one, input=one.input / more, schedule=one.schedule + zero)
-        for one in known.loops
-        if one.schedule is not None
+        replace(loop, input=loop.input / more, schedule=loop.schedule + zero)
+        for loop in known.loops
+        if loop.schedule is not None
     ]
     model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
-    given, valid = model.parameters, model.valid
-    moved = {"c_H": _times(given["c_H"], more), "in_0": _times(given["in_0"], 1.0 / more)}
+    parameters, valid = model.parameters, model.valid
+    moved = {"c_H": _times(parameters["c_H"], more), "in_0": _times(parameters["in_0"], 1.0 / more)}
     if valid is not None and valid.schedule is not None:
         (low, high), (near, far) = valid.input, valid.schedule
         ends = near + zero - over, far + zero + over
         valid = replace(valid, input=(low / more, high / more), schedule=ends)
     nodes = tuple(node + zero for node in model.nodes)
-    model = replace(model, nodes=nodes, parameters={**given, **moved}, valid=valid)
+    model = replace(model, nodes=nodes, parameters={**parameters, **moved}, valid=valid)
     return IdentifiedMagnet(replace(known, loops=tuple(loops)), model, wider)
 
 
 def _times(value: Parameter, factor: float) -> Parameter:
-    return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
+    return (
+        tuple(factor * coefficient for coefficient in value)
+        if isinstance(value, tuple)
+        else factor * value
+    )
 
 
 def compiled_model(rig: BearingRig, magnet: IdentifiedMagnet, variant: MethodName) -> Model:
@@ -200,22 +204,22 @@ def make_setups(
     """Fit several variants in the number format of a controller file."""
     check_controller(controller, rig)
     table = controller.settings
-    found = {}
+    setups = {}
     for variant in variants:
         modelled = variant in MODELS and controller.model is not None
         try:
-            found[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
+            setups[variant] = make_setup(rig, table, magnet, variant, table.compensation.format)
         except InputError as error:
             raise error.at(controller.model if modelled else rig.measured.text) from error
         with error_at_key(controller):
-            check_position(found[variant])
-    return found
+            check_position(setups[variant])
+    return setups
 
 
 def operating_point(rig: BearingRig, controller: ControllerTable, *loops: Loops) -> Operating:
     """Return where a bearing works, over all loops: each magnet of a pair around its bias."""
     pair = pair_of(rig)
-    measured = [gap for one in loops for gap in one.by_schedule() if gap is not None]
+    measured = [gap for loop in loops for gap in loop.by_schedule() if gap is not None]
     return Operating(
         gap=rig.settings.gap_m,
         force=rig.load if pair is None else pair.bias_force_N,

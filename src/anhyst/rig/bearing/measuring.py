@@ -45,12 +45,17 @@ class HeldBearing:
         )
 
 
-def _measure_in_time(held: HeldBearing, campaign: CampaignTable, place: int) -> list[Loop]:
+def _measure_in_time(held: HeldBearing, campaign: CampaignTable, index: int) -> list[Loop]:
     """Measure all records at one gap and full cycles at every fast speed, with what speed induces."""
-    gap, past, high = campaign.gaps_m[place], conditioning(campaign), campaign.current_max_A
+    gap, past, high = campaign.gaps_m[index], conditioning(campaign), campaign.current_max_A
     runs = [
-        (one.name, [high * turn for turn in one.turns], campaign.sweep_A_per_s, campaign.sample_s)
-        for one in campaign.records
+        (
+            record.name,
+            [high * turn for turn in record.turns],
+            campaign.sweep_A_per_s,
+            campaign.sample_s,
+        )
+        for record in campaign.records
     ]
     cycles = [0.0, *[high, 0.0] * FAST_CYCLES]
     runs += [
@@ -64,7 +69,7 @@ def _measure_in_time(held: HeldBearing, campaign: CampaignTable, place: int) -> 
             magnet.step(turn, gap)
         magnet.seconds = sample
         path = straight(turns, speed * sample)
-        loop = measure_path(magnet, held.sensors([place, number], sample), gap, path, name, past)
+        loop = measure_path(magnet, held.sensors([index, number], sample), gap, path, name, past)
         loops.append(replace(loop, time=np.arange(path.size, dtype=np.float64) * sample))
     return loops
 
@@ -80,7 +85,7 @@ def loop_texts(loops: Loops, notes: str) -> dict[str, str]:
         if loop.time is not None:
             columns.insert(0, loop.time)
             form = f"%.7g,{form}"
-        rows += [form % row for row in zip(*(one.tolist() for one in columns), strict=True)]
+        rows += [form % row for row in zip(*(column.tolist() for column in columns), strict=True)]
     header = f"{'t_s,' * timed}I_A,{loops.output.symbol}_N,gap_m,loop\n"
     return {
         "loops.csv": notes + header + "".join(rows),
@@ -97,6 +102,6 @@ def measure_loops(rig: BearingRig) -> Loops:
     held, campaign = HeldBearing(rig), rig.settings.measurement
     places = range(len(campaign.gaps_m))
     measure = _measure_in_time if campaign.fast_A_per_s else measure_place
-    loops = [loop for place in places for loop in measure(held, campaign, place)]
+    loops = [loop for index in places for loop in measure(held, campaign, index)]
     output = QUANTITIES[rig.settings.magnet.output]
     return Loops(tuple(loops), QUANTITIES["current"], output, QUANTITIES["gap"])

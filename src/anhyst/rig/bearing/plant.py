@@ -19,10 +19,9 @@ from anhyst.rig.magnet_table import LAW
 from anhyst.rig.parts.magnet import FluxTable, flux_table_of, iron_magnet, law_magnet
 from anhyst.rig.sensor_table import PositionSensor
 from anhyst.rig.tables import AXES
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
-from anhyst.support.elementary import passed
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, passed
 
 Numbers = NDArray[np.int_]
 
@@ -50,13 +49,13 @@ def read_flux_table(path: PathLike) -> FluxTable:
             key="I_A",
         )
     numbers = np.full((gaps.size, currents.size), -1)
-    for number, place in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
-        if numbers[place] >= 0:
+    for number, cell in enumerate(zip(row.tolist(), column.tolist(), strict=True)):
+        if numbers[cell] >= 0:
             point = _point(gap[number], current[number])
             raise InputError(
                 f"{table.where(number)}: {point} comes twice; remove one", code="value-again"
             )
-        numbers[place] = number
+        numbers[cell] = number
     _check_full(table.path, gaps, currents, numbers)
     made = FluxTable(currents, gaps, psi[numbers])
     _check_monotone(table, made, numbers)
@@ -186,8 +185,8 @@ def static_map(
     rig: BearingRig, current: FloatArray, gap: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return force, flux linkage and flux density of a path so slow that nothing is induced."""
-    found = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
-    return found[:, 0].copy(), found[:, 1].copy(), found[:, 2].copy()
+    columns = Coil(make_magnet(rig)).run(np.ascontiguousarray(current), np.ascontiguousarray(gap))
+    return columns[:, 0].copy(), columns[:, 1].copy(), columns[:, 2].copy()
 
 
 def make_bearing(
@@ -229,7 +228,7 @@ def plant_numbers(rig: BearingRig) -> PlantNumbers:
     """Return the numbers of a plant whose one coordinate is the gap of its first magnet."""
     sensors = _sensors(rig)
     places = ((_CLOSES, 0.0), (_OPENS, rig.settings.gap_total_m or 0.0))
-    actuators = [_actuator(rig, sensors, *place) for place in places[: len(rig.magnets)]]
+    actuators = [_actuator(rig, sensors, *position) for position in places[: len(rig.magnets)]]
     heads = [{"line": _OPENS, "zero": 0.0, "sensor": sensors["gap"], "base": ON_FRAME}]
     return PlantNumbers(_body(rig, sensors["force"]), actuators, heads, _load(rig))
 
@@ -273,14 +272,14 @@ def axes_numbers(rig: BearingRig) -> PlantNumbers:
     ]
     heads = [
         {
-            "line": {"r": one.position_m, "d": one.direction},
+            "line": {"r": sensor.position_m, "d": sensor.direction},
             "zero": 0.0,
-            "sensor": _sensor((-1.0, 1.0), 0.0, one.noise_m)
+            "sensor": _sensor((-1.0, 1.0), 0.0, sensor.noise_m)
             | _lag(rig.step, math.inf)
-            | {"gain": 1.0 + one.air, "offset": one.air * one.dead_path_m},
-            "base": ON_GROUND if one.stands else ON_BODY,
+            | {"gain": 1.0 + sensor.air, "offset": sensor.air * sensor.dead_path_m},
+            "base": ON_GROUND if sensor.stands else ON_BODY,
         }
-        for one in file.position_sensors
+        for sensor in file.position_sensors
     ]
     return PlantNumbers(_axes_body(rig, sensors["force"]), actuators, gaps + heads, _load(rig))
 

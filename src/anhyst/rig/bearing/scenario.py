@@ -13,8 +13,7 @@ from anhyst.control.controller_file import ControllerTable
 from anhyst.control.states import Command
 from anhyst.rig.bearing.file import BearingRig, step_ends
 from anhyst.rig.tables import DisturbanceTable
-from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import passed, sine
+from anhyst.support.numeric import FloatArray, passed, sine
 
 DROP, SHORT, FAILS = 256, 512, 16
 """Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;

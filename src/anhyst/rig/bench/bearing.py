@@ -21,14 +21,12 @@ from anhyst.rig.bearing.board import position_code
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loops, make_bearing
-from anhyst.rig.bench.lock_step import LockStepBench
-from anhyst.rig.bench.pace import Heartbeat
+from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.rig.recording import COLUMNS, in_columns
-from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import sine
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, sine
 
 
 class LoadDrive:

@@ -11,16 +11,14 @@ from anhyst.control.states import Command, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
 from anhyst.link.process import run_library
-from anhyst.rig.bench.lock_step import LockStepBench
-from anhyst.rig.bench.pace import Heartbeat
+from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
 from anhyst.rig.force.bench import ActuatorStand, StandTick
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program
-from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import sine
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray, sine
 
 _SPEED = 0.02
 _SPEED_MOST = 1.0

@@ -24,8 +24,8 @@ from anhyst.rig.bench.contact import (
 from anhyst.rig.bench.force import FORCE_COMMANDS, check_demand
 from anhyst.rig.bench.protocol import Parameter
 from anhyst.rig.bench.settings import check_values
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 _BEAT_S = 0.02
 """Between two signs of life to a controller, s; it waits for 0.1 s."""

@@ -3,6 +3,8 @@
 The pacer alone touches the bench, in a thread of its own. Ticks become due by the clock; those of
 about 10 ms are run together once the last of them is due, and handed on as one chunk. What is to be
 done to the bench is done between two chunks, so that all of it acts on one tick.
+
+What virtual benches have in common: a firmware in lock-step with its plant.
 """
 
 from __future__ import annotations
@@ -13,11 +15,11 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from anhyst.link.client import ControllerLink
 from anhyst.rig.bench.protocol import Bench, Subscription
@@ -304,3 +306,52 @@ class Heartbeat:
     def restart(self) -> None:
         """Begin to count again: something else was said."""
         self._silent = 0
+
+
+class _Bus(Protocol):
+    @property
+    def tick(self) -> int: ...
+
+
+_BusT = TypeVar("_BusT", bound=_Bus)
+
+
+class LockStepBench(Generic[_BusT]):
+    """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
+
+    Holds a parameter block (:class:`anhyst.dashboard.improver.BlockHolder`); what a bench is made
+    of stands in its ``_open``, which ends with it.
+    """
+
+    keeps_time = False
+    every = 1
+    lost = ""
+
+    _open: ExitStack
+    _bus: _BusT
+    _link: ControllerLink
+    _heartbeat: Heartbeat
+
+    @property
+    def tick(self) -> int:
+        """Number of the last tick."""
+        return self._bus.tick
+
+    def news(self) -> Sequence[str]:
+        """Return nothing: a firmware of one's own that is lost ends the bench."""
+        return ()
+
+    def read_block(self) -> list[int]:
+        """Return the parameter block in force."""
+        self._heartbeat.restart()
+        return self._link.read_block()
+
+    def swap_block(self, words: Sequence[int]) -> int:
+        """Put another parameter block in force, from the next tick on."""
+        self._link.write_block(words)
+        self._heartbeat.restart()
+        return self.tick + 1
+
+    def close(self) -> None:
+        """End the firmware."""
+        self._open.close()

@@ -11,7 +11,7 @@ from anhyst._core import POSITION_MAGNETS
 from anhyst.control.states import Command
 from anhyst.rig.recording import column
 from anhyst.rig.stage.loop import WRENCH
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 
 class Signal(NamedTuple):

@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst._core import PlantLoop
-from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.interface import MethodName
-from anhyst.control.permitted import Standing, refusal
+from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.control.position import Standing, refusal
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.plant import current_loops
@@ -57,8 +56,8 @@ from anhyst.rig.stage.setpoint import (
     motion_of,
     strayed,
 )
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 PIECE_S = 0.01
 """After so long at most it is seen whether the loop was lost, s."""

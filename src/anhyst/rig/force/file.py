@@ -23,14 +23,13 @@ from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.iron_table import BY_FAMILY, DuhemTable, PreisachTable, SteelTable
 from anhyst.rig.kind_rules import read_rig_file
-from anhyst.rig.loop_files import Measured
-from anhyst.rig.measurement_table import MeasurementTable
+from anhyst.rig.measurement_table import Measured, MeasurementTable
 from anhyst.rig.parts.magnet import Electromagnet, iron_magnet
 from anhyst.rig.parts.sensors import Amplifier, Converter, Sensor
 from anhyst.rig.parts.solenoid import Geometry, Solenoid
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.kinds import FileKind
+from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import BRANCH, NotNegative, Positive, Table, read_toml
 
 
@@ -229,8 +228,8 @@ class Rig:
 
 def read_rig(path: PathLike) -> Rig:
     """Read a rig file and the solenoid file it names."""
-    place = Path(path)
-    settings = read_rig_file(place, [FileKind.FORCE])
+    file = Path(path)
+    settings = read_rig_file(file, [FileKind.FORCE])
     if settings.solenoid is None:
-        return Rig(place, settings, None)
-    return Rig(place, settings, read_toml(place.parent / settings.solenoid.file, SolenoidFile))
+        return Rig(file, settings, None)
+    return Rig(file, settings, read_toml(file.parent / settings.solenoid.file, SolenoidFile))

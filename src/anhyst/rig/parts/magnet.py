@@ -15,8 +15,8 @@ from scipy.interpolate import PchipInterpolator
 from anhyst._core import AnyIron, Coil, Magnet, Steel
 from anhyst.laws.law import IronOperator
 from anhyst.rig.parts.iron import AnySteel
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 
 _CURRENTS, _GAPS = 257, 129
@@ -161,8 +161,8 @@ class Electromagnet:
             self._coil.hold(current, gap)
             return self._coil.force
         start, step = self._coil.current, (current - self._coil.current) / _SUBSTEPS
-        for one in (*(start + n * step for n in range(1, _SUBSTEPS)), current):
-            self._coil.lead(one, gap, self.seconds / _SUBSTEPS)
+        for value in (*(start + n * step for n in range(1, _SUBSTEPS)), current):
+            self._coil.lead(value, gap, self.seconds / _SUBSTEPS)
         return self._coil.force
 
 
@@ -182,7 +182,7 @@ def flux_table_of(
     current = np.linspace(0.0, current_high, _CURRENTS)
     gap = np.linspace(*gaps, _GAPS)
     magnet = _in_circuit(poles, steel.unpinned(), 0.0, float(gap[0]))
-    psi = [Coil(magnet).run(current, np.full(current.size, place))[:, 1] for place in gap]
+    psi = [Coil(magnet).run(current, np.full(current.size, at))[:, 1] for at in gap]
     return FluxTable(current, gap, np.array(psi))
 
 

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from anhyst.support.elementary import passed
+from anhyst.support.numeric import passed
 
 _CHUNK = 4096
 

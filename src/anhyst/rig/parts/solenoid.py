@@ -70,8 +70,8 @@ class _Gap(NamedTuple):
         """
         mmf = near
         for _ in range(_ITERATIONS):
-            found, slope = self.flux(mmf)
-            step = (flux - found) / slope
+            total, slope = self.flux(mmf)
+            step = (flux - total) / slope
             mmf += step
             if abs(step) <= _TOLERANCE:
                 break
@@ -105,15 +105,15 @@ class Solenoid:
 
         Exact for a step of any size, as long as the field in the iron does not turn within it.
         """
-        place = self._gap(gap)
-        field, density = self._field(self.geometry.turns * current, place)
+        here = self._gap(gap)
+        field, density = self._field(self.geometry.turns * current, here)
         self.flux = self.geometry.iron_area * density
         self.iron.commit(field)
-        self._outside = place.mmf(self.flux, self._outside)[0]
-        self.force = place.force(self._outside)
+        self._outside = here.mmf(self.flux, self._outside)[0]
+        self.force = here.force(self._outside)
         return self.force
 
-    def _field(self, mmf: float, place: _Gap) -> tuple[float, float]:
+    def _field(self, mmf: float, here: _Gap) -> tuple[float, float]:
         """Field in the iron that uses up the ampere-turns, and the flux density there.
 
         What is left over falls at least as fast as ``iron_length*field``, so its root is bracketed;
@@ -128,7 +128,7 @@ class Solenoid:
         for _ in range(_ITERATIONS):
             density, slope = self.iron.flux_density(field)
             slope, least = max(slope, least), 0.0
-            outside, d_outside = place.mmf(area * density, outside)
+            outside, d_outside = here.mmf(area * density, outside)
             left = mmf - length * field - slide * area * density - outside
             if abs(left) <= _TOLERANCE:
                 break

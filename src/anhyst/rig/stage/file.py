@@ -13,8 +13,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from anhyst._core import AXES_ODD, WrenchLayout
-from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import ForceController, MethodName
 from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
@@ -28,15 +27,15 @@ from anhyst.rig.calibration import (
 )
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
-from anhyst.rig.loop_files import Measured
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
+from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
+from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
     FileFault,
 )

@@ -21,9 +21,8 @@ from anhyst._core import (
     TrackingF32,
 )
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.interface import MethodName, NumberFormat
 from anhyst.compensate.methods import PROBED, make_compensator
 from anhyst.compensate.play_map import PlayMap
 from anhyst.compensate.sources import Operating, Sources
@@ -73,8 +72,8 @@ from anhyst.rig.stage.file import (
     yields,
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
 """Methods of constants: the force is shared out by class A, around the bias they are fitted at."""

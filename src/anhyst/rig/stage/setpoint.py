@@ -10,7 +10,7 @@ import numpy as np
 
 from anhyst.rig.case_table import ScanCase
 from anhyst.rig.stage.file import StageRig
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 STRAY_LATE = 5e-3
 """How late a long stroke follows the acceleration, s."""

@@ -11,13 +11,12 @@ from typing import Any, Literal
 import numpy as np
 
 from anhyst.compensate import methods
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data.reversal import reversal_share
-from anhyst.data.verdict import judge
-from anhyst.rig.bearing.controller_check import check_controller
+from anhyst.data.verdict import judge, reversal_share
 from anhyst.rig.bearing.drift import with_iron
 from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import check_controller
 from anhyst.rig.bearing.make_setup import identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.iron_table import NamedCells
@@ -25,8 +24,8 @@ from anhyst.study.bearing.linear import Quotient, quotient
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.engine.verdict import Interval, mean_interval
-from anhyst.support.arrays import FloatArray
 from anhyst.support.jobs import all_of
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
 
@@ -189,14 +188,14 @@ def benefit(
         _Work(with_iron(rig, fraction, scale), controller, scale, fraction, steps, (*range(count),))
         for scale, fraction in product(scales, fractions)
     ]
-    found = all_of(_map_iron, work, progress, jobs)
+    rows = all_of(_map_iron, work, progress, jobs)
     return Benefit(
         rig=rig.settings.name,
         controller=controller.settings.name,
         gap=tried.gap_m,
         load=rig.settings.load.force_N,
         seeds=count,
-        cells=tuple(cell for cells in found for cell in cells),
+        cells=tuple(cell for cells in rows for cell in cells),
     )
 
 
@@ -232,7 +231,7 @@ def _at(
     """Return the figures of the steps of a height: up and down, seed by seed."""
     return {
         name: [
-            [one.figures for one in run if math.isclose(one.height, height, rel_tol=1e-6)]
+            [step.figures for step in run if math.isclose(step.height, height, rel_tol=1e-6)]
             for run in runs
         ]
         for name, runs in steps.items()
@@ -247,7 +246,7 @@ def _cell(
         for name, pairs in runs.items()
     }
     still = {
-        name: float(np.mean([one["standstill_rms_m"] for pair in pairs for one in pair]))
+        name: float(np.mean([figures["standstill_rms_m"] for pair in pairs for figures in pair]))
         for name, pairs in runs.items()
     }
 
@@ -271,7 +270,7 @@ def _cell(
 def _values(runs: _Runs, measure: Measure, hold: float) -> FloatArray:
     """Return the larger one of up and down a seed; what did not settle did so when the hold ended."""
     most = hold if measure == "settling_in_noise_s" else math.inf
-    return np.array([max(min(one[measure], most) for one in pair) for pair in runs])
+    return np.array([max(min(figures[measure], most) for figures in pair) for pair in runs])
 
 
 def _compare(
@@ -308,30 +307,30 @@ def _row(cell: MapCell) -> dict[str, Any]:
         "iron": iron.label,
         "height_m": cell.height,
         "figures": {
-            name: {measure: _interval(one) for measure, one in rows.items()}
+            name: {measure: _interval(value) for measure, value in rows.items()}
             for name, rows in cell.figures.items()
         },
         "standstill_rms_m": dict(cell.standstill),
-        "against_strongest": {name: _comparison(one) for name, one in cell.strongest.items()},
-        "against_ratio": {name: _comparison(one) for name, one in cell.ratio.items()},
-        "against_flux": {name: _comparison(one) for name, one in cell.flux.items()},
+        "against_strongest": {name: _comparison(value) for name, value in cell.strongest.items()},
+        "against_ratio": {name: _comparison(value) for name, value in cell.ratio.items()},
+        "against_flux": {name: _comparison(value) for name, value in cell.flux.items()},
     }
 
 
-def _interval(one: Interval) -> dict[str, float]:
-    return {"mean": one.mean, "half_width": one.half_width}
+def _interval(interval: Interval) -> dict[str, float]:
+    return {"mean": interval.mean, "half_width": interval.half_width}
 
 
-def _comparison(one: Comparison) -> dict[str, Any]:
-    found: dict[str, Any] = {"baseline": one.baseline, "outcome": one.outcome}
-    if one.floor is not None:
-        found["floor_percent"] = one.floor
-    if one.quotient is not None and one.difference is not None:
-        value, high = one.quotient.value, one.quotient.high
-        found |= {
+def _comparison(comparison: Comparison) -> dict[str, Any]:
+    row: dict[str, Any] = {"baseline": comparison.baseline, "outcome": comparison.outcome}
+    if comparison.floor is not None:
+        row["floor_percent"] = comparison.floor
+    if comparison.quotient is not None and comparison.difference is not None:
+        value, high = comparison.quotient.value, comparison.quotient.high
+        row |= {
             "ratio": value if math.isfinite(value) else None,
-            "ratio_low": one.quotient.low,
+            "ratio_low": comparison.quotient.low,
             "ratio_high": high if math.isfinite(high) else None,
-            "difference": _interval(one.difference),
+            "difference": _interval(comparison.difference),
         }
-    return found
+    return row

@@ -59,8 +59,8 @@ class Ending:
     @property
     def as_expected(self) -> bool:
         """Whether the controller gave the reason that belongs to the fault, or went on."""
-        wanted = self.injection.reason
-        return self.reason is wanted and self.levitates == (wanted is Fault.NONE)
+        expected = self.injection.reason
+        return self.reason is expected and self.levitates == (expected is Fault.NONE)
 
 
 def _shows(change: Callable[[Reading], Reading], ticks: float = math.inf) -> Act:

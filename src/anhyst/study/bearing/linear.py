@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 
 from anhyst.control import Pidd2
 from anhyst.study.bearing.linear_plant import Chain, CurrentLoop, DigitalAmplifier, Point, sampled
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 __all__ = [
     "Chain",
@@ -191,10 +191,10 @@ def _peak(loop: LinearLoop, grid: FloatArray, size: FloatArray) -> tuple[float, 
     """Return frequency and size of the largest sensitivity."""
     i = int(np.argmax(size))
     ends = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
-    found = minimize_scalar(
+    best = minimize_scalar(
         lambda f: -abs(complex(loop.sensitivity(f)[0])), bounds=ends, method="bounded"
     )
-    return float(found.x), float(-found.fun)
+    return float(best.x), float(-best.fun)
 
 
 Zone = Literal["A", "B", "C", "D"]
@@ -244,7 +244,7 @@ def quotient(upper: ArrayLike, lower: ArrayLike, level: float = 0.95) -> Quotien
     rows = np.array([upper, lower], dtype=float)
     count = rows.shape[1]
     factor = float(stdtrit(count - 1, 0.5 + 0.5 * level)) ** 2 / count
-    a, b = (float(one) for one in rows.mean(axis=1))
+    a, b = (float(mean) for mean in rows.mean(axis=1))
     (aa, ab), (_, bb) = (factor * np.cov(rows)).tolist()
     value = a / b if b > 0.0 else math.inf
     # (a - R b)^2 <= aa - 2 R ab + R^2 bb

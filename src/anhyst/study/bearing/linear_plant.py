@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, expm
 
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ def sampled(
     return closed, reference, _padded(position, n + 1)
 
 
-def _unit(length: int, place: int) -> FloatArray:
+def _unit(length: int, index: int) -> FloatArray:
     row = np.zeros(length)
-    row[place] = 1.0
+    row[index] = 1.0
     return row
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst.rig.recording import peak, rms, settled_from
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 SETTLED = 0.02  # of a step's height
 _RESOLUTIONS = 3.0  # of a sensor's resolution, rms, within which a position counts as arrived
@@ -106,9 +106,9 @@ def recovery_time(time: ArrayLike, error: ArrayLike, start: float, band: float) 
     return _stays_from(t[later] - start, np.abs(np.asarray(error, dtype=float))[later], band)
 
 
-def deviation(signal: ArrayLike, wanted: ArrayLike) -> TrackingError:
+def deviation(signal: ArrayLike, target: ArrayLike) -> TrackingError:
     """Compare a gap with its reference, or a force with its demand."""
-    off = np.asarray(signal, dtype=float) - np.asarray(wanted, dtype=float)
+    off = np.asarray(signal, dtype=float) - np.asarray(target, dtype=float)
     return TrackingError(rms=rms(off), peak=peak(off))
 
 

@@ -19,16 +19,15 @@ from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.board import COLUMNS, BearingPlant, firmware_run
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.levitation_run import parts_of_run
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, compiled_model, make_setups
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
-from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.support.arrays import FloatArray
+from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress, in_parts
 
 QEMU = "qemu-mps2"
@@ -98,7 +97,7 @@ class BoardComparison:
             "ticks_that_differ": self.differ,
             "landed": self.landed,
             "landing_speed_m_per_s": self.landing_speed,
-            "faults": [_ending(one) for one in self.endings],
+            "faults": [_ending(ending) for ending in self.endings],
         }
 
     def refuse(self) -> None:
@@ -119,7 +118,7 @@ class BoardComparison:
             raise NegativeResult(
                 "the firmware did not land the armature at the end of its run", code="not-landed"
             )
-        wrong = [one.injection.name for one in self.endings if not one.as_expected]
+        wrong = [ending.injection.name for ending in self.endings if not ending.as_expected]
         if wrong:
             raise NegativeResult(
                 f"the firmware did not notice what it should: {'; '.join(wrong)}",
@@ -153,9 +152,9 @@ def run_board(
     rig, controller = read_files(rig_path, controller_path)
     ready = make_ready(rig, controller, (out,))
     parts = in_parts(progress, _WORK)
-    with tempfile.TemporaryDirectory(prefix="anhyst-") as place:
+    with tempfile.TemporaryDirectory(prefix="anhyst-") as folder:
         setup, firmware = build_firmware(
-            ready.rig, controller, ready.knowledge(), board, Path(place)
+            ready.rig, controller, ready.knowledge(), board, Path(folder)
         )
         next(parts)(1, 1)
         simulated, recorded = _run_twice(setup, firmware, board, next(parts))
@@ -186,43 +185,43 @@ def build_firmware(
     controller: ControllerFile,
     knowledge: IdentifiedMagnet,
     board: str,
-    place: Path,
+    folder: Path,
 ) -> tuple[Setup, Path]:
     """Compile what a rig is simulated with, and build a firmware around it."""
-    model = place / "model.toml"
+    model = folder / "model.toml"
     table = controller.settings
     kind = table.compensation.variant
     if controller.model is None or rig.learnt(kind) is not None:
         write_model(compiled_model(rig, knowledge, kind), model)
     else:
         model = controller.model
-    asked = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
-    compiled = compile_model(model, place / "c", asked, controller.path)
+    request = CompileRequest("simplified" if kind == "simplified" else "full", "q31", table.rate_Hz)
+    compiled = compile_model(model, folder / "c", request, controller.path)
     setup = make_setups(rig, controller, knowledge, (kind,))[kind]
-    wanted = dict(position_control(setup).settings("fixed"))
-    if compiled.manifest["controller"]["settings"] != wanted:
+    settings = dict(position_control(setup).settings("fixed"))
+    if compiled.manifest["controller"]["settings"] != settings:
         raise InputError(
             f"{controller.path}: does not say of the amplifiers, or of a second magnet, what "
             f"{rig.path} says; write [converter], and [pair] where there is one",
             code="controller-and-rig-differ",
         )
-    return setup, build(board, place / "c", place / "firmware")
+    return setup, build(board, folder / "c", folder / "firmware")
 
 
-def write_comparison(found: BoardComparison, out: PathLike) -> None:
+def write_comparison(comparison: BoardComparison, out: PathLike) -> None:
     """Write the figures of a run as JSON."""
     with atomic_writer(out) as stream:
-        stream.write(json_text(found.as_dict()))
+        stream.write(json_text(comparison.as_dict()))
 
 
-def _ending(one: Ending) -> dict[str, Any]:
+def _ending(ending: Ending) -> dict[str, Any]:
     return {
-        "fault": one.injection.name,
-        "expected": one.injection.reason.name.lower(),
-        "reason": one.reason.name.lower(),
-        "levitates": one.levitates,
-        "seconds": one.seconds,
-        "rest_speed_m_per_s": one.rest_speed,
-        "magnet_speed_m_per_s": one.magnet_speed,
-        "away_m": one.away,
+        "fault": ending.injection.name,
+        "expected": ending.injection.reason.name.lower(),
+        "reason": ending.reason.name.lower(),
+        "levitates": ending.levitates,
+        "seconds": ending.seconds,
+        "rest_speed_m_per_s": ending.rest_speed,
+        "magnet_speed_m_per_s": ending.magnet_speed,
+        "away_m": ending.away,
     }

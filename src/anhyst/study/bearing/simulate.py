@@ -7,15 +7,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.control.controller_file import ControllerFile
-from anhyst.data.writing import check_recording
+from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.levitation_run import LevitationRun, lost_blocks, parts_of_run
-from anhyst.rig.bearing.loop import Setup, SimulatedLoop
+from anhyst.rig.bearing.loop import LevitationRun, Setup, SimulatedLoop, lost_blocks, parts_of_run
 from anhyst.rig.bearing.make_setup import (
     IdentifiedMagnet,
     calibrated_magnets,
@@ -30,11 +29,18 @@ from anhyst.study.bearing.operating import (
     OperatingPoint,
     has_constants,
     linear_loop,
+    make_ready,
+    read_files,
     sweep_frequencies,
 )
-from anhyst.study.bearing.ready import make_ready, read_files
-from anhyst.study.bearing.responses import StepCell, as_rows, compare, default_seeds, sweep
-from anhyst.study.bearing.sensitivity import Sensitivity
+from anhyst.study.bearing.responses import (
+    Sensitivity,
+    StepCell,
+    as_rows,
+    compare,
+    default_seeds,
+    sweep,
+)
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.json_text import json_text
@@ -100,8 +106,8 @@ class Simulation(Result):
     @property
     def lost_in(self) -> list[str]:
         """Everything tried in which the controller file's own variant lost levitation."""
-        found: list[str] = self.figures["lost_in"]
-        return found
+        lost: list[str] = self.figures["lost_in"]
+        return lost
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where the controller file's own variant lost levitation."""
@@ -173,9 +179,9 @@ def simulate(
 
     As :func:`explore`, and :func:`write_simulation` of what it found.
     """
-    found = explore(rig_path, out, controller_path, progress)
-    write_simulation(found, out)
-    return found
+    simulation = explore(rig_path, out, controller_path, progress)
+    write_simulation(simulation, out)
+    return simulation
 
 
 def explore(
@@ -204,10 +210,10 @@ def explore(
         raise NegativeResult(f"{fault}; the recording is kept in {out}", code="levitation-lost")
     next(parts)(1, 1)
     setups, left_out = _beside(mine, controller, knowledge)
-    found = _compare(controller, knowledge, setups, ready.at, run.recording, parts)
-    found.figures["left_out"] = left_out
-    found.figures["lost_in"] = [*run.lost_later(), *lost_blocks(found.figures)]
-    return found
+    simulation = _compare(controller, knowledge, setups, ready.at, run.recording, parts)
+    simulation.figures["left_out"] = left_out
+    simulation.figures["lost_in"] = [*run.lost_later(), *lost_blocks(simulation.figures)]
+    return simulation
 
 
 def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike, ...]:
@@ -219,11 +225,13 @@ def _places(out: PathLike | None, controller: ControllerFile) -> tuple[PathLike,
     return (out, Path(out).parent / FIGURES, *model_file)
 
 
-def write_simulation(found: Simulation, out: PathLike) -> None:
+def write_simulation(simulation: Simulation, out: PathLike) -> None:
     """Write recording, identified model and ``figures.json``."""
-    _write_recording(out, found.recording, found.rig, found.controller, found.knowledge)
+    _write_recording(
+        out, simulation.recording, simulation.rig, simulation.controller, simulation.knowledge
+    )
     with atomic_writer(Path(out).parent / FIGURES) as stream:
-        stream.write(json_text(found.figures))
+        stream.write(json_text(simulation.figures))
 
 
 def _write_recording(
@@ -286,8 +294,11 @@ def _compare(
     )
     scenario = steps_up_and_down(rig, controller.settings, tried.gap_m, _heights(rig))
     loops = {name: linear_loop(setup, at) for name, setup in setups.items()}
-    place, frequencies = (tried.gap_m, _load(rig)), sweep_frequencies(rig)
-    swept = {name: sweep(one, *place, frequencies, seed=0) for name, one in setups.items()}
+    point, frequencies = (tried.gap_m, _load(rig)), sweep_frequencies(rig)
+    swept = {
+        name: sweep(sensitivity, *point, frequencies, seed=0)
+        for name, sensitivity in setups.items()
+    }
     plant = check_plant(rig, knowledge)
     figures = {
         **_head(rig, controller),
@@ -300,8 +311,13 @@ def _compare(
             for name, setup in setups.items()
         },
         "sensitivity": {
-            name: one and {"peak": one.peak, "peak_Hz": one.peak_frequency, "zone": one.zone}
-            for name, one in swept.items()
+            name: sensitivity
+            and {
+                "peak": sensitivity.peak,
+                "peak_Hz": sensitivity.peak_frequency,
+                "zone": sensitivity.zone,
+            }
+            for name, sensitivity in swept.items()
         },
     }
     return Simulation(
@@ -315,7 +331,9 @@ def _compare(
         scenario=scenario,
         cells=cells,
         loops=loops,
-        sensitivity={name: one for name, one in swept.items() if one is not None},
+        sensitivity={
+            name: sensitivity for name, sensitivity in swept.items() if sensitivity is not None
+        },
         plant=plant,
         figures=figures,
     )
@@ -337,8 +355,10 @@ def _head(rig: BearingRig, controller: ControllerFile) -> dict[str, Any]:
 
 def compared(rig: BearingRig, own: MethodName) -> tuple[MethodName, ...]:
     """Return all variants that a rig allows, that of the controller file among them."""
-    found = [name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None]
-    return tuple(dict.fromkeys([*found, own]))
+    methods = [
+        name for name in COMPARED if name not in PROBED or rig.settings.hall_probe is not None
+    ]
+    return tuple(dict.fromkeys([*methods, own]))
 
 
 def _heights(rig: BearingRig) -> list[float]:
@@ -365,10 +385,10 @@ def _experiments(
     """Try everything beside steps, with every variant."""
     seeds: Sequence[int] = default_seeds(rig)
     tried = rig.settings
-    found: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "standstill": experiments.of_all(experiments.stand_still, setups, seeds, None, next(parts))
     }
-    found["trajectories"] = [
+    figures["trajectories"] = [
         {
             "kind": shape.kind,
             "amplitude_m": shape.amplitude_m,
@@ -377,7 +397,7 @@ def _experiments(
         }
         for shape in tried.trajectories
     ]
-    found["load_steps"] = [
+    figures["load_steps"] = [
         {
             "force_N": force,
             "variants": experiments.of_all(
@@ -386,11 +406,11 @@ def _experiments(
         }
         for force in tried.load_steps_N
     ]
-    found["events"] = {
+    figures["events"] = {
         event: experiments.of_all(experiments.recover, setups, seeds, event, next(parts))
         for event in experiments.EVENTS
     }
-    return found
+    return figures
 
 
 def _point(at: OperatingPoint) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.from_loops import complete_rig
 from anhyst.study.bearing.linear_plant import Point, voltage_matrices
 from anhyst.study.bearing.operating import find_operating_point
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
+from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge, mean_interval, strongest
@@ -23,11 +23,11 @@ from anhyst.support.atomic import PathLike
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import each
 from anhyst.support.json_text import plain
+from anhyst.support.kept import ResultsFile
 from anhyst.support.kinds import FileKind
 from anhyst.support.pays import FEEDBACK, FORCE, PIEZO, STAGE
 from anhyst.support.progress import Progress
 from anhyst.support.result import Result, columns_of
-from anhyst.support.resuming import ResultsFile
 from anhyst.support.version import running_version
 
 if TYPE_CHECKING:
@@ -171,10 +171,10 @@ class MonteCarlo(Result):
         if len(self.drifts) < 2:
             return Judgement("unknown", "one plant says nothing of others; run more")
         compared = [
-            one
+            comparison
             for figure in self.plants.figures
             for case in range(len(figure.names))
-            if (one := self._compare(figure, case)) is not None
+            if (comparison := self._compare(figure, case)) is not None
         ]
         return judge(own, compared, "figures", _INSTEAD[self.plants.file.kind])
 
@@ -223,11 +223,11 @@ class MonteCarlo(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return percentiles and worst plants as ``montecarlo.json`` holds them."""
-        found = {method: self._variant(method) for method in self.runs}
+        variants = {method: self._variant(method) for method in self.runs}
         worst = {
             spread["worst_plant"]
-            for one in found.values()
-            for key, rows in one.items()
+            for variant in variants.values()
+            for key, rows in variant.items()
             if key != "lost"
             for spread in (rows if isinstance(rows, list) else [rows])
         }
@@ -237,27 +237,29 @@ class MonteCarlo(Result):
             "rig": self.plants.file.name,
             "plants": len(self.drifts),
             "seed": self.plants.seed,
-            "variants": found,
-            "worst_plants": {str(place): self.drifts[place].as_dict() for place in sorted(worst)},
+            "variants": variants,
+            "worst_plants": {
+                str(number): self.drifts[number].as_dict() for number in sorted(worst)
+            },
             "verdict": {"level": judged.level, "text": judged.sentence},
         }
 
     def _variant(self, method: MethodName) -> dict[str, Any]:
-        found: dict[str, Any] = {"lost": self.lost(method)}
+        figures: dict[str, Any] = {"lost": self.lost(method)}
         for figure in self.plants.figures:
             rows = [
-                {figure.case_key: case, **_spread(self.values(method, figure.key, place))}
-                for place, case in enumerate(figure.cases)
+                {figure.case_key: case, **_spread(self.values(method, figure.key, index))}
+                for index, case in enumerate(figure.cases)
             ]
-            found[figure.key] = rows or _spread(self.values(method, figure.key))
-        return found
+            figures[figure.key] = rows or _spread(self.values(method, figure.key))
+        return figures
 
 
 def _spread(values: Sequence[float]) -> dict[str, float | int | None]:
     """Return percentiles, the worst and its plant; what is infinite becomes None, as for JSON."""
     worst = int(np.argmax(values))
-    found = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
-    return {**plain({**found, "worst": values[worst]}), "worst_plant": worst}
+    spread = {f"p{percent}": percentile(values, percent) for percent in PERCENTILES}
+    return {**plain({**spread, "worst": values[worst]}), "worst_plant": worst}
 
 
 def percentile(values: Sequence[float], percent: float) -> float:
@@ -303,10 +305,10 @@ def monte_carlo(
 def run_plant(plants: Plants, number: int) -> dict[str, Any]:
     """Run one plant behind every method; returns the line of the file of results."""
     drift, noise = plants.draw(number)
-    found: dict[str, Any] = {}
+    variants: dict[str, Any] = {}
     for method in plants.methods:
-        found[method] = plain({"lost_s": None, **plants.work.run(method, drift, noise)})
-    return {"plant": number, "drift": drift.as_dict(), "variants": found}
+        variants[method] = plain({"lost_s": None, **plants.work.run(method, drift, noise)})
+    return {"plant": number, "drift": drift.as_dict(), "variants": variants}
 
 
 def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
@@ -314,9 +316,9 @@ def _plant_run(row: Mapping[str, Any], plants: Plants) -> PlantRun:
     values = {}
     for figure in plants.figures:
         never = [None] * len(figure.names)
-        given = never if lost is not None else row[figure.key]
-        cases = given if isinstance(given, list) else [given]
-        values[figure.key] = tuple(math.inf if one is None else one for one in cases)
+        entry = never if lost is not None else row[figure.key]
+        cases = entry if isinstance(entry, list) else [entry]
+        values[figure.key] = tuple(math.inf if case is None else case for case in cases)
     return PlantRun(values, lost)
 
 
@@ -340,13 +342,13 @@ def _faults(row: Mapping[str, Any], plants: Plants) -> Iterator[str]:
         if not _possible(run.get("lost_s", math.nan)):
             yield f"{where}.lost_s: must be null or when the loop was lost"
         for figure in plants.figures if run["lost_s"] is None else ():
-            given = run.get(figure.key, math.nan)
-            values = given if figure.cases else [given]
+            entry = run.get(figure.key, math.nan)
+            values = entry if figure.cases else [entry]
             if not isinstance(values, list) or len(values) != len(figure.names):
                 yield f"{where}.{figure.key}: must have {len(figure.names)} values, one a case"
-            for place, value in enumerate(values):
+            for index, value in enumerate(values):
                 if not _possible(value):
-                    key = f"{figure.key}.{place}" if figure.cases else figure.key
+                    key = f"{figure.key}.{index}" if figure.cases else figure.key
                     yield f"{where}.{key}: must be null or a number that is not negative"
 
 

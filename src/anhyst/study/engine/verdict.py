@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
 
 Level = Literal["yes", "mixed", "no", "unknown"]
@@ -101,12 +101,12 @@ def compare(
 
 def strongest(figures: Mapping[MethodName, Interval]) -> MethodName | None:
     """Return the baseline with the least mean; None where none has one."""
-    found = [
+    names = [
         name
-        for name, one in figures.items()
-        if METHODS[name].role == "baseline" and math.isfinite(one.mean)
+        for name, interval in figures.items()
+        if METHODS[name].role == "baseline" and math.isfinite(interval.mean)
     ]
-    return min(found, key=lambda name: figures[name].mean, default=None)
+    return min(names, key=lambda name: figures[name].mean, default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,22 +124,26 @@ class Judgement:
 
 def judge(own: str, comparisons: Sequence[ComparedFigure], what: str, instead: str) -> Judgement:
     """Judge a model against the strongest baselines; ``instead`` says where it would pay."""
-    found = weigh(own, comparisons, what)
-    if found.level == "unknown":
-        return found
-    text = f"{own} against the strongest baseline without hysteresis model, {found.text}"
-    return Judgement(found.level, text if found.level == "yes" else f"{text}; {instead}")
+    verdict = weigh(own, comparisons, what)
+    if verdict.level == "unknown":
+        return verdict
+    text = f"{own} against the strongest baseline without hysteresis model, {verdict.text}"
+    return Judgement(verdict.level, text if verdict.level == "yes" else f"{text}; {instead}")
 
 
 def weigh(own: str, comparisons: Sequence[ComparedFigure], what: str) -> Judgement:
     """Say in which figures a model is certainly less, more or alike, whatever it is compared with."""
-    known = [one for one in comparisons if not math.isnan(one.ratio) or one.its == one.mine]
+    known = [
+        comparison
+        for comparison in comparisons
+        if not math.isnan(comparison.ratio) or comparison.its == comparison.mine
+    ]
     if not known:
         return Judgement("unknown", f"{own} was compared with nothing")
-    less = [one for one in known if one.less]
-    more = [one for one in known if one.more]
+    less = [comparison for comparison in known if comparison.less]
+    more = [comparison for comparison in known if comparison.more]
     level: Level = "no" if not less else "mixed" if more else "yes"
-    alike = [one for one in known if not one.less and not one.more]
+    alike = [comparison for comparison in known if not comparison.less and not comparison.more]
     parts = [
         f"{word} {_listed(ones, len(known), what)}"
         for word, ones in (("less:", less), ("more:", more), ("alike within the noise:", alike))
@@ -151,13 +155,17 @@ def weigh(own: str, comparisons: Sequence[ComparedFigure], what: str) -> Judgeme
 def _listed(comparisons: Sequence[ComparedFigure], count: int, what: str) -> str:
     """Name figures with their parts of the baseline's, or count them."""
     if count > LISTED:
-        names = " or ".join(dict.fromkeys(f"'{one.baseline}'" for one in comparisons))
-        parts = sorted(one.ratio for one in comparisons if math.isfinite(one.ratio))
+        names = " or ".join(dict.fromkeys(f"'{comparison.baseline}'" for comparison in comparisons))
+        parts = sorted(
+            comparison.ratio for comparison in comparisons if math.isfinite(comparison.ratio)
+        )
         span = f", {_span(parts[0], parts[-1])} of {names}" if parts else f", against {names}"
         return f"{len(comparisons)} of {count} {what}{span}"
     named: dict[str, list[str]] = {}
-    for one in comparisons:
-        named.setdefault(one.baseline, []).append(f"{one.title} {_part(one.ratio)}")
+    for comparison in comparisons:
+        named.setdefault(comparison.baseline, []).append(
+            f"{comparison.title} {_part(comparison.ratio)}"
+        )
     return ", ".join(f"{', '.join(parts)} of '{name}'" for name, parts in named.items())
 
 

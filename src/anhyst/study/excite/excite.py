@@ -20,18 +20,21 @@ from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.stage.file import read_stage
 from anhyst.study.excite.design import (
     INNER,
+    Bound,
     Record,
+    Specimen,
+    bearing_specimen,
     coolest_peak,
     demagnetises,
+    force_specimen,
     records,
     speeds_of,
     step_of,
 )
-from anhyst.study.excite.limits import Bound, Specimen, bearing_specimen, force_specimen
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
 from anhyst.support.kinds import TAKES, FileKind
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import toml_key, toml_value
@@ -48,18 +51,18 @@ class ReadSpecimen:
 
 def read_specimen(path: PathLike) -> ReadSpecimen:
     """Read a rig file of a bearing, of a stage, or of force control."""
-    place = Path(path)
-    kind = take_kind(place, TAKES["excite"])
+    file_path = Path(path)
+    kind = take_kind(file_path, TAKES["excite"])
     if kind is FileKind.FORCE:
-        rig = read_rig(place)
+        rig = read_rig(file_path)
         named = rig.settings.solenoid
-        files = [place] if named is None else [place, place.parent / named.file]
+        files = [file_path] if named is None else [file_path, file_path.parent / named.file]
         if named is None and rig.settings.magnet.from_loops:
             files += rig.measured.files
             rig = complete_rig(rig, rig.measured.read())
         return ReadSpecimen(force_specimen(rig), tuple(files))
-    bearing = read_stage(place).bearing if kind is FileKind.STAGE else read_bearing(place)
-    files = [one for one in (place, bearing.model, bearing.flux_table) if one is not None]
+    bearing = read_stage(file_path).bearing if kind is FileKind.STAGE else read_bearing(file_path)
+    files = [file for file in (file_path, bearing.model, bearing.flux_table) if file is not None]
     if bearing.settings.magnet.from_loops:
         files += bearing.measured.files
         bearing = complete_rig(bearing, bearing.measured.read())
@@ -216,12 +219,12 @@ def measure(specimen: Specimen, progress: Progress | None = None) -> Excitation:
             clock.rest(specimen.pause, gap)
         place = _probe(specimen, magnet, clock, gap, number, cool)
         places.append(place)
-        wanted = records(specimen, place.peak.value, place.operating)
-        for count, record in enumerate(wanted):
+        paths = records(specimen, place.peak.value, place.operating)
+        for count, record in enumerate(paths):
             sensors = specimen.held.sensors([number, count], record.sample)
             loops.append(_take(specimen, magnet, sensors, clock, gap, record))
             if progress is not None:
-                progress(number * len(wanted) + count + 1, len(gaps) * len(wanted))
+                progress(number * len(paths) + count + 1, len(gaps) * len(paths))
     check_operating(specimen, places)
     names = QUANTITIES["current"], QUANTITIES[specimen.output], QUANTITIES["gap"]
     return Excitation(
@@ -268,10 +271,10 @@ def place_of(
         )
     enough = np.flatnonzero(np.array(forces) >= specimen.operating.value)
     least, most = (share * peak.value for share in INNER)
-    wanted = float(gone[enough[0]]) if enough.size else np.inf
-    operating = min(max(wanted, least), most)
+    bias = float(gone[enough[0]]) if enough.size else np.inf
+    operating = min(max(bias, least), most)
     needed = _needed(specimen, gone, np.array(forces), operating)
-    return Place(gap, peak, max(forces), operating, wanted == operating, needed)
+    return Place(gap, peak, max(forces), operating, bias == operating, needed)
 
 
 def _needed(specimen: Specimen, current: FloatArray, force: FloatArray, operating: float) -> float:
@@ -380,24 +383,24 @@ def excite(
     rig: PathLike, out: PathLike, progress: Progress | None = None, how: Measuring = measure
 ) -> Excitation:
     """Measure the loops of a rig and write them, with a sidecar that says how they begin."""
-    place = Path(out)
-    if place.suffix.lower() != ".csv":
+    file = Path(out)
+    if file.suffix.lower() != ".csv":
         raise InputError(
-            f"{place}: loops are written as .csv; change the ending", code="wrong-ending"
+            f"{file}: loops are written as .csv; change the ending", code="wrong-ending"
         )
-    found = read_specimen(rig)
-    sidecar = place.with_suffix(".toml")
-    for path in (place, sidecar):
-        check_writable(path, reads=found.reads)
+    read = read_specimen(rig)
+    sidecar = file.with_suffix(".toml")
+    for path in (file, sidecar):
+        check_writable(path, reads=read.reads)
     if sidecar.exists() and not is_sidecar(sidecar):
         raise InputError(
             f"{sidecar}: is no description of loops; write to another file", code="not-a-sidecar"
         )
     try:
-        measured = how(found.specimen, progress)
+        measured = how(read.specimen, progress)
     except InputError as error:
         raise error.at(rig) from error
-    write_excitation(measured, Path(rig), place)
+    write_excitation(measured, Path(rig), file)
     return measured
 
 

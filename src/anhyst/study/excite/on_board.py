@@ -20,7 +20,7 @@ from anhyst.data.loops import Loop, Loops
 from anhyst.link.client import Refused
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.rig.measuring import straight
-from anhyst.study.excite.design import Record, coolest_peak, records, step_of
+from anhyst.study.excite.design import Bound, Record, Specimen, coolest_peak, records, step_of
 from anhyst.study.excite.excite import (
     HEADROOM,
     Excitation,
@@ -30,9 +30,8 @@ from anhyst.study.excite.excite import (
     notes_of,
     place_of,
 )
-from anhyst.study.excite.limits import Bound, Specimen
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.units import QUANTITIES
 
@@ -106,11 +105,11 @@ def measure_on_board(
         drive.begin(step_of(held) / held.sample)
         place = _probe(held, drive, cool)
         check_operating(held, [place])
-        wanted = records(held, place.peak.value, place.operating)
-        for count, record in enumerate(wanted):
+        paths = records(held, place.peak.value, place.operating)
+        for count, record in enumerate(paths):
             loops.append(_take(drive, record))
             if progress is not None:
-                progress(count + 1, len(wanted))
+                progress(count + 1, len(paths))
     finally:
         drive.end()
     names = QUANTITIES["current"], QUANTITIES["force"], QUANTITIES["gap"]
@@ -139,21 +138,21 @@ class BoardDrive:
         self._block = max(1, round(specimen.sample * bench.rate / bench.every))
         self._warmth, self._idle, self._longest = 0.0, False, 0.0
         self._book: list[tuple[float, float, float]] = []
-        self._before = {one.name: one.value for one in bench.parameters()}
+        self._before = {parameter.name: parameter.value for parameter in bench.parameters()}
         self.gap = self._held()
-        (ratio,) = (one for one in bench.parameters() if one.name == "ratio")
+        (ratio,) = (parameter for parameter in bench.parameters() if parameter.name == "ratio")
         limits = [specimen.current, Bound(ratio.high * bench.aim.high, "the controller's ratio")]
-        self.most = min(limits, key=lambda one: one.value)
+        self.most = min(limits, key=lambda parameter: parameter.value)
         self._ratio = self.most.value / bench.aim.high
 
     def _held(self) -> float:
         """Return the gap of the rig file at which the armature is held."""
-        found = float(np.mean(self._look()[:, self._at["gap"]]))
-        near = min(self._specimen.gaps, key=lambda gap: abs(gap - found))
-        if abs(near - found) > _NEAR * max(self._specimen.gaps):
+        gap_read = float(np.mean(self._look()[:, self._at["gap"]]))
+        near = min(self._specimen.gaps, key=lambda gap: abs(gap - gap_read))
+        if abs(near - gap_read) > _NEAR * max(self._specimen.gaps):
             gaps = ", ".join(f"{1e3 * gap:g}" for gap in self._specimen.gaps)
             raise InputError(
-                f"measure: the armature stands at {1e3 * found:.4g} mm; hold it at a gap of the rig "
+                f"measure: the armature stands at {1e3 * gap_read:.4g} mm; hold it at a gap of the rig "
                 f"file: {gaps} mm",
                 code="gap-not-of-rig",
                 key="measure",
@@ -207,16 +206,16 @@ class BoardDrive:
         way = way[self._off(way, force)]
         blocks = [way[at : at + self._block] for at in range(0, len(way), self._block)]
         stay = self._running(max(4, round(_DWELL_S * self._bench.rate)))
-        parts = [*(one for one in blocks if len(one) == self._block), stay[len(stay) // 2 :]]
+        parts = [*(block for block in blocks if len(block) == self._block), stay[len(stay) // 2 :]]
         samples = np.array([part[:, self._read].mean(axis=0) for part in parts])
         return samples[:, 0], samples[:, 1]
 
     def _off(self, rows: FloatArray, force: float) -> NDArray[np.bool_]:
         """Say in which rows the demand is still on its way."""
-        found: NDArray[np.bool_] = (
+        differs: NDArray[np.bool_] = (
             np.abs(rows[:, self._at["demand"]] - force) > _SAME * self._bench.aim.high
         )
-        return found
+        return differs
 
     def rest(self, path: FloatArray) -> None:
         """Wait without current until a path, A, leaves the winding cool enough."""
@@ -285,14 +284,14 @@ class BoardDrive:
     def _state(self) -> State:
         return State(int(self._look()[-1, self._at["state"]]))
 
-    def _until(self, wanted: State, patience: float = _PATIENCE_S) -> None:
+    def _until(self, goal: State, patience: float = _PATIENCE_S) -> None:
         """Wait until a state is reached."""
         end = time.monotonic() + patience
-        while (state := self._state()) is not wanted:
+        while (state := self._state()) is not goal:
             if state is State.FAULT or time.monotonic() > end:
                 raise InputError(
                     f"measure: the controller is in the state {state.name.lower()}, not "
-                    f"{wanted.name.lower()}; see why, and clear its fault",
+                    f"{goal.name.lower()}; see why, and clear its fault",
                     code="wrong-state",
                     key="measure",
                 )
@@ -317,7 +316,7 @@ def _take(drive: BoardDrive, record: Record) -> Loop:
     for turn in record.before:
         drive.go(turn)
     parts = [drive.go(turn) for turn in _turns(record.path)]
-    current, force = (np.concatenate(one) for one in zip(*parts, strict=True))
+    current, force = (np.concatenate(part) for part in zip(*parts, strict=True))
     label = f"{1e3 * drive.gap:g}mm-{record.name}"
     return Loop(label, current, force, np.full(current.size, drive.gap), history=record.history)
 
@@ -326,4 +325,4 @@ def _turns(path: FloatArray) -> list[float]:
     """Return where a path begins, turns and ends."""
     ways = np.sign(np.diff(path))
     inside = 1 + np.flatnonzero(ways[1:] != ways[:-1])
-    return [float(one) for one in path[[0, *inside, path.size - 1]]]
+    return [float(turn) for turn in path[[0, *inside, path.size - 1]]]

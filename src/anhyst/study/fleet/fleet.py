@@ -14,15 +14,22 @@ from anhyst.compensate.block import Kind as BlockKind
 from anhyst.compensate.twin import Io
 from anhyst.data.formats.text import write_csv
 from anhyst.identification.identify import check_wanted
-from anhyst.study.fleet.judge import MODEL, FleetSettings, SharedTask, judge, share
-from anhyst.study.fleet.members import Member, find_members
-from anhyst.study.fleet.pilots import decide
+from anhyst.study.fleet.judge import (
+    MODEL,
+    FleetSettings,
+    Member,
+    SharedTask,
+    decide,
+    find_members,
+    judge,
+    share,
+)
 from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, coordinate_of, spread_of
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of, workers_of
 from anhyst.support.json_text import json_text
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.result import Result, columns_of
 
@@ -68,17 +75,17 @@ class Fleet(Result):
     @property
     def judged(self) -> list[dict[str, Any]]:
         """Results of the magnets that could be judged."""
-        return [one for one in self.results if "error" not in one]
+        return [result for result in self.results if "error" not in result]
 
     @property
     def failed(self) -> dict[str, str]:
         """Why the others could not be, by name."""
-        return {one["name"]: one["error"] for one in self.results if "error" in one}
+        return {result["name"]: result["error"] for result in self.results if "error" in result}
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a user should know before trusting the comparison."""
-        histories = {tuple(one["histories"]) for one in self.judged}
+        histories = {tuple(result["histories"]) for result in self.judged}
         if len(histories) == 1:
             return ()
         return (
@@ -89,15 +96,17 @@ class Fleet(Result):
     @property
     def own(self) -> FloatArray:
         """Rms deviation of each judged magnet with its own controller, parts of the largest."""
-        return np.array([math.hypot(one["fit_rms"], one["compiled_rms"]) for one in self.judged])
+        return np.array(
+            [math.hypot(magnet["fit_rms"], magnet["compiled_rms"]) for magnet in self.judged]
+        )
 
     @property
     def good(self) -> list[bool]:
         """Whether each judged magnet keeps the tolerance with its own verified controller."""
         limit = 0.01 * self.settings.tolerance
         return [
-            bool(one["verified"] and one["passed_acceptance"] and error <= limit)
-            for one, error in zip(self.judged, self.own, strict=True)
+            bool(magnet["verified"] and magnet["passed_acceptance"] and error <= limit)
+            for magnet, error in zip(self.judged, self.own, strict=True)
         ]
 
     @property
@@ -111,7 +120,7 @@ class Fleet(Result):
         """Names of the magnets that do not belong to the fleet."""
         if self.spread is None:
             return []
-        names = [one["name"] for one in self.judged]
+        names = [magnet["name"] for magnet in self.judged]
         return [name for name, odd in zip(names, self.spread.outlier, strict=True) if odd]
 
     def facts(self) -> dict[str, str]:
@@ -129,32 +138,32 @@ class Fleet(Result):
         """Return a row for each judged magnet: errors in per cent, fitted quantities."""
         rows = []
         distance = self.spread.distance if self.spread else np.full(len(self.judged), np.nan)
-        for place, one in enumerate(self.judged):
+        for index, magnet in enumerate(self.judged):
             rows.append(
                 {
-                    "magnet": one["name"],
-                    "good": self.good[place],
-                    "own_percent": 100.0 * float(self.own[place]),
-                    "shared_percent": 100.0 * self.shared[place],
-                    "distance": float(distance[place]),
-                    "outlier": one["name"] in self.outliers,
+                    "magnet": magnet["name"],
+                    "good": self.good[index],
+                    "own_percent": 100.0 * float(self.own[index]),
+                    "shared_percent": 100.0 * self.shared[index],
+                    "distance": float(distance[index]),
+                    "outlier": magnet["name"] in self.outliers,
                     **{
-                        name: one["values"][one["quantities"].index(name)]
+                        name: magnet["values"][magnet["quantities"].index(name)]
                         for name in self.quantities
                     },
-                    **self._drawn_columns(place),
+                    **self._drawn_columns(index),
                 }
             )
         return columns_of(rows)
 
-    def _drawn_columns(self, place: int) -> dict[str, float]:
+    def _drawn_columns(self, index: int) -> dict[str, float]:
         if (spread := self.spread) is None:
             return {}
-        pairs = zip(self.quantities, spread.values[place], spread.std[place], strict=True)
+        pairs = zip(self.quantities, spread.values[index], spread.std[index], strict=True)
         return {
-            f"{name}, {what}": float(one)
+            f"{name}, {what}": float(number)
             for name, value, std in pairs
-            for what, one in (("in the fleet", value), ("in the fleet, std", std))
+            for what, number in (("in the fleet", value), ("in the fleet, std", std))
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -182,24 +191,24 @@ class Fleet(Result):
             },
             "results": [
                 {
-                    "name": one["name"],
-                    "good": self.good[place],
-                    "own_rms_percent": 100.0 * float(self.own[place]),
-                    "shared_rms_percent": 100.0 * self.shared[place],
-                    "in_the_light_of_the_fleet": self._drawn(place),
+                    "name": magnet["name"],
+                    "good": self.good[index],
+                    "own_rms_percent": 100.0 * float(self.own[index]),
+                    "shared_rms_percent": 100.0 * self.shared[index],
+                    "in_the_light_of_the_fleet": self._drawn(index),
                 }
-                for place, one in enumerate(self.judged)
+                for index, magnet in enumerate(self.judged)
             ],
         }
 
-    def _drawn(self, place: int) -> dict[str, Any] | None:
+    def _drawn(self, index: int) -> dict[str, Any] | None:
         """Return what the fleet and a magnet's own loops together say of its quantities."""
         if (spread := self.spread) is None:
             return None
         return {
-            "values": spread.values[place].tolist(),
-            "std": spread.std[place].tolist(),
-            "correlation": spread.correlation[place].round(6).tolist(),
+            "values": spread.values[index].tolist(),
+            "std": spread.std[index].tolist(),
+            "correlation": spread.correlation[index].round(6).tolist(),
         }
 
     def draw(self, ax: Axes) -> None:
@@ -227,37 +236,37 @@ def fleet(
     done again. The same files, settings and version give the same result in any order of work.
     """
     members = find_members(folder)
-    place = Path(out)
-    if Path(folder).resolve() in {place.resolve(), place.resolve().parent}:
+    target = Path(out)
+    if Path(folder).resolve() in {target.resolve(), target.resolve().parent}:
         raise InputError(
             f"{out}: lies where magnets are looked for; write to another folder",
             code="out-among-inputs",
         )
-    place.mkdir(parents=True, exist_ok=True)
+    target.mkdir(parents=True, exist_ok=True)
     for name in (TABLE, FIGURES):
-        check_writable(place / name)
-    choice = decide(members, settings, place, jobs)
-    tasks = [choice.task(member, settings, place) for member in members]
+        check_writable(target / name)
+    choice = decide(members, settings, target, jobs)
+    tasks = [choice.task(member, settings, target) for member in members]
     results = all_of(judge, tasks, progress, jobs)
-    if all("error" in one for one in results):
+    if all("error" in result for result in results):
         raise NegativeResult(
             f"none of {len(members)} magnets could be judged; the first: {results[0]['error']}",
             code="no-magnet-judged",
         )
-    found = _compared(members, results, choice.settings, place, jobs)
-    write_csv(place / TABLE, {name: _plain(c) for name, c in found.to_columns().items()})
-    with atomic_writer(place / FIGURES) as stream:
-        stream.write(json_text(found.as_dict()))
-    return found
+    judged = _compared(members, results, choice.settings, target, jobs)
+    write_csv(target / TABLE, {name: _plain(c) for name, c in judged.to_columns().items()})
+    with atomic_writer(target / FIGURES) as stream:
+        stream.write(json_text(judged.as_dict()))
+    return judged
 
 
 def _plain(column: Sequence[Any]) -> Any:
     """Return a column as a CSV holds it: switches as 0 and 1, text as it is."""
-    from anhyst.data.formats.columns import Texts
+    from anhyst.data.formats.channels import Texts
 
     if isinstance(column[0], str):
         values = tuple(dict.fromkeys(column))
-        return Texts(values, np.array([values.index(one) for one in column], np.int32))
+        return Texts(values, np.array([values.index(text) for text in column], np.int32))
     return np.array(column, dtype=np.float64)
 
 
@@ -269,28 +278,30 @@ def _compared(
     jobs: int | None,
 ) -> Fleet:
     """Hold the magnets that could be judged against each other."""
-    judged = [one for one in results if "error" not in one]
+    judged = [result for result in results if "error" not in result]
     # An offset may be fitted to one magnet and not to another: what all have is compared.
-    sets = [set(one["quantities"]) for one in judged]
-    names = tuple(name for name in judged[0]["quantities"] if all(name in one for one in sets))
+    sets = [set(result["quantities"]) for result in judged]
+    names = tuple(
+        name for name in judged[0]["quantities"] if all(name in result for result in sets)
+    )
     spread = None
     if names and len(judged) >= FEWEST:
         spread = spread_of(
             [
-                MagnetEstimate.of(one["values"], one["std"], one["correlation"]).only(
-                    [one["quantities"].index(name) for name in names]
+                MagnetEstimate.of(result["values"], result["std"], result["correlation"]).only(
+                    [result["quantities"].index(name) for name in names]
                 )
-                for one in judged
+                for result in judged
             ],
             [coordinate_of(settings.law, name) for name in names],
         )
-    place = 0 if spread is None else int(np.argmin(spread.distance))
-    typical = judged[place]["name"]
+    index = 0 if spread is None else int(np.argmin(spread.distance))
+    typical = judged[index]["name"]
     model = out / typical / MODEL
     by_name = {member.name: member for member in members}
     shared = all_of(
         share,
-        [SharedTask(by_name[one["name"]], model, settings.history) for one in judged],
+        [SharedTask(by_name[result["name"]], model, settings.history) for result in judged],
         jobs=jobs,
     )
     return Fleet(out, settings, tuple(results), typical, tuple(shared), spread, names)

@@ -1,10 +1,17 @@
-"""One magnet of a fleet: identified, compiled, verified; its result stands in a file."""
+"""One magnet of a fleet: identified, compiled, verified; its result stands in a file.
+
+Which magnets a folder holds.
+
+Which law and gap map all magnets of a fleet get: what most of the first ones choose.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +21,73 @@ from anhyst.compensate.block import Kind as BlockKind
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compensate.twin import Io
 from anhyst.compilation.output import compile_model
-from anhyst.data.reading import read_loops
+from anhyst.data.formats import FORMATS
+from anhyst.data.reading import files_read, read_loops
 from anhyst.identification import identify
 from anhyst.identification.result import IdentifyResult, whole_search
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.study.fleet.members import Member
-from anhyst.support.atomic import atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.version import running_version
 from anhyst.verification.verify import verify
+
+
+@dataclass(frozen=True)
+class Member:
+    """One magnet of a fleet."""
+
+    name: str  # of its file without the ending, or of its folder
+    source: Path  # A file of loops, or a folder of them
+
+    def digest(self) -> str:
+        """Return the SHA-256 of all that is read of it."""
+        whole = hashlib.sha256()
+        for path in files_read(self.source):
+            whole.update(path.name.encode())
+            try:
+                whole.update(path.read_bytes())
+            except OSError as error:
+                raise InputError(
+                    f"{path}: cannot be read: {error.strerror}; check the path",
+                    code="cannot-be-read",
+                ) from None
+        return whole.hexdigest()
+
+
+def find_members(folder: PathLike) -> list[Member]:
+    """Return the magnets of a folder, by name: every file of loops, and every folder of them."""
+    root = Path(folder)
+    if not root.is_dir():
+        raise InputError(
+            f"{root}: is no folder; name one that holds a file or folder a magnet",
+            code="no-such-folder",
+        )
+    members = [
+        Member(path.stem if path.is_file() else path.name, path)
+        for path in sorted(root.iterdir())
+        if (path.is_file() and path.suffix.lower() in FORMATS) or _holds_loops(path)
+    ]
+    if not members:
+        raise InputError(
+            f"{root}: holds no {', '.join(FORMATS)} file and no folder of them", code="no-files"
+        )
+    names: set[str] = set()
+    for member in members:
+        if member.name in names:
+            raise InputError(
+                f"{member.source}: two magnets are called '{member.name}'; rename one",
+                code="name-twice",
+            )
+        names.add(member.name)
+    return members
+
+
+def _holds_loops(path: Path) -> bool:
+    return path.is_dir() and any(file.suffix.lower() in FORMATS for file in path.iterdir())
+
 
 RESULT, MODEL, CONTROLLER = "result.json", "model.toml", "controller"
 _VERIFIED_STEPS = 20_000
@@ -108,15 +171,15 @@ def identified(task: FleetTask) -> IdentifyResult:
 
 
 def _judged(task: FleetTask) -> dict[str, Any]:
-    wanted = task.settings
+    settings = task.settings
     found = task.found or identified(task)
     loops = found.loops
     model, folder = found.model, task.folder
     folder.mkdir(parents=True, exist_ok=True)
     model_file = model.save(folder / MODEL)
-    request = CompileRequest(wanted.kind, wanted.io, wanted.rate)
+    request = CompileRequest(settings.kind, settings.io, settings.rate)
     compiled = compile_model(model_file, folder / CONTROLLER, request)
-    verified = verify(folder / CONTROLLER, wanted.on, _VERIFIED_STEPS, _VERIFIED_STEPS)
+    verified = verify(folder / CONTROLLER, settings.on, _VERIFIED_STEPS, _VERIFIED_STEPS)
     fit, unsure = model.fit, model.uncertainty
     assert fit is not None
     assert unsure is not None
@@ -166,3 +229,108 @@ def share(task: SharedTask) -> float:
         return float("nan")
     largest = max(float(np.abs(loop.output).max()) for loop in loops.loops)
     return float(np.sqrt(np.mean(errors**2))) / largest
+
+
+PILOTS = 3
+"""Magnets that decide together."""
+CHOICE = "choice.json"
+"""Keeps the decision: a run that goes on does not make it again."""
+
+
+@dataclass(frozen=True)
+class FleetChoice:
+    """What was decided."""
+
+    settings: FleetSettings  # with the law and the gap map that all get
+    # names of those that chose just these: nothing else is to be fitted to them
+    pilots: tuple[str, ...] = ()
+    # their identifications by name, where they were made just now
+    found: dict[str, IdentifyResult] = field(default_factory=dict)
+
+    def task(self, member: Member, given_settings: FleetSettings, out: Path) -> FleetTask:
+        """Return what is to be done with a magnet, given what was asked for in the first place."""
+        search = given_settings if member.name in self.pilots else self.settings
+        return FleetTask(
+            member, self.settings, out, (search.law, search.gap_map), self.found.get(member.name)
+        )
+
+
+def decide(
+    members: Sequence[Member], settings: FleetSettings, out: Path, jobs: int | None
+) -> FleetChoice:
+    """Find the law and gap map that most of the first magnets choose that can be identified.
+
+    Where none can, settings stay, and each magnet says by itself what is wrong with it.
+    """
+    if "auto" not in {settings.law, settings.gap_map}:
+        return FleetChoice(settings)
+    if (known := _known_choice(members, settings, out / CHOICE)) is not None:
+        return known
+    found: dict[str, IdentifyResult] = {}
+    asked: list[Member] = []
+    while len(found) < PILOTS and len(asked) < len(members):
+        following = members[len(asked) : len(asked) + PILOTS - len(found)]
+        asked += following
+        tasks = [
+            FleetTask(member, settings, out, (settings.law, settings.gap_map))
+            for member in following
+        ]
+        results = all_of(_choice_of, tasks, jobs=jobs)
+        found |= {m.name: r for m, r in zip(following, results, strict=True) if r is not None}
+    if not found:
+        return FleetChoice(settings)
+    chosen = {name: (member.model.law, member.model.gap_map) for name, member in found.items()}
+    most = Counter(chosen.values()).most_common(1)[0][0]
+    pilots = tuple(name for name, own in chosen.items() if own == most)
+    law, gap_map = most[0], "auto" if most[1] == "none" else most[1]
+    kept = {
+        "made_from": _made_from(asked, settings),
+        "law": law,
+        "gap_map": gap_map,
+        "pilots": list(pilots),
+    }
+    with atomic_writer(out / CHOICE) as stream:
+        stream.write(json_text(kept))
+    return FleetChoice(
+        replace(settings, law=law, gap_map=gap_map), pilots, {name: found[name] for name in pilots}
+    )
+
+
+def _choice_of(task: FleetTask) -> IdentifyResult | None:
+    """Let a magnet choose; what is wrong with one that cannot is said when it is judged."""
+    try:
+        return identified(task)
+    except Exception:
+        return None
+
+
+def _made_from(pilots: Sequence[Member], settings: FleetSettings) -> dict[str, Any]:
+    """Return all that a decision rests on."""
+    return {
+        "version": running_version(),
+        "wanted": [settings.law, settings.gap_map, settings.seed, settings.history],
+        "sha256": {member.name: _digest(member) for member in pilots},
+    }
+
+
+def _digest(member: Member) -> str:
+    """Return the hash of a magnet's files, nothing where they cannot be read."""
+    try:
+        return member.digest()
+    except InputError:
+        return ""
+
+
+def _known_choice(
+    members: Sequence[Member], settings: FleetSettings, path: Path
+) -> FleetChoice | None:
+    """Return a decision that was made of the same magnets with the same settings."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        pilots = members[: len(kept["made_from"]["sha256"])]
+        if kept["made_from"] != _made_from(pilots, settings):
+            return None
+        chosen = replace(settings, law=str(kept["law"]), gap_map=str(kept["gap_map"]))
+        return FleetChoice(chosen, tuple(kept["pilots"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

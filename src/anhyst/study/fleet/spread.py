@@ -29,7 +29,7 @@ from scipy.special import chdtri
 from anhyst.identification.space import AROUND
 from anhyst.laws.law import Kernel
 from anhyst.laws.registry import LAWS
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 ROUNDS = 200
 Coordinate = Literal["log", "asinh", "plain"]
@@ -56,7 +56,7 @@ class MagnetEstimate:
         cls, values: ArrayLike, std: Sequence[float | None] | FloatArray, correlation: ArrayLike
     ) -> MagnetEstimate:
         """Take an uncertainty as a model states it; a quantity without one is left open."""
-        wide = np.array([math.inf if one is None else one for one in std], dtype=np.float64)
+        wide = np.array([math.inf if value is None else value for value in std], dtype=np.float64)
         wide = np.where(np.isnan(wide), math.inf, wide)
         matrix = np.array(correlation, dtype=np.float64)
         matrix = matrix if matrix.size else np.eye(len(wide))
@@ -132,12 +132,15 @@ def spread_of(
     estimates: Sequence[MagnetEstimate], coordinates: Sequence[Coordinate] = ()
 ) -> FleetSpread:
     """Find mean and scatter of a fleet; outliers have no say in either."""
-    own = np.array([one.values for one in estimates])
+    own = np.array([estimate.values for estimate in estimates])
     change = _Coordinates.of(own, coordinates or ["plain"] * own.shape[1])
     values = change.inward(own)
-    sigma = np.clip([one.std for one in estimates] / change.slope(own), NARROWEST, WIDEST)
+    sigma = np.clip([estimate.std for estimate in estimates] / change.slope(own), NARROWEST, WIDEST)
     covariances = np.array(
-        [one.correlation * np.outer(s, s) for one, s in zip(estimates, sigma, strict=True)]
+        [
+            estimate.correlation * np.outer(s, s)
+            for estimate, s in zip(estimates, sigma, strict=True)
+        ]
     )
     limit = chdtri(values.shape[1], RARE / len(values))
     belongs = _near_the_middle(values)
@@ -153,8 +156,8 @@ def spread_of(
         (y, s) if keeps else _drawn(y, s, mean, scatter)
         for y, s, keeps in zip(values, covariances, odd, strict=True)
     ]
-    found = change.outward(np.array([one for one, _ in drawn]))
-    left = np.array([np.sqrt(np.diag(one)) for _, one in drawn])
+    found = change.outward(np.array([estimate for estimate, _ in drawn]))
+    left = np.array([np.sqrt(np.diag(estimate)) for _, estimate in drawn])
     middle = change.outward(mean)
     return FleetSpread(
         mean=middle,
@@ -162,7 +165,7 @@ def spread_of(
         values=found,
         std=left * change.slope(found),
         correlation=np.array(
-            [one / np.outer(s, s) for (_, one), s in zip(drawn, left, strict=True)]
+            [estimate / np.outer(s, s) for (_, estimate), s in zip(drawn, left, strict=True)]
         ),
         distance=np.sqrt(squares / values.shape[1]),
         outlier=odd,
@@ -184,9 +187,9 @@ def _expectation_maximisation(
     scatter = np.maximum(values.std(axis=0), LEAST)
     for _ in range(ROUNDS):
         before = mean, scatter
-        found = [_drawn(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
-        drawn = np.array([one for one, _ in found])
-        left = np.array([np.diag(one) for _, one in found])
+        posteriors = [_drawn(y, s, mean, scatter) for y, s in zip(values, covariances, strict=True)]
+        drawn = np.array([posterior for posterior, _ in posteriors])
+        left = np.array([np.diag(posterior) for _, posterior in posteriors])
         mean = drawn.mean(axis=0)
         scatter = np.sqrt(np.maximum(((drawn - mean) ** 2 + left).mean(axis=0), LEAST**2))
         if np.allclose(mean, before[0], rtol=1e-6) and np.allclose(scatter, before[1], rtol=1e-4):
@@ -218,6 +221,8 @@ def coordinate_of(law: str, quantity: str) -> Coordinate:
     """Return the one that identification moves; of a law that says none, the logarithm."""
     kernel = LAWS[law].kernel
     numbers = (*(kernel.numbers if isinstance(kernel, Kernel) else ()), *AROUND)
-    found = {one.meaning: one.coordinate for one in numbers}
-    meaning = max((m for m in found if f"{quantity} ".startswith(f"{m} ")), key=len, default="")
-    return found.get(meaning, "log")
+    coordinates = {number.meaning: number.coordinate for number in numbers}
+    meaning = max(
+        (m for m in coordinates if f"{quantity} ".startswith(f"{m} ")), key=len, default=""
+    )
+    return coordinates.get(meaning, "log")

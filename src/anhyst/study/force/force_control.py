@@ -9,33 +9,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.compensate.baselines import fit_ratio, fit_single_valued
-from anhyst.compensate.interface import Compensator, MethodName
+from anhyst.compensate.force_controller import Compensator, MethodName
+from anhyst.compensate.surface import fit_ratio, fit_single_valued
 from anhyst.data import Loops
-from anhyst.data.table import read_columns
-from anhyst.data.writing import check_format
+from anhyst.data.table import check_format, read_columns
 from anhyst.link.firmware import check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.actuator import Model
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.force.bench import Demand, triangle, with_lead_in
 from anhyst.rig.force.file import Rig, read_rig
-from anhyst.rig.force.modelling import find_model, loops_at, loops_of_rig
-from anhyst.rig.force.programs import Program, prepare
-from anhyst.rig.force.session import Demand, triangle, with_lead_in
+from anhyst.rig.force.programs import Program, find_model, loops_at, loops_of_rig, prepare
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.recording import Recording
-from anhyst.study.force.results import figures, judge_stages
 from anhyst.study.force.trials import (
     Controllers,
     ForceOutcome,
     ForceTrial,
     Stage,
+    figures,
+    judge_stages,
     plan_trials,
     run_trial,
 )
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, whole_folder
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.folder import whole_folder
 from anhyst.support.jobs import all_of
 from anhyst.support.json_text import json_text
 from anhyst.support.progress import Progress, in_parts
@@ -63,7 +61,7 @@ class ForceControl(Result):
         The rig, complete.
     out : Path
         Folder with everything: ``figures.json``, a recording of each trial, and below ``end/`` and
-        ``stroke/`` models and controllers; :func:`anhyst.reports.force.figures.draw` adds pictures.
+        ``stroke/`` models and controllers; :func:`anhyst.reports.force.draw` adds pictures.
     figures : dict
         As in ``figures.json``.
     outcomes : tuple of ForceOutcome
@@ -81,8 +79,8 @@ class ForceControl(Result):
     @property
     def lost_in(self) -> list[str]:
         """Every trial in which the controlled force was lost."""
-        found: list[str] = self.figures["lost_in"]
-        return found
+        lost: list[str] = self.figures["lost_in"]
+        return lost
 
     def refuse_losses(self) -> None:
         """Raise NegativeResult where a force was lost, or the firmware and its simulation differ."""
@@ -110,16 +108,16 @@ class ForceControl(Result):
     def _errors(self) -> list[dict[str, Any]]:
         return [
             {
-                "trial": place,
+                "trial": number,
                 "stage": outcome.trial.stage,
                 "controller": name,
-                "error_rms_N": one["true"]["rms_N"],
-                "error_worst_N": one["true"]["worst_N"],
+                "error_rms_N": figures["true"]["rms_N"],
+                "error_worst_N": figures["true"]["worst_N"],
             }
-            for place, (outcome, trial) in enumerate(
+            for number, (outcome, trial) in enumerate(
                 zip(self.outcomes, self.figures["trials"], strict=True)
             )
-            for name, one in trial["controllers"].items()
+            for name, figures in trial["controllers"].items()
         ]
 
     def to_columns(self) -> dict[str, Any]:
@@ -132,9 +130,9 @@ class ForceControl(Result):
 
     def draw(self, ax: Axes) -> None:
         """Draw demand and force of every controller in the first trial."""
-        one = self.outcomes[0]
-        ax.plot(one.trial.demand.force, color="0.15", lw=0.8, ls="--", label="demand")
-        for name, run in one.recordings.items():
+        outcome = self.outcomes[0]
+        ax.plot(outcome.trial.demand.force, color="0.15", lw=0.8, ls="--", label="demand")
+        for name, run in outcome.recordings.items():
             ax.plot(run["force_N"], lw=0.9, label=name)
         ax.set_xlabel("tick")
         ax.set_ylabel("force [N]")
@@ -211,15 +209,16 @@ def _run(
         models = dict(zip(baselines, found_models, strict=True))
         programs = _programs(rig, models, board, folder, next(parts))
         controllers = {
-            scope: Controllers(programs[scope], found, board) for scope, found in baselines.items()
+            scope: Controllers(programs[scope], results, board)
+            for scope, results in baselines.items()
         }
         tasks = [(rig, trial, controllers[SCOPES[trial.stage]]) for trial in trials]
         outcomes = all_of(_outcome, tasks, next(parts))
         plant = rig.check(loops, models["stroke"])
-        found = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
-        found["verdict"] = None if found["lost_in"] else judge_stages(found["summary"])
-        _write(rig, folder, found, outcomes, recordings)
-    return ForceControl(rig, Path(out), found, tuple(outcomes), plant)
+        results = figures(rig, outcomes, board) | {"plant": plant.as_dict()}
+        results["verdict"] = None if results["lost_in"] else judge_stages(results["summary"])
+        _write(rig, folder, results, outcomes, recordings)
+    return ForceControl(rig, Path(out), results, tuple(outcomes), plant)
 
 
 def _model(task: tuple[Rig, Loops]) -> Model:
@@ -261,19 +260,19 @@ def _programs(
 
 def _demands(rig: Rig, path: PathLike | None) -> list[Demand]:
     settings, rate = rig.settings, rig.settings.timing.rate_Hz
-    found = [
+    demands = [
         triangle(shape, settings.force.force_max_N, rate) for shape in settings.force_triangles
     ]
     if path is not None:
-        found.append(_read_demand(rig, path))
-    names = [demand.name for demand in found]
+        demands.append(_read_demand(rig, path))
+    names = [demand.name for demand in demands]
     if len(set(names)) < len(names):
         raise InputError(
             f"{rig.path}: case.name: two demands have the same name",
             code="name-twice",
             key="case.name",
         )
-    return found
+    return demands
 
 
 def _read_demand(rig: Rig, path: PathLike) -> Demand:
@@ -299,12 +298,16 @@ def _read_demand(rig: Rig, path: PathLike) -> Demand:
 
 
 def _write(
-    rig: Rig, folder: Path, found: Mapping[str, Any], outcomes: list[ForceOutcome], recordings: str
+    rig: Rig,
+    folder: Path,
+    figures: Mapping[str, Any],
+    outcomes: list[ForceOutcome],
+    recordings: str,
 ) -> None:
     for outcome in outcomes:
         _write_trial(rig, folder / f"{outcome.trial.name}.{recordings}", outcome)
     with atomic_writer(folder / "figures.json") as stream:
-        stream.write(json_text(found))
+        stream.write(json_text(figures))
 
 
 def _write_trial(rig: Rig, path: Path, outcome: ForceOutcome) -> None:

@@ -1,20 +1,33 @@
-"""Trials of force control: which there are, and how one runs under every controller."""
+"""Trials of force control: which there are, and how one runs under every controller.
+
+Errors of force control, in newtons and per cent of the largest force.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 
-from anhyst.compensate.interface import Compensator
-from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop
+from anhyst.compensate.force_controller import Compensator
+from anhyst.compensate.methods import MODELS
+from anhyst.rig.force.bench import (
+    ActuatorBench,
+    Demand,
+    moving_gap,
+    read_gaps,
+    run_firmware,
+    run_open_loop,
+)
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, ticks_that_differ
-from anhyst.rig.force.session import Demand, moving_gap, run_firmware
-from anhyst.rig.recording import Recording
-from anhyst.support.arrays import FloatArray
+from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.study.engine.verdict import ComparedFigure, judge
+from anhyst.support.numeric import FloatArray
+from anhyst.support.pays import FORCE
 
 Stage = Literal["end", "positions", "moving"]
 Start = Literal["unknown", "demagnetised"]
@@ -37,9 +50,9 @@ class ForceTrial:
     @property
     def name(self) -> str:
         """For files: ``positions_1.25mm_wide``."""
-        place = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
+        at = "" if self.position is None else f"_{1e3 * self.position:.2f}mm"
         past = "_demagnetised" if self.start == "demagnetised" else ""
-        return f"{self.stage}{place}_{self.demand.name}{past}"
+        return f"{self.stage}{at}_{self.demand.name}{past}"
 
     def gap(self, rig: Rig) -> FloatArray:
         """Return where the armature is at every tick, m."""
@@ -132,3 +145,165 @@ def _expected(program: Program, recording: Recording, demagnetised: bool) -> Flo
     gap = recording["gap_read_m"] if model.needs_schedule else None
     time = recording["t_s"] if model.has_eddy_currents else None
     return model.predict(recording["command_A"], gap, time, history=history).output
+
+
+TITLES: Mapping[str, str] = {
+    "full": "full",
+    "at-rest": "full, iron at rest",
+    "simplified": "simplified",
+    "single": "best single-valued",
+    "ratio": "constant ratio",
+    "ratio_over_gap": "ratio for each gap",
+}
+"""Controllers, the best first, and what tables call them."""
+STAGES: Mapping[str, str] = {
+    "end": "stroke's end, after the start-up sequence",
+    "end_demagnetised": "stroke's end, from demagnetised",
+    "positions": "row of positions",
+    "moving": "armature moving",
+}
+"""Groups of trials as tables call them, by their keys in ``figures.json``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """How far a force is from the demand, after the lead-in."""
+
+    # largest and root-mean-square deviation, and mean of its size, N
+    worst_N: float  # noqa: N815 - keys of a file carry units
+    rms_N: float  # noqa: N815
+    mean_N: float  # noqa: N815
+    worst_percent: float  # the same over the largest force of the rig
+    rms_percent: float
+    mean_percent: float
+
+    @classmethod
+    def of(cls, deviation: FloatArray, force_max: float) -> Errors:
+        """Sum up a deviation, N."""
+        errors = [peak(deviation), rms(deviation), float(np.abs(deviation).mean())]
+        return cls(*errors, *(100.0 * value / force_max for value in errors))
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One controller in one trial."""
+
+    true: Errors  # of the true force, which only a simulation knows
+    read: Errors  # of the force as its sensor reads it: with noise and its delay
+    simulated: Errors | None  # of the force that the simulated program expects
+    # ticks at which the simulated program gave another current than the firmware
+    differing: int | None
+
+
+def score(outcome: ForceOutcome, force_max: float) -> dict[str, Score]:
+    """Score every controller of a trial."""
+    demand = outcome.trial.demand
+    counts = slice(demand.lead_in, None)
+
+    def errors(force: FloatArray) -> Errors:
+        return Errors.of((force - demand.force)[counts], force_max)
+
+    return {
+        name: Score(
+            true=errors(recording["force_N"]),
+            read=errors(recording["force_read_N"]),
+            simulated=errors(outcome.simulated[name]) if name in outcome.simulated else None,
+            differing=outcome.differing.get(name),
+        )
+        for name, recording in outcome.recordings.items()
+    }
+
+
+def summary(scores: Sequence[tuple[ForceOutcome, dict[str, Score]]]) -> dict[str, Any]:
+    """Worst errors of each stage and start by controller, and against the single-valued curve."""
+    groups: dict[str, list[dict[str, Score]]] = {}
+    for outcome, scored in scores:
+        past = "_demagnetised" if outcome.trial.start == "demagnetised" else ""
+        groups.setdefault(outcome.trial.stage + past, []).append(scored)
+    result: dict[str, Any] = {}
+    for stage, members in groups.items():
+        worst = {
+            name: max(member[name].true.worst_percent for member in members) for name in members[0]
+        }
+        result[stage] = {
+            name: {
+                "worst_percent": worst[name],
+                "rms_percent": max(member[name].true.rms_percent for member in members),
+                "of_single": worst[name] / worst["single"],
+            }
+            for name in TITLES
+            if name in worst
+        }
+    return result
+
+
+def lost_in(outcomes: Sequence[ForceOutcome], force_max: float) -> list[str]:
+    """Name every trial in which the force of ``full`` left all proportion, when and how."""
+    lost = []
+    for outcome in outcomes:
+        demand, recording = outcome.trial.demand, outcome.recordings["full"]
+        off = (recording["force_N"] - demand.force)[demand.lead_in :]
+        current = recording["current_A"][demand.lead_in :]
+        bounds = (
+            SignalBound("the force was off by the largest of the rig", off, -force_max, force_max),
+            SignalBound("the current left all bounds", current, -math.inf, math.inf),
+        )
+        loss = find_loss(bounds, planned=demand.force.size - demand.lead_in)
+        if loss is not None:
+            lost.append(f"{outcome.trial.name} at tick {loss.tick}, {loss.reason}")
+    return lost
+
+
+def figures(rig: Rig, outcomes: Sequence[ForceOutcome], board: str) -> dict[str, Any]:
+    """Return everything measured, as ``figures.json`` holds it."""
+    force_max = rig.settings.force.force_max_N
+    scores = [(outcome, score(outcome, force_max)) for outcome in outcomes]
+    return {
+        "format": "anhyst-force-control",
+        "rig": rig.settings.name,
+        "board": board,
+        "force_max_N": force_max,
+        "rate_Hz": rig.settings.timing.rate_Hz,
+        "force_noise_N": rig.settings.force_sensor.noise_N,
+        "firmware_ticks": sum(o.trial.demand.force.size * len(o.differing) for o in outcomes),
+        "ticks_that_differ": sum(sum(o.differing.values()) for o in outcomes),
+        "lost_in": lost_in(outcomes, force_max),
+        "summary": summary(scores),
+        "trials": [
+            {
+                "stage": outcome.trial.stage,
+                "demand": outcome.trial.demand.name,
+                "position_m": outcome.trial.position,
+                "start": outcome.trial.start,
+                "controllers": {
+                    name: {k: v for k, v in asdict(one).items() if v is not None}
+                    for name, one in scored.items()
+                },
+            }
+            for outcome, scored in scores
+        ],
+    }
+
+
+def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, Any]:
+    """Judge ``full`` by its worst error at every stage, against the strongest baseline there."""
+    worst = {
+        stage: {name: figures["worst_percent"] for name, figures in errors.items()}
+        for stage, errors in summary.items()
+    }
+    against = {
+        stage: min((name for name in errors if name not in MODELS), key=lambda name: errors[name])
+        for stage, errors in worst.items()
+    }
+    judged = judge(
+        "worst error of full",
+        [
+            ComparedFigure(
+                stage, TITLES[against[stage]], errors["full"], errors[against[stage]], 0.0
+            )
+            for stage, errors in worst.items()
+        ],
+        "stages",
+        FORCE,
+    )
+    return {"level": judged.level, "text": judged.sentence, "strongest": against}

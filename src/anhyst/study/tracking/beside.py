@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import Setup
@@ -27,8 +27,8 @@ from anhyst.study.tracking.calibrate import needed
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 KEPT = 500
 """Laps that a page can draw."""

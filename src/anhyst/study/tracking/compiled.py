@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.interface import NumberFormat
+from anhyst.compensate.force_controller import NumberFormat
 from anhyst.compensate.twin import Io
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import Compiled, check_folder, write_folder
@@ -50,11 +50,11 @@ from anhyst.rig.stage.loop import (
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
-from anhyst.support.arrays import FloatArray
 from anhyst.support.atomic import PathLike
-from anhyst.support.c_names import c_name, check_name
+from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kinds import FileKind, kind_of
+from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress
 from anhyst.support.result import Result
 from anhyst.support.version import running_version

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.data.writing import check_recording
+from anhyst.data.table import check_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import ParameterName
 from anhyst.rig.recording import Recording
@@ -41,11 +41,10 @@ from anhyst.study.tracking.bodies import START_S, law_of
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.motion import refuse_uncalibratable
 from anhyst.study.tracking.simulate import OWN, refuse_unstable
-from anhyst.support.arrays import FloatArray
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, check_picture, write_figure
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.kinds import FileKind, kind_of
-from anhyst.support.picture import check_picture, write_figure
+from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

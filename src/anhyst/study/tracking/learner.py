@@ -21,7 +21,7 @@ from anhyst.rig.stage.loop import Feedforward, StageSetup, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.study.tracking.bodies import law_of
 from anhyst.study.tracking.motion import MOVED, UPDATES_HZ, Motion, MotionLaw, on_grid
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 MOST = 4.0
 """Standard deviations within which a parameter stays."""

@@ -36,7 +36,7 @@ from anhyst.rig.stage.loop import (
     stop_of,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 LIFTED_S = 0.01
 """From when on a magnet is lost: the weight is taken up in one step before."""

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from anhyst._core import allocate
 from anhyst.compensate.flux_feedback import FluxFeedback, FusedInverse
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import PROBED
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
@@ -25,8 +25,8 @@ from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterNa
 from anhyst.rig.recording import rms
 from anhyst.rig.stage.file import StageRig, per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
-from anhyst.support.arrays import FloatArray
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
 
 FILTER_HZ = 250.0
 """Corner of the three poles that both sides pass; a twentieth of the ticks at most."""

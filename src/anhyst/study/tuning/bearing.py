@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position, with_gains
 from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.study.bearing.linear import CurrentLoop
 from anhyst.study.bearing.responses import (
+    Sensitivity,
     StepCell,
     StepResult,
     StepRun,
@@ -30,14 +31,11 @@ from anhyst.study.bearing.responses import (
     run_steps,
     sweep,
 )
-from anhyst.study.bearing.sensitivity import Sensitivity
 from anhyst.study.tuning.aims import TITLES, Aims, Figures
 from anhyst.study.tuning.screen import FIRMNESS, Screen, make_screen, refine
-from anhyst.study.tuning.space import GainSpace
-from anhyst.study.tuning.trial import Check, Condition, Limit, what_helps
-from anhyst.support.arrays import FloatArray
-from anhyst.support.elementary import spaced
+from anhyst.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
 from anhyst.support.jobs import all_of
+from anhyst.support.numeric import FloatArray, spaced
 
 HOLD_S = 0.03
 """Longest time for which a position is held in the search, s; checks hold as the rig file says."""

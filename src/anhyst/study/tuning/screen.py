@@ -19,7 +19,7 @@ from anhyst.study.bearing.linear import LinearLoop
 from anhyst.study.bearing.operating import find_operating_point, linear_loop
 from anhyst.study.tuning.aims import MISSED, Aims
 from anhyst.study.tuning.trial import Condition
-from anhyst.support.arrays import FloatArray
+from anhyst.support.numeric import FloatArray
 
 
 class Strategy:

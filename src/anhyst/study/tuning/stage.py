@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.file import StageRig
@@ -21,10 +21,9 @@ from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import SMALL, find_gains, standing
 from anhyst.study.tuning.aims import MISSED, Aims, StageFigures
 from anhyst.study.tuning.screen import refine
-from anhyst.study.tuning.space import Axis, Box, rounded
-from anhyst.study.tuning.trial import Check, Limit, what_helps
-from anhyst.support.arrays import FloatArray
+from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
+from anhyst.support.numeric import FloatArray
 
 PLANTS = 10
 """Drawn as [spread] says, on which gains are checked."""

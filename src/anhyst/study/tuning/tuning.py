@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.interface import MethodName
+from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.file import BearingRig
@@ -22,7 +22,7 @@ from anhyst.rig.rewriting import rewrite_rig
 from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.rig.stage.setpoint import motion_of
-from anhyst.study.bearing.ready import make_ready, read_files
+from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.bearing.simulate import compared
 from anhyst.study.tracking.simulate import (
     COMPARED,
@@ -34,14 +34,12 @@ from anhyst.study.tracking.simulate import (
 )
 from anhyst.study.tuning.aims import Aims
 from anhyst.study.tuning.bearing import BearingLoop, default_conditions
-from anhyst.study.tuning.output import RESULTS, file_note, write_results
-from anhyst.study.tuning.result import Tuned, Tuning
+from anhyst.study.tuning.result import RESULTS, Tuned, Tuning, file_note, write_results
 from anhyst.study.tuning.search import BUDGET, GainSearch
 from anhyst.study.tuning.stage import SLOWEST, StageLoop
 from anhyst.study.tuning.trial import Tunable
-from anhyst.support.atomic import PathLike, check_writable
+from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.folder import seen_from
 from anhyst.support.jobs import all_of, workers_of
 from anhyst.support.kinds import NAMES, TAKES, FileKind
 from anhyst.support.progress import Progress

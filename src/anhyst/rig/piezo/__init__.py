@@ -1,1 +1,0 @@
-"""A virtual piezo stack in a flexure stage."""

@@ -1,0 +1,356 @@
+"""A piezo stage follows a triangle, with and without compensation of its hysteresis.
+
+The reference goes through the feedforward at once, and an integrator behind a notch filter at the
+resonance corrects what is left. Only what makes the voltage of a wanted displacement differs: a
+constant, the best single-valued curve, or the inverse of the model as it is compiled, in fixed
+point. All are identified from loops that the virtual stage gives, at a pace of their own, with the
+sensor's noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from anhyst._core import FixedForceController, ForceController
+from anhyst.compensate.block import Block
+from anhyst.compensate.force_controller import Native
+from anhyst.compensate.plan import CompileRequest, make_plan
+from anhyst.control.biquad import integrator, notch
+from anhyst.control.position import Allocation
+from anhyst.data import Loop, Loops
+from anhyst.data.history import History
+from anhyst.identification import identify
+from anhyst.identification.result import whole_search
+from anhyst.model.actuator import Model
+from anhyst.rig.piezo import PiezoRig, PiezoStage
+from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
+from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
+from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.numeric import FloatArray
+from anhyst.support.pays import PIEZO
+from anhyst.support.result import Result, columns_of
+from anhyst.support.units import QUANTITIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+LOOP_SECONDS = 1.0
+"""A full cycle of the loops."""
+LOOP_STEP = 1e-3
+"""From sample to sample of the loops, s."""
+CYCLES = ((0.0, 1.0), (0.0, 1.0), (0.0, 0.8), (0.1, 0.8), (0.1, 0.8), (0.2, 0.6), (0.0, 1.0))
+"""Ends of the loops, in parts of the amplifier's range: all of it, and what a stage uses."""
+SEED = 20261125
+NOTCH = 0.7
+"""Damping ratio of the notch filter in the feedback."""
+SEGMENTS = 4096
+"""Straight ones of a curve without memory."""
+LEAD = 2
+"""Cycles that are not judged: the feedback finds its place."""
+TITLES = {
+    "none": "none (a constant)",
+    "single-valued": "best single-valued curve",
+    "full": "inverse of play cells, compiled",
+}
+
+
+@dataclass(frozen=True)
+class PiezoInverse:
+    """What makes the voltage of a wanted displacement: a curve, or a compiled block.
+
+    It goes to other processes; the core's own is made where it runs.
+    """
+
+    curve: FloatArray | None = None  # V, over displacements from 0 to ``top``
+    top: float = 0.0  # m
+    limits: tuple[float, float] = (0.0, 0.0)  # of the amplifier, V
+    block: Block | None = None
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Full scales of displacement and voltage, m and V."""
+        return (
+            (1.0, 1.0)
+            if self.block is None
+            else (self.block.scales.demand, self.block.scales.current)
+        )
+
+    def native(self) -> Native:
+        """Return the core's own, its stack at 0 V."""
+        if self.block is None:
+            rows = np.array([self.curve, self.curve])
+            return ForceController.map(rows, 0.0, self.top, 0.0, 1.0, *self.limits)
+        native = FixedForceController.compensator(self.block.kind, self.block.words)
+        native.commit(0, 0)
+        return native
+
+
+@dataclass(frozen=True)
+class PiezoErrors:
+    """How far the stage is from its reference, m, where that is judged."""
+
+    worst_m: float
+    rms_m: float
+
+
+@dataclass(frozen=True, repr=False)
+class PiezoTracking(Result):
+    """How a piezo stage followed its triangle, with each compensation.
+
+    Attributes
+    ----------
+    rig : PiezoRig
+    runs : mapping of str to Recording
+        From the name of a compensation to its run.
+    """
+
+    rig: PiezoRig
+    runs: Mapping[str, Recording]
+
+    @property
+    def judged_from(self) -> int:
+        """Tick from which on a run counts."""
+        return judged_from(self.rig)
+
+    @cached_property
+    def errors(self) -> Mapping[str, PiezoErrors]:
+        """Deviation of every way from the reference."""
+        judged = {name: run["error_m"][self.judged_from :] for name, run in self.runs.items()}
+        return {name: PiezoErrors(peak(error), rms(error)) for name, error in judged.items()}
+
+    @property
+    def lost_in(self) -> list[str]:
+        """Return with what the loop was lost, when and how."""
+        return [f"{name} {run.lost}" for name, run in self.runs.items() if run.lost]
+
+    def refuse_losses(self) -> None:
+        """Raise NegativeResult where the loop with compensation was lost."""
+        if lost := self.runs["full"].lost:
+            raise NegativeResult(
+                f"the loop was lost {lost}: a bandwidth of "
+                f"{self.rig.settings.displacement.bandwidth_Hz:g} Hz does not hold this stage; "
+                "the recording is kept",
+                code="loop-lost",
+            )
+
+    @property
+    def ratio(self) -> float:
+        """Rms deviation with compensation over that without."""
+        return self.errors["full"].rms_m / self.errors["none"].rms_m
+
+    def facts(self) -> dict[str, str]:
+        """Return the deviation of every way from the reference."""
+        return {
+            name: f"worst {1e9 * errors.worst_m:.0f} nm, rms {1e9 * errors.rms_m:.0f} nm"
+            for name, errors in self.errors.items()
+        } | ({"lost": "; ".join(self.lost_in)} if self.lost_in else {})
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the deviation of every way from the reference, m."""
+        return columns_of(
+            [{"compensation": name, **asdict(errors)} for name, errors in self.errors.items()]
+        )
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the deviation of every way over time."""
+        for name, run in self.runs.items():
+            ax.plot(run["t_s"], 1e9 * run["error_m"], lw=0.9, label=name)
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel("deviation [nm]")
+
+    def save(self, path: PathLike) -> Path:
+        """Write time, reference, and what each way did: voltage, displacement and deviation."""
+        first = next(iter(self.runs.values()))
+        columns = {name: first[name] for name in ("t_s", "reference_m")}
+        for name, run in self.runs.items():
+            key = name.replace("-", "_")
+            columns |= {
+                f"u_{key}_V": run["voltage_V"],
+                f"x_{key}_m": run["position_m"],
+                f"e_{key}_m": run["error_m"],
+            }
+        return Recording(columns).save(path)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the figures, for JSON."""
+        return {
+            "lost_in": self.lost_in,
+            "rms_with_over_without": self.ratio,
+            "worst_with_over_without": self.errors["full"].worst_m / self.errors["none"].worst_m,
+            "errors": {name: asdict(errors) for name, errors in self.errors.items()},
+        }
+
+
+def track(rig: PiezoRig) -> PiezoTracking:
+    """Identify, compile and follow the triangle in all ways."""
+    target, ways = reference(rig), find_inverses(rig)
+    return PiezoTracking(rig, {name: follow(rig, target, way) for name, way in ways.items()})
+
+
+def judged_from(rig: PiezoRig) -> int:
+    """Return the tick from which on a run counts."""
+    return round(LEAD * rig.settings.timing.rate_Hz / rig.settings.moved.frequency_Hz)
+
+
+def find_inverses(rig: PiezoRig) -> dict[str, PiezoInverse]:
+    """Measure the stage and make every way from displacement to voltage."""
+    loops = measure(rig)
+    model = whole_search(identify(loops)).model
+    target = reference(rig)
+    top = float(loops.loops[0].output.max())
+    if target.max() > top:
+        raise InputError(
+            f"{rig.path}: [reference]: reaches {1e6 * target.max():.3g} um, the stack "
+            f"{1e6 * top:.3g} um; lower low_m or stroke_m",
+            code="reference-too-far",
+            key="reference",
+        )
+    return {
+        "none": _constant(loops, rig),
+        "single-valued": _single_valued(loops, rig),
+        "full": _compiled(model, rig),
+    }
+
+
+def measure(rig: PiezoRig) -> Loops:
+    """Return loops of the virtual stage, as its sensor reads them, from long rest at 0 V."""
+    top = rig.settings.stack_amplifier.high_V
+    pace = 2.0 * top / LOOP_SECONDS
+    points = top * np.array([0.0, *(end for low, high in CYCLES for end in (low, high, low)), 0.0])
+    when = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(points)) / pace)])
+    time = np.arange(0.0, when[-1], LOOP_STEP)
+    drive = np.interp(time, when, points)
+    sensor = rig.settings.position_sensor
+    noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
+    read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
+    loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
+    return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
+
+
+def reference(rig: PiezoRig) -> FloatArray:
+    """Return the triangle, its corners rounded, from rest at its low end."""
+    want, rate = rig.settings.moved, rig.settings.timing.rate_Hz
+    ticks = round(want.cycles * rate / want.frequency_Hz)
+    phase = (np.arange(ticks) * want.frequency_Hz / rate) % 1.0
+    raw = want.low_m + want.stroke_m * (1.0 - np.abs(1.0 - 2.0 * phase))
+    width = max(1, round(want.corner_s * rate))
+    # Twice the mean over half of it: what the resonance answers to is gone at whole periods.
+    lead = np.concatenate([np.full(width, raw[0]), raw])
+    half = np.ones(max(1, width // 2)) / max(1, width // 2)
+    smooth = np.convolve(np.convolve(lead, half), half)
+    return np.asarray(smooth[width : width + ticks])
+
+
+def _constant(loops: Loops, rig: PiezoRig) -> PiezoInverse:
+    drive, answer = (np.concatenate([getattr(loop, name) for loop in loops.loops])
+                     for name in ("input", "output"))  # fmt: skip
+    slope, offset = np.polyfit(answer, drive, 1)
+    return _without_memory(rig, np.polynomial.Polynomial([offset, slope]), float(answer.max()), 1)
+
+
+def _single_valued(loops: Loops, rig: PiezoRig) -> PiezoInverse:
+    """Return the best voltage over displacement without memory: a polynomial of fifth degree."""
+    loop = loops.loops[0]
+    curve = np.polynomial.Polynomial.fit(loop.output, loop.input, 5)
+    return _without_memory(rig, curve, float(loop.output.max()), SEGMENTS)
+
+
+def _without_memory(
+    rig: PiezoRig, curve: np.polynomial.Polynomial, top: float, segments: int
+) -> PiezoInverse:
+    """Return a curve over displacements of 0 to top, m, as a table that may not fall."""
+    row = np.maximum.accumulate(curve(np.linspace(0.0, top, segments + 1)))
+    amplifier = rig.settings.stack_amplifier
+    return PiezoInverse(np.asarray(row), top, (amplifier.low_V, amplifier.high_V))
+
+
+def _compiled(model: Model, rig: PiezoRig) -> PiezoInverse:
+    """Return the inverse of the model as it is compiled, signals of 32 bits."""
+    request = CompileRequest("full", "q15", rig.settings.timing.rate_Hz)
+    block = make_plan(replace(model, dynamics=None), request, 0).block
+    assert isinstance(block, Block)
+    return PiezoInverse(block=block)
+
+
+def follow(
+    rig: PiezoRig,
+    target: FloatArray,
+    inverse: PiezoInverse,
+    stage: PiezoStage | None = None,
+    noise_seed: int = SEED,
+) -> Recording:
+    """Run the loop: feedforward of the reference, an integrator, one sample of delay.
+
+    ``stage`` is what is moved, where that is another one than the rig's.
+    """
+    settings = rig.settings
+    dt = 1.0 / settings.timing.rate_Hz
+    noise = settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
+        target.size
+    )
+    time = dt * np.arange(target.size, dtype=np.float64)
+    expected = np.interp(time - _lateness(rig), time, target)
+    filters = [notch(rig.stage.resonance, rig.stage.damping, NOTCH, dt).coefficients]
+    pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
+    scales = {
+        "error_full": 1.0,
+        "forward_full": 1.0,
+        "demand_full": inverse.scales[0],
+        "current_full": inverse.scales[1],
+        "flux_full": 1.0,
+        "gap_low": 0.0,
+        "gap_high": 1.0,
+        "allocation": Allocation.SINGLE,
+        "idle": 0.0,
+        "current_low": settings.stack_amplifier.low_V,
+        "current_high": settings.stack_amplifier.high_V,
+        "current_step": 0.0,
+        "sensor_step": settings.position_sensor.step_m,
+    }
+    moved = (stage or rig.stage).motion(dt)
+    table = moved.follow(inverse.native(), filters, pid, scales, target, expected, noise)
+    position, corrected, voltage = table.T.copy()
+    error = position - expected
+    stroke = settings.moved.stroke_m
+    bounds = (
+        SignalBound("the deviation was the whole stroke", error, -stroke, stroke),
+        SignalBound(
+            "the feedback asked for more than the stroke", corrected - target, -stroke, stroke
+        ),
+    )
+    columns = {
+        "t_s": time,
+        "reference_m": target,
+        "position_m": position,
+        "error_m": error,
+        "voltage_V": voltage,
+    }
+    return Recording(columns, find_loss(bounds, planned=target.size))
+
+
+def _lateness(rig: PiezoRig) -> float:
+    """Return what the stage answers later, s: known, and the same for every way.
+
+    One sample of delay and half a one of hold, the amplifier, and the slope of the phase below the
+    resonance.
+    """
+    stage = rig.stage
+    rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
+    return 1.5 / rig.settings.timing.rate_Hz + stage.amplifier + rounded
+
+
+WORTH_IT = 0.5
+"""Deviation of a piezo stage, in parts of that without compensation, below which it is worth it."""
+
+
+def verdict(ratio: float) -> Judgement:
+    """Say whether compensation is worth it that leaves this part of the deviation."""
+    found = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
+    return judge("compensation", [found], "measures", PIEZO)

@@ -1,1 +1,0 @@
-"""What compensation gains a piezo stage that follows a triangle."""

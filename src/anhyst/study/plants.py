@@ -1,0 +1,365 @@
+"""Bearings that have drifted: lift off, step up and down by every height, hold position.
+
+Actuators that have drifted, their force controlled open loop by what was made for the nominal one.
+
+The compensators run as they are compiled, without firmware and link: those change no bit.
+
+Piezo stages that have drifted behind the compensation of the nominal one.
+
+Stages that are not what was calibrated: what each error costs every variant, and all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.methods import make_compensator
+from anhyst.compensate.sources import Operating, Sources
+from anhyst.control.controller_file import ControllerFile
+from anhyst.model.actuator import Model
+from anhyst.rig.bearing.drift import Drift, drifted_bearing, drifted_file
+from anhyst.rig.bearing.file import BearingRig
+from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
+from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.file import RigFile
+from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, triangle
+from anhyst.rig.force.file import Rig
+from anhyst.rig.force.programs import find_model, loops_of_rig
+from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.piezo import PiezoRig, stage_of
+from anhyst.rig.recording import Recording, peak, rms
+from anhyst.rig.stage.file import StageRig, unit_of
+from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
+from anhyst.rig.stage.setpoint import motion_of
+from anhyst.rig.tables import SPREADS_OF_BODY, SPREADS_OF_MAGNET
+from anhyst.study.bearing.metrics import step_figures
+from anhyst.study.bearing.operating import make_ready
+from anhyst.study.bearing.responses import position_resolution
+from anhyst.study.engine.monte_carlo import PlantFigure, Plants
+from anhyst.study.force.trials import ForceTrial, plan_trials
+from anhyst.study.piezo import PiezoInverse, find_inverses, follow, judged_from, reference
+from anhyst.study.tracking.learner import at_work
+from anhyst.study.tracking.measures import cross_talk, measure, still_axes
+from anhyst.study.tracking.simulate import (
+    LEARNING,
+    OWN,
+    check_calibration,
+    make_variants,
+    refuse_unstable,
+    settle,
+)
+from anhyst.support.jobs import all_of
+from anhyst.support.progress import Progress
+
+STANDSTILL_S = 0.25
+BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")
+"""Compared with the variant of the controller file: without compensation, and without memory."""
+
+
+def bearing_plants(
+    rig: BearingRig,
+    controller: ControllerFile,
+    methods: Sequence[MethodName] | None = None,
+    seed: int | None = None,
+) -> Plants:
+    """Return what plants of a bearing are run with; the controller is that of the nominal one."""
+    own = controller.settings.compensation.variant
+    names = tuple(dict.fromkeys((*BEARING_METHODS, own))) if methods is None else tuple(methods)
+    ready = make_ready(rig, controller)
+    setups = make_setups(ready.rig, controller, ready.knowledge(), names)
+    heights = tuple(rig.settings.step.heights_m), "height_m"
+    files = [*rig.measured.files, rig.model, rig.flux_table, controller.model]
+    return Plants(
+        file=ready.rig.settings,
+        work=BearingWork(setups),
+        methods=names,
+        own=own if own in names else names[-1],
+        figures=(
+            PlantFigure("overshoot_percent", "overshoot", "%", 1.0, *heights),
+            PlantFigure("settling_s", "settling", "ms", 1e3, *heights),
+            PlantFigure("standstill_rms_m", "standstill, rms", "nm", 1e9),
+        ),
+        read=tuple(path for path in files if path is not None),
+        depends={"controller": controller.settings.model_dump_json()},
+        seed=rig.settings.seed if seed is None else seed,
+    )
+
+
+@dataclass(frozen=True)
+class BearingWork:
+    """Controllers that hold a bearing, by method."""
+
+    setups: Mapping[MethodName, Setup]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Judge one plant; what lost levitation has no figures."""
+        setup = self.setups[method]
+        rig, tried = setup.rig, setup.rig.settings
+        scenario = steps_up_and_down(
+            rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
+        )
+        loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, noise))
+        recording = loop.run(scenario)
+        lost = lost_at(rig, recording, scenario.lifted)
+        if lost is None and len(recording) < scenario.ticks:
+            lost = float(recording["t_s"][-1])
+        if lost is not None:
+            return {"lost_s": lost}
+        return _judge(rig, drifted_file(tried, drift), scenario, recording)
+
+
+def _judge(
+    rig: BearingRig, drifted: RigFile, scenario: Scenario, recording: Recording
+) -> dict[str, Any]:
+    """Judge what an ideal sensor with this gain and offset reads: an offset alone is no overshoot."""
+    sensor = drifted.gap_sensor
+    read = (1.0 + sensor.gain_error) * recording["gap_m"] + sensor.offset_m
+    time, reference = recording["t_s"], recording["reference_m"]
+    heights = drifted.step.heights_m
+    overshoot, settling = [0.0] * len(heights), [0.0] * len(heights)
+    for number, step in enumerate(scenario.steps):
+        rows = slice(step.begin - 1, step.end)
+        found = step_figures(time[rows], reference[rows], read[rows], position_resolution(rig))
+        place = number // 2
+        overshoot[place] = max(overshoot[place], found.overshoot)
+        settling[place] = max(settling[place], found.settling_time_in_noise)
+    rest = recording["gap_m"][-round(STANDSTILL_S / rig.dt) :]
+    return {
+        "overshoot_percent": overshoot,
+        "settling_s": [one if math.isfinite(one) else None for one in settling],
+        "standstill_rms_m": float(np.std(rest)),
+    }
+
+
+FORCE_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued", "full")
+
+
+def force_plants(given: Rig, model: Model | None = None) -> Plants:
+    """Return what plants of a force rig are run with: at every position, and moving."""
+    loops = loops_of_rig(given)
+    rig = complete_rig(given, loops)
+    model, settings = model or find_model(rig, loops), rig.settings
+    gaps = sorted(gap for gap in loops.by_schedule() if gap is not None)
+    force_max = settings.force.force_max_N
+    operating = Operating(
+        gap=0.5 * (gaps[0] + gaps[-1]),
+        force=0.5 * force_max,
+        rate=settings.timing.rate_Hz,
+        gap_range=(gaps[0], gaps[-1]),
+        force_max=force_max,
+        current_max=settings.amplifier.current_high_A,
+    )
+    sources = Sources(operating, loops, model)
+    cases = tuple(trial.name for trial in _trials(rig)), "trial"
+    files = [*rig.measured.files]
+    if settings.solenoid is not None:
+        files.append(rig.path.parent / settings.solenoid.file)
+    return Plants(
+        file=settings,
+        work=ForceWork(
+            rig, {name: make_compensator(name, sources, "fixed") for name in FORCE_METHODS}
+        ),
+        methods=FORCE_METHODS,
+        own="full",
+        figures=(
+            PlantFigure("rms_N", "force error, rms", "N", 1.0, *cases),
+            PlantFigure("worst_N", "force error, worst", "N", 1.0, *cases),
+        ),
+        read=tuple(files),
+        depends={},
+        seed=settings.seed,
+    )
+
+
+def _trials(rig: Rig) -> list[ForceTrial]:
+    force_max, rate = rig.settings.force.force_max_N, rig.settings.timing.rate_Hz
+    demands = [triangle(shape, force_max, rate) for shape in rig.settings.force_triangles]
+    return [trial for trial in plan_trials(rig, demands) if trial.stage != "end"]
+
+
+@dataclass(frozen=True)
+class ForceWork:
+    """A rig and what was made for it."""
+
+    rig: Rig
+    compensators: Mapping[MethodName, ForceController]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Control the force of a plant in every trial, from demagnetised."""
+        plant = drifted_rig(self.rig, drift)
+        found: dict[str, list[float]] = {"rms_N": [], "worst_N": []}
+        for trial in _trials(self.rig):
+            gap, seed = trial.gap(self.rig), [noise, trial.number]
+            known = read_gaps(self.rig, gap, seed) + drift.gap_offset
+            asked = self.compensators[method].fresh().run(trial.demand.force, known)
+            bench = ActuatorBench(plant, gap, seed, unknown_past=False)
+            force = run_open_loop(bench, (1.0 + drift.first_scale) * asked)["force_N"]
+            error = (force - trial.demand.force)[trial.demand.lead_in :]
+            found["rms_N"].append(rms(error))
+            found["worst_N"].append(peak(error))
+        return found
+
+
+def drifted_rig(rig: Rig, drift: Drift) -> Rig:
+    """Return a rig whose iron has drifted, in its own file or in that of its solenoid."""
+    file = rig.solenoid_file
+    if file is None:
+        return replace(rig, settings=drifted_file(rig.settings, drift))
+    iron = file.iron
+    keys = iron.drifted(drift.pinning, drift.reversible, drift.saturation)
+    return replace(
+        rig, solenoid_file=file.model_copy(update={"iron": iron.model_copy(update=keys)})
+    )
+
+
+METHODS: Mapping[MethodName, str] = {
+    "ratio": "none",
+    "single-valued": "single-valued",
+    "full": "full",
+}
+"""Of the engine, and what a piezo stage calls them."""
+
+
+def piezo_plants(rig: PiezoRig) -> Plants:
+    """Return what plants of a piezo stage are run with; its loops are those of the nominal one."""
+    inverses = find_inverses(rig)
+    return Plants(
+        file=rig.settings,
+        work=PiezoWork(rig, {name: inverses[way] for name, way in METHODS.items()}),
+        methods=tuple(METHODS),
+        own="full",
+        figures=(
+            PlantFigure("rms_m", "deviation, rms", "nm", 1e9),
+            PlantFigure("worst_m", "deviation, worst", "nm", 1e9),
+        ),
+        read=(),
+        depends={},
+        seed=rig.settings.seed,
+    )
+
+
+@dataclass(frozen=True)
+class PiezoWork:
+    """A nominal stage and what was made for it."""
+
+    rig: PiezoRig
+    inverses: Mapping[MethodName, PiezoInverse]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Follow the triangle; the controller knows the nominal stage alone."""
+        stage = stage_of(drifted_file(self.rig.settings, drift))
+        run = follow(self.rig, reference(self.rig), self.inverses[method], stage, noise)
+        if run.loss is not None:
+            return {"lost_s": run.dt * run.loss.tick}
+        error = run["error_m"][judged_from(self.rig) :]
+        return {"rms_m": rms(error), "worst_m": peak(error)}
+
+
+ERRORS: Mapping[str, tuple[str, ...]] = {
+    "none": (),
+    "gap zero": ("gap_offset",),
+    "current scale": ("first_scale", "second_scale"),
+    "pinning": ("pinning",),
+    "Hall gain": ("flux_gain",),
+    "eddy lag": ("eddy",),
+    "all": (
+        *("gap_offset", "first_scale", "second_scale"),
+        *("pinning", "flux_gain", "eddy", "conductivity", "mass", "cable"),
+    ),
+}
+"""What a plant has drifted in, case by case."""
+
+
+ERRORS_OF_AXES: Mapping[str, tuple[str, ...]] = {
+    **{name: ERRORS[name] for name in ("none", "gap zero")},
+    "current scale": ("first_scale",),
+    **{name: ERRORS[name] for name in ("pinning", "Hall gain")},
+    "centre of mass": tuple(f"place_{axis}" for axis in "xyz"),
+    "payload": ("mass",),
+    "head positions": ("heads",),
+    "all": (*SPREADS_OF_MAGNET, *SPREADS_OF_BODY, "heads"),
+}
+"""The same of a body of several coordinates, of all its magnets at once."""
+
+
+def errors_of(file: RigFile) -> Mapping[str, tuple[str, ...]]:
+    """Return the cases of a stage: those of all, and of solid iron its own."""
+    if file.several:
+        return ERRORS_OF_AXES
+    return {**ERRORS, "conductivity": ("conductivity",)} if file.magnet.solid else ERRORS
+
+
+def stage_plants(
+    rig: StageRig,
+    magnet: IdentifiedMagnet | None = None,
+    names: Sequence[MethodName] = (),
+    progress: Progress | None = None,
+) -> Plants:
+    """Return what plants of a stage are run with: variants with the gains of the calibrated one."""
+    check_calibration(rig)
+    known = magnet or identify_stage(rig)
+    made, _ = make_variants(rig, known, names)
+    refuse_unstable(made[OWN])
+    gains = all_of(partial(_find, known), list(made.values()), progress)
+    cases = tuple(errors_of(rig.settings)), "error"
+    return Plants(
+        file=rig.settings,
+        work=StageWork(known, made, dict(zip(made, gains, strict=True))),
+        methods=tuple(made),
+        own=OWN,
+        figures=(
+            PlantFigure("average_m", "moving average", "nm", 1e9, *cases),
+            PlantFigure("peak_m", "peak", "nm", 1e9, *cases),
+            PlantFigure("settling_50_s", "settling to 50 nm", "ms", 1e3, *cases),
+            *(
+                PlantFigure(f"{axis}_{unit_of(axis)}", f"{axis}, largest", unit, 1e9, *cases)
+                for axis, unit in ((one, f"n{unit_of(one)}") for one in still_axes(rig.settings))
+            ),
+        ),
+        read=tuple(rig.measured.files),
+        depends={},
+        seed=rig.settings.seed,
+    )
+
+
+def _find(magnet: IdentifiedMagnet, setup: StageSetup) -> Feedforward:
+    return settle(setup, magnet)[0]
+
+
+@dataclass(frozen=True)
+class StageWork:
+    """Variants and their gains."""
+
+    magnet: IdentifiedMagnet
+    setups: Mapping[MethodName, StageSetup]
+    gains: Mapping[MethodName, Feedforward]
+
+    def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
+        """Follow the test set-point with each error alone and with all of them.
+
+        A stage that calibrates itself has worked on the training set-point before.
+        """
+        setup, gains = self.setups[method], self.gains[method]
+        scan = setup.rig.settings.scan
+        motion = motion_of(scan, scan.test_m_per_s2)
+        found: dict[str, list[float]] = {}
+        for names in errors_of(setup.rig.settings).values():
+            plant = replace(setup, drift=drift.alone(names))
+            learner = at_work(plant, self.magnet, gains, noise + LEARNING)
+            run = track(learner.stage(plant.drift) if learner else plant, motion, gains, noise)
+            if run.loss is not None:
+                return {"lost_s": run.dt * run.loss.tick}
+            measures = measure(run, motion, scan.slit_s)
+            for key in ("average_m", "peak_m", "settling_50_s"):
+                found.setdefault(key, []).append(getattr(measures, key))
+            for axis, largest in cross_talk(run, motion, still_axes(setup.rig.settings)).items():
+                found.setdefault(f"{axis}_{unit_of(axis)}", []).append(largest)
+        return found

@@ -1,1 +1,0 @@
-"""Whether a model still fits its magnet, watched while the magnet moves."""
