@@ -3,20 +3,24 @@
 /* What follows is the same in every format; the few operations in which they differ stand before
    it: force_controller.c for q31, generic/force_controller_real.h for the others. */
 
-/* ---- by a map ---- */
-
-/* The current of a force that the map knows, with what the measured flux adds. */
-static ANHYST_REAL ANHYST_NAME(current_by_map)(ANHYST_NAME(anhyst_force_controller) *c,
-                                               ANHYST_REAL gap)
+static int ANHYST_NAME(are_limits)(ANHYST_REAL low, ANHYST_REAL high)
 {
-  c->wanted =
-      ANHYST_NAME(anhyst_add)(ANHYST_NAME(anhyst_map_value)(c->map, c->demand, gap), c->correction);
+  return ANHYST_NAME(is_known)(low) && ANHYST_NAME(is_known)(high) && low <= high;
+}
+
+/* What a current that was found, and what the measured flux adds to it, are within limits. */
+static ANHYST_REAL ANHYST_NAME(corrected)(ANHYST_NAME(anhyst_force_controller) *c,
+                                          ANHYST_REAL current)
+{
+  c->wanted = ANHYST_NAME(anhyst_add)(current, c->correction);
   c->current = ANHYST_NAME(limited)(c, c->wanted);
   if (c->current != c->wanted) {
     c->flags |= ANHYST_CURRENT_LIMITED;
   }
   return c->current;
 }
+
+/* ---- by a map ---- */
 
 static void ANHYST_NAME(take_demand)(ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL demand)
 {
@@ -30,7 +34,7 @@ static ANHYST_REAL ANHYST_NAME(solve_by_map)(ANHYST_NAME(anhyst_force_controller
 {
   (void)flux;
   ANHYST_NAME(take_demand)(c, demand);
-  return ANHYST_NAME(current_by_map)(c, gap);
+  return ANHYST_NAME(corrected)(c, ANHYST_NAME(anhyst_map_value)(c->map, c->demand, gap));
 }
 
 /* The force of an applied current, of which the measured flux added a part. */
@@ -91,8 +95,7 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_map)(ANHYST_NAME(anhyst_f
       ANHYST_NAME(no_length),    ANHYST_NAME(no_conditioning), ANHYST_NAME(no_iron),
       ANHYST_NAME(no_block)};
   const ANHYST_NAME(anhyst_force_controller) fresh = {0};
-  if (ANHYST_NAME(anhyst_map_check)(map) != ANHYST_OK || !ANHYST_NAME(is_known)(low) ||
-      !ANHYST_NAME(is_known)(high) || low > high) {
+  if (ANHYST_NAME(anhyst_map_check)(map) != ANHYST_OK || !ANHYST_NAME(are_limits)(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   *c = fresh;
@@ -110,7 +113,7 @@ static ANHYST_REAL ANHYST_NAME(solve_by_flux)(ANHYST_NAME(anhyst_force_controlle
 {
   ANHYST_NAME(take_demand)(c, demand);
   ANHYST_NAME(correct)(c, gap, flux);
-  return ANHYST_NAME(current_by_map)(c, gap);
+  return ANHYST_NAME(corrected)(c, ANHYST_NAME(anhyst_map_value)(c->map, c->demand, gap));
 }
 
 static ANHYST_REAL ANHYST_NAME(commit_by_flux)(ANHYST_NAME(anhyst_force_controller) *c,
@@ -237,12 +240,7 @@ static ANHYST_REAL ANHYST_NAME(solve_fused)(ANHYST_NAME(anhyst_force_controller)
   const ANHYST_REAL by_law = ANHYST_NAME(solve_by_compensator)(c, demand, gap, flux);
   ANHYST_NAME(correct)(c, gap, flux);
   ANHYST_NAME(bound_correction)(c);
-  c->wanted = ANHYST_NAME(anhyst_add)(by_law, c->correction);
-  c->current = ANHYST_NAME(limited)(c, c->wanted);
-  if (c->current != c->wanted) {
-    c->flags |= ANHYST_CURRENT_LIMITED;
-  }
-  return c->current;
+  return ANHYST_NAME(corrected)(c, by_law);
 }
 
 /* The iron is taken for one of which the measured flux corrects the current: the compensator
@@ -270,7 +268,7 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_fuse)(ANHYST_NAME(anhyst_force
       ANHYST_NAME(length),      ANHYST_NAME(conditioning), ANHYST_NAME(demagnetise),
       ANHYST_NAME(carry)};
   if (ANHYST_NAME(anhyst_map_check)(&loop->wanted) != ANHYST_OK || !ANHYST_NAME(is_valid)(loop) ||
-      !ANHYST_NAME(is_known)(low) || !ANHYST_NAME(is_known)(high) || low > high) {
+      !ANHYST_NAME(are_limits)(low, high)) {
     return ANHYST_BAD_PARAMETER;
   }
   c->method = &fused;

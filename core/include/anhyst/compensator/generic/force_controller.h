@@ -60,10 +60,9 @@ void ANHYST_NAME(anhyst_force_controller_bypass)(ANHYST_NAME(anhyst_force_contro
                                                  ANHYST_REAL low, ANHYST_REAL high);
 
 /* Corrects a compensator by the measured flux from the next solve on, within low..high and by no
-   more than the loop says: what it adds is of no iron that the compensator knows, so that commits
-   the rest. ANHYST_OK, or
-   ANHYST_BAD_PARAMETER where parameters are out of range; nothing is changed then. For a force
-   controller with a compensator, before its first tick. */
+   more than the loop says. What it adds is of no iron that the compensator knows, which commits the
+   rest. ANHYST_OK, or ANHYST_BAD_PARAMETER where parameters are out of range; nothing is changed
+   then. For a force controller with a compensator, before its first tick. */
 anhyst_status ANHYST_NAME(anhyst_force_controller_fuse)(ANHYST_NAME(anhyst_force_controller) *c,
                                                         const ANHYST_NAME(anhyst_flux_loop) *loop,
                                                         ANHYST_REAL low, ANHYST_REAL high);
