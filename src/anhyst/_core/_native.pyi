@@ -506,8 +506,7 @@ class BusController(LoopController):
     """A controller at the other end of a plant bus, plant/include/anhyst_plant/bus.h."""
 
     def __init__(self, address: int, scales: _Numbers) -> None: ...
-    def take(self) -> NDArray[np.uint32]:
-        """Return its answers since the last time, a row of words a tick."""
+    def take(self) -> NDArray[np.uint32]: ...  # its answers since the last time, a row a tick
     def end(self) -> None: ...  # before its firmware is unloaded
     @property
     def tick(self) -> int:
