@@ -177,8 +177,8 @@ private:
   anhyst_axes_answer_q31 run(const Codes &head, const Codes &forward, const Codes &gap,
                              const Codes &flux, const Codes &read, uint16_t command)
   {
-    const anhyst_axes_sample_q31 in = {head.data(), forward.data(), gap.data(),
-                                       flux.data(), read.data(),    command, nullptr};
+    const anhyst_axes_sample_q31 in = {head.data(), forward.data(), gap.data(), flux.data(),
+                                       read.data(), command,        nullptr};
     anhyst_axes_answer_q31 out = {current_.data(), demand_.data(), 0, 0, 0};
     anhyst_axes_tick_q31(&axes_, &in, &out);
     return out;
