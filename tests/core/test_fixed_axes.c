@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Claims of the controller of several axes in fixed point: rows, PID, allocation, a tick. */
-#include "control/axes_fixed.c"
+#include "control/axes_fixed.c" /* NOLINT(bugprone-suspicious-include): its static functions are meant */
 
 #include "check.h"
 #include "edges.h"
@@ -41,7 +41,7 @@ static void a_row_is_summed_up_whole_and_rounded_once(void)
     const uint16_t length = (uint16_t)any_within(1, ANHYST_ROW_LENGTH);
     const uint16_t shift = (uint16_t)any_within(0, (int32_t)ANHYST_ROW_SHIFT);
     int32_t row[ANHYST_ROW_LENGTH];
-    int32_t signal[ANHYST_ROW_LENGTH];
+    int32_t signal[ANHYST_ROW_LENGTH] = {0};
     double exact = 0.0;
     for (int j = 0; j < (int)length; j++) {
       row[j] = any_within(-ANHYST_ROW_MOST, ANHYST_ROW_MOST);
@@ -300,28 +300,31 @@ static void a_head_that_says_nothing_moves_no_pid(void)
   CHECK(held > 100);
 }
 
+/* One word out of its range, everything else as it was. */
+static void check_refused(const anhyst_axes_settings_q31 *settings, int32_t *word, int32_t value)
+{
+  const int32_t kept = *word;
+  anhyst_axes_q31 c;
+  *word = value;
+  CHECK(anhyst_axes_init_q31(&c, settings, NULL) == ANHYST_BAD_PARAMETER);
+  *word = kept;
+}
+
 static void words_out_of_range_are_refused(void)
 {
   anhyst_axes_settings_q31 settings = any_settings();
   anhyst_axes_q31 c;
   settings.layout.axes = 1;
   CHECK(anhyst_axes_init_q31(&c, &settings, NULL) == ANHYST_OK);
-#define REFUSED(place, value)                                                                      \
-  do {                                                                                             \
-    const int64_t kept = place;                                                                    \
-    place = value;                                                                                 \
-    CHECK(anhyst_axes_init_q31(&c, &settings, NULL) == ANHYST_BAD_PARAMETER);                      \
-    place = (int32_t)kept;                                                                         \
-  } while (0)
-  REFUSED(numbers[0], ANHYST_ROW_MOST + 1);
-  REFUSED(apart[0], ANHYST_Q30_ONE + 1);
-  REFUSED(pids[0].decay, 0);
-  REFUSED(pids[0].direct, ANHYST_AXIS_PID_MOST + 1);
-  REFUSED(reach[0], 0);
-  REFUSED(steps[0], 0);
-  REFUSED(settings.current_step, 0);
-  REFUSED(settings.follow, -1);
-  REFUSED(settings.layout.most, settings.layout.least);
+  check_refused(&settings, &numbers[0], ANHYST_ROW_MOST + 1);
+  check_refused(&settings, &apart[0], ANHYST_Q30_ONE + 1);
+  check_refused(&settings, &pids[0].decay, 0);
+  check_refused(&settings, &pids[0].direct, ANHYST_AXIS_PID_MOST + 1);
+  check_refused(&settings, &reach[0], 0);
+  check_refused(&settings, &steps[0], 0);
+  check_refused(&settings, &settings.current_step, 0);
+  check_refused(&settings, &settings.follow, -1);
+  check_refused(&settings, &settings.layout.most, settings.layout.least);
   shifts[0] = ANHYST_ROW_SHIFT + 1U;
   CHECK(anhyst_axes_init_q31(&c, &settings, NULL) == ANHYST_BAD_PARAMETER);
 }

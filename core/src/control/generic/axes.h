@@ -231,7 +231,7 @@ void ANHYST_NAME(anhyst_axes_tick)(ANHYST_NAME(anhyst_axes) *c,
   }
   for (i = 0; i < (int)settings->layout.drives; i++) {
     ANHYST_NAME(anhyst_force_controller) *drive = c->drive[i];
-    const int lost = c->share.lost >> i & 1;
+    const uint32_t lost = c->share.lost >> i & 1U;
     ANHYST_REAL wanted = 0;
     if (c->flight != ANHYST_AXES_REST && !lost) {
       wanted = ANHYST_NAME(anhyst_force_controller_solve)(drive, force[i], sample->gap[i],
