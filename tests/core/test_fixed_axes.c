@@ -40,7 +40,7 @@ static void a_row_is_summed_up_whole_and_rounded_once(void)
   for (int i = 0; i < 200000; i++) {
     const uint16_t length = (uint16_t)any_within(1, ANHYST_ROW_LENGTH);
     const uint16_t shift = (uint16_t)any_within(0, (int32_t)ANHYST_ROW_SHIFT);
-    int32_t row[ANHYST_ROW_LENGTH];
+    int32_t row[ANHYST_ROW_LENGTH] = {0};
     int32_t signal[ANHYST_ROW_LENGTH] = {0};
     double exact = 0.0;
     for (int j = 0; j < (int)length; j++) {

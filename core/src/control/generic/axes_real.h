@@ -41,7 +41,10 @@ static ANHYST_REAL ANHYST_NAME(step_pid)(const ANHYST_NAME(anhyst_axis_pid) *pid
 }
 
 /* Whether it says anything. */
-static int ANHYST_NAME(is_told)(ANHYST_REAL a) { return a >= R(0.0) || a < R(0.0); }
+static int ANHYST_NAME(is_told)(ANHYST_REAL a)
+{
+  return ANHYST_NAME(is_number)(a) || a > R(0.0) || a < R(0.0); /* beyond all numbers, too */
+}
 
 static ANHYST_REAL ANHYST_NAME(part_of)(ANHYST_REAL a, ANHYST_REAL part) { return part * a; }
 
