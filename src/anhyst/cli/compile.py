@@ -1,7 +1,4 @@
-"""The verb ``compile``.
-
-The verb ``verify``.
-"""
+"""The verbs ``compile`` and ``verify``."""
 
 from __future__ import annotations
 

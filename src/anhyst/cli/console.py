@@ -1,6 +1,6 @@
-"""What the verbs say and where: results on standard output, everything else on standard error.
+"""What the verbs say and where: results on standard output, all else on standard error.
 
-How far long work is: a bar on a terminal, a line a minute elsewhere; on standard error.
+Progress is a bar on a terminal and a line a minute elsewhere.
 """
 
 from __future__ import annotations

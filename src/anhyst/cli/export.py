@@ -1,9 +1,4 @@
-"""The verb ``export``.
-
-The verb ``convert``.
-
-The verb ``xcp``.
-"""
+"""The verbs ``export``, ``convert`` and ``xcp``: what goes to other tools."""
 
 from __future__ import annotations
 

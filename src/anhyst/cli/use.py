@@ -1,11 +1,4 @@
-"""The verbs ``predict`` and ``invert``.
-
-The verb ``diff``.
-
-The verb ``report``.
-
-The verb ``watch``.
-"""
+"""The verbs ``predict``, ``invert``, ``diff``, ``report`` and ``watch``: what reads a model."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""From force to current: the core's own arithmetic, with the scales that give its numbers a meaning.
-
-What every compensator can do, however it finds its current and in whatever numbers it counts.
-"""
+"""From force to current: what every compensator can do, and the core's arithmetic in SI units."""
 
 from __future__ import annotations
 

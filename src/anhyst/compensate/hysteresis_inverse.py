@@ -1,7 +1,4 @@
-"""Methods with a model: the inverse of the hysteresis, compiled as for a controller.
-
-A model where a levitating armature uses it.
-"""
+"""Methods with a model: the inverse of the hysteresis, compiled as for a controller."""
 
 from __future__ import annotations
 

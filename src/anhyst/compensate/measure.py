@@ -1,7 +1,4 @@
-"""How far a compensator's output is from the demand: its current, mapped by the exact model.
-
-What a compensator is measured on: demands of every sort, at gaps at rest and moving.
-"""
+"""How far a compensator's output is from the demand, and the paths along which that is measured."""
 
 from __future__ import annotations
 

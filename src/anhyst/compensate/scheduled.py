@@ -1,7 +1,4 @@
-"""What every kind of compensator shares: signals, limits, and what runs over the gap.
-
-What compensators of every kind need to know of the iron of a model, whatever its law.
-"""
+"""What every kind of compensator shares: signals, limits, the model's iron, what runs over the gap."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What a magnet does without its hysteresis: the current over force and gap, and its slopes.
-
-What a force controller without hysteresis can do, fitted to the same loops.
-"""
+"""A magnet without its hysteresis: current over force and gap, slopes, and the baselines made of it."""
 
 from __future__ import annotations
 

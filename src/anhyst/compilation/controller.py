@@ -1,7 +1,4 @@
-"""The position controller that goes into an output folder beside the compensator.
-
-The constants of a position controller as C: every number with its meaning and unit.
-"""
+"""The position controller of an output folder, and its constants as C, with meaning and unit."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""The manifest of an output folder: what every tool has to know about it.
-
-Memory that a compensator takes on a controller with pointers of 32 bits.
-
-The choices of a plan in words.
-"""
+"""The manifest of an output folder: what every tool has to know of it; memory, choices in words."""
 
 from __future__ import annotations
 

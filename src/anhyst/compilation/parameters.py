@@ -1,7 +1,4 @@
-"""The parameter block as C: every word with its meaning, every table with what it is made of.
-
-The parameters of a floating-point compensator as C: every number with its meaning and unit.
-"""
+"""Parameters as C, in fixed and floating point: every number and table with its meaning."""
 
 from __future__ import annotations
 

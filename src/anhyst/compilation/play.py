@@ -1,7 +1,4 @@
-"""A map with one play as C: fitted to loops of a model, for whom the compensator is too dear.
-
-What a force controller leaves of a force: over the whole loop, and over small cycles inside.
-"""
+"""A map with one play as C, for whom the compensator is too dear, and what it leaves of a force."""
 
 from __future__ import annotations
 

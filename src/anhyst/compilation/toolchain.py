@@ -1,7 +1,4 @@
-"""Compilers: found, called, and their refusals reported in one line.
-
-The C of the core: where it stands, and which of its files a compensator needs.
-"""
+"""Compilers, their refusals in one line, and which C files of the core a compensator needs."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The signal generator: what is added to the target; shapes that repeat, and waves that end.
-
-A bench whose target a generator moves while time goes on.
-"""
+"""The signal generator, shapes that repeat and waves that end, and a bench whose target it moves."""
 
 from __future__ import annotations
 

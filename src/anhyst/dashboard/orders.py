@@ -1,7 +1,4 @@
-"""What a page may ask for, and what each of it does; run between two stretches of the bench.
-
-Orders of the way to a better model; run between two stretches of the bench.
-"""
+"""What a page may ask for, and what each order does; run between two stretches of the bench."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Recordings that are on the disk as soon as they were seen: a row a tick, as CSV or MDF.
-
-A recording as MDF 4.1, which can be read at any moment: whatever is linked is whole.
-"""
+"""Recordings that are on the disk as soon as they were seen: a row a tick, as CSV or MDF 4.1."""
 
 from __future__ import annotations
 

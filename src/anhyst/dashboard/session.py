@@ -1,7 +1,4 @@
-"""A bench by the clock, and all that looks on: pages, a recorder, a log of what was changed.
-
-Which orders of a page would be refused now, and why.
-"""
+"""A bench by the clock, and all that looks on: pages, a recorder, a log; what is refused now."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What was measured, in figures, and what to think of it.
-
-The picture of an inspection.
-"""
+"""What was measured, in figures and in a picture, and what to think of it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Which column of a table is input, output, time, loop label and scheduling variable.
-
-Columns that nobody named a label, and that distinguish loops all the same.
-"""
+"""Which column of a table is input, output, time, loop label and scheduling variable."""
 
 from __future__ import annotations
 

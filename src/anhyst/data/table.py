@@ -1,11 +1,4 @@
-"""Tables read whole, with their columns understood: drives, demands and whole measurements.
-
-Columns in memory as a table: data frames of any library, and mappings.
-
-What a file holds, channel by channel, before anything is made of it.
-
-Writing recordings in the format that a file's name says.
-"""
+"""Tables as a whole: of files and of data frames, listed, read with their columns understood, and written."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Is it worth it? The residuals of the best curve without memory.
-
-What an output does after the input was turned back: its slope, and how small loops close.
-"""
+"""Is it worth it? What the best curve without memory leaves, and what follows a reversal."""
 
 from __future__ import annotations
 

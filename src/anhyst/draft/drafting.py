@@ -1,7 +1,4 @@
-"""From measured loops, or from a bundled example, to a folder that runs: ``anhyst init``.
-
-The bundled examples: data and rig files that come with the package.
-"""
+"""From measured loops, or from a bundled example, to a folder that runs: ``anhyst init``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What loops say about a magnet that a rig has to know: reach, slopes, noise, pace.
-
-What moves, what pulls at it and where: as given, or guessed.
-"""
+"""What a rig has to know of its magnet, from loops, and of what it moves, as given or guessed."""
 
 from __future__ import annotations
 

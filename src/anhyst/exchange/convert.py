@@ -1,7 +1,4 @@
-"""The verb ``convert``: a measurement in another format, or a rig file in the format of today.
-
-From one file format to another: names, units, groups and clocks stay as far as it holds them.
-"""
+"""The verb ``convert``: a measurement in another format, or a rig file in the format of today."""
 
 from __future__ import annotations
 

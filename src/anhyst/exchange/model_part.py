@@ -1,7 +1,4 @@
-"""An identified actuator as a component: the C that runs behind its stepper, in double precision.
-
-A compensator as a component: the fixed-point C that ``anhyst compile`` writes.
-"""
+"""A model as a component: an actuator in double precision, or its fixed-point compensator."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What an FMU or an S-function is made of, whichever kind of component is in it.
-
-What an FMU says of itself: the files modelDescription.xml and buildDescription.xml.
-"""
+"""What an FMU or an S-function is made of, and what an FMU says of itself."""
 
 from __future__ import annotations
 

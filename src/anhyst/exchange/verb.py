@@ -1,7 +1,4 @@
-"""The verb ``export``: a model or a rig file, in any form that other tools read.
-
-A model as an S-function for Simulink: the component of an FMU behind Simulink's own interface.
-"""
+"""The verb ``export``: a model or a rig file, in any form that other tools read."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What is fitted and compared: laws and gap maps, the simplest first.
-
-All that was fitted, to all loops and without some, and which predicts what was left out best.
-"""
+"""What is fitted and compared, the simplest first, and which of it predicts best what was left out."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Loops made ready for fitting: arrays, weights, and what came before the first sample.
-
-What the sensors read where nothing flows: offsets that no law is needed for.
-"""
+"""Loops made ready for fitting: arrays, weights, what came before, what sensors read at rest."""
 
 from __future__ import annotations
 

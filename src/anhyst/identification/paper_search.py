@@ -1,6 +1,6 @@
 """The paper's search (II.B and II.C): seven free parameters at each gap, by evolution and simplex.
 
-1. At each gap by itself the evolution strategy of :mod:`.evolution` narrows seven parameters, and
+1. At each gap by itself the evolution strategy narrows seven parameters, and
    the offsets of input and output with them, on the criterion of eq. 16; a generation is computed
    at once by the batch of the core, on thinned loops. Nelder and Mead's simplex finishes on the
    exact law.
@@ -8,7 +8,7 @@
    are searched again. That is the paper's free model. It fits each gap as well as the law can, and
    its parameters scatter along the redundancies (Fig. 1); an ordinary spline through them gives
    nonsense between the gaps (Fig. 2, :func:`spline_model_at`).
-3. :mod:`.reduction` then makes one parameter after another the same at all gaps (Fig. 3).
+3. :mod:`.paper_sequence` then makes one parameter after another the same at all gaps (Fig. 3).
 
 Searches see thinned loops, since the exact step does not depend on how the path is cut; every cost
 that is reported is computed on all samples. Everything random comes from the seed.

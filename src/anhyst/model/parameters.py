@@ -1,7 +1,4 @@
-"""The parameters of a model: those of its law, and those of what surrounds the iron.
-
-What surrounds the iron: from drive to field, and from flux density to output.
-"""
+"""The parameters of a model: those of its law, and those of what surrounds the iron from drive to output."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What a model computed over a record.
-
-Where a model was seen to hold, and what is said about samples that are not there.
-"""
+"""What a model computed over a record, and where it was seen to hold."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The figures of the paper's section III, drawn from what was recorded, and the page with them.
-
-The hardware structure of a rig (the paper's Fig. 6), with its actual numbers.
-"""
+"""Figures and page of the paper's section III, from recordings, and its hardware structure."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""How loops are measured, read and identified: ``[loops]``, ``[measurement]`` and ``[excite]``.
-
-The loops that a rig file names, and how they are read and identified.
-"""
+"""How loops are measured, read and identified: ``[loops]``, ``[measurement]``, ``[excite]``."""
 
 from __future__ import annotations
 

@@ -1,12 +1,6 @@
-"""Bearings that have drifted: lift off, step up and down by every height, hold position.
+"""Drawn plants of every kind of rig behind every method: bearing, force control, piezo, stage.
 
-Actuators that have drifted, their force controlled open loop by what was made for the nominal one.
-
-The compensators run as they are compiled, without firmware and link: those change no bit.
-
-Piezo stages that have drifted behind the compensation of the nominal one.
-
-Stages that are not what was calibrated: what each error costs every variant, and all of them.
+Force control runs its compensators as they are compiled, without firmware and link: those change no bit.
 """
 
 from __future__ import annotations

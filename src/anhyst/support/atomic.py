@@ -1,9 +1,4 @@
-"""Files that are written whole or not at all.
-
-Folders: written whole or not at all, that of what is kept, those of the C sources.
-
-Figures as files: whole or not at all.
-"""
+"""Files, folders and figures written whole or not at all; where the cache and the C sources are."""
 
 from __future__ import annotations
 

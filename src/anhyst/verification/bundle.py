@@ -1,7 +1,4 @@
-"""The folder that ``anhyst compile`` wrote, read back and checked.
-
-The golden vectors of a bundle: inputs and what has to be answered.
-"""
+"""The folder that ``anhyst compile`` wrote, read back and checked, its golden vectors too."""
 
 from __future__ import annotations
 

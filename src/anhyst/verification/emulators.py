@@ -1,7 +1,4 @@
-"""Cortex-M: compiled by ziglang, emulated in this process by Unicorn.
-
-MSP430: compiled by ziglang, run by mspdebug's simulator.
-"""
+"""Emulated processors: Cortex-M in this process by Unicorn, MSP430 by mspdebug's simulator."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What a verification found.
-
-A verification as tables, and as two files beside what was verified.
-"""
+"""What a verification found, as tables, and as two files beside what was verified."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Channels as a table: those that are wanted, on one clock.
-
-Channels that ran on clocks of their own, brought onto one; refused where that cannot be right.
-"""
+"""Channels as a table: those that are wanted, brought onto one clock, or refused where that cannot be right."""
 
 from __future__ import annotations
 

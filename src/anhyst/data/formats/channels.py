@@ -1,7 +1,4 @@
-"""What a file of recordings holds: channels, each with a unit, a group and the clock it ran on.
-
-Columns of a table as they stand in it: numbers in its own units, or text.
-"""
+"""What a file of recordings holds: channels with unit, group and clock, columns as they stand."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""MAT files: version 5 by SciPy, version 7.3 by h5py; recordings of Simulink and ControlDesk.
-
-What a MAT file of version 5 says of its own sizes, checked before anything is made of it.
-"""
+"""MAT files: version 5 by SciPy, its sizes checked first, version 7.3 by h5py."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""How recordings stand in MAT files: plain arrays, Simulink's structures, ControlDesk's X and Y.
-
-MAT files of version 7.3: HDF5 with arrays transposed, texts as codes, structures as groups.
-"""
+"""How recordings stand in MAT files: plain arrays, structures of Simulink and ControlDesk, HDF5."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The structure of the simulated loop (the paper's Fig. 10), with its actual numbers.
-
-What stands in the blocks of the paper's Fig. 10: the actual numbers of rig and controller.
-"""
+"""The structure of the simulated loop (the paper's Fig. 10), with its actual numbers."""
 
 from __future__ import annotations
 

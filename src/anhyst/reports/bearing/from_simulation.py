@@ -1,7 +1,4 @@
-"""From what ``simulate`` found to what its report is about.
-
-From the map of what compensation gains to what its report is about.
-"""
+"""From what ``simulate`` found, or its map of what compensation gains, to what a report is about."""
 
 from __future__ import annotations
 

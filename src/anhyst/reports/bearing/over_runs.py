@@ -1,7 +1,4 @@
-"""Figures over many runs: where compensation gains, what tuning can choose from, drift.
-
-The picture of a tuning.
-"""
+"""Figures over many runs: where compensation gains, what tuning can choose from and chose, drift."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Figures over time: steps (the paper's Fig. 11), tracking, forces, standstill.
-
-What a run does in the plane of force over current, over the loops that were measured.
-"""
+"""Figures of runs: steps (the paper's Fig. 11), tracking, forces, standstill; force over current."""
 
 from __future__ import annotations
 

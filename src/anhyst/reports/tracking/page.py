@@ -1,7 +1,4 @@
-"""The page about a stage that follows set-points: whether compensation pays, and where not.
-
-Whether compensation is worth it on a stage, against which baseline, and where it is not.
-"""
+"""The page about a stage: whether compensation pays, against which baseline, and where not."""
 
 from __future__ import annotations
 

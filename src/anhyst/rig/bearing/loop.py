@@ -1,9 +1,4 @@
-"""A bearing and its controller in lock-step: runs scenarios.
-
-What became of a run: held, or lost, and why.
-
-Whether a controller file belongs to the rig that it is to control.
-"""
+"""A bearing and its controller in lock-step: whether they fit, scenarios, what became of a run."""
 
 from __future__ import annotations
 

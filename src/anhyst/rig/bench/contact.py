@@ -1,7 +1,4 @@
-"""One contact with a controller on a board: open a line, see that it is the right one, read.
-
-What the codes of a controller on a board mean, as the manifest of its folder says.
-"""
+"""One contact with a controller on a board: open a line, see that it is the right one, read."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Controller programs: models compiled to fixed point and built into a firmware.
-
-The models of force control: identified from a rig's loops, and fit for its sensors.
-"""
+"""Models of force control, from a rig's loops, and the controller programs built of them."""
 
 from __future__ import annotations
 

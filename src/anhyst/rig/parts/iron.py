@@ -1,10 +1,7 @@
-"""Iron made of pinned cells, which is not a Jiles-Atherton material.
+"""Iron that is no Jiles-Atherton material: pinned cells, and a moving Preisach iron.
 
-Other families: :mod:`anhyst.rig.parts.iron` and :mod:`anhyst.rig.parts.iron`.
-
-A moving Preisach iron; no law of the package, and its density is not separable.
-
-Its equations stand in ``plant/include/anhyst_plant/preisach.h``.
+The equations of the latter, whose density is not separable, stand in
+``plant/include/anhyst_plant/preisach.h``.
 """
 
 from __future__ import annotations

@@ -1,9 +1,4 @@
-"""One magnet of a fleet: identified, compiled, verified; its result stands in a file.
-
-Which magnets a folder holds.
-
-Which law and gap map all magnets of a fleet get: what most of the first ones choose.
-"""
+"""The magnets of a fleet one by one: found, a law chosen for all, identified, compiled, verified."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Trials of force control: which there are, and how one runs under every controller.
-
-Errors of force control, in newtons and per cent of the largest force.
-"""
+"""Trials of force control: which there are, how one runs under every controller, its errors."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""What a tuning gives.
-
-What a tuning leaves behind: notes in controller files, a table, JSON.
-"""
+"""What a tuning gives and leaves behind: notes in controller files, a table, JSON."""
 
 from __future__ import annotations
 

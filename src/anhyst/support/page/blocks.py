@@ -1,7 +1,4 @@
-"""What a section of the report is made of; the template knows how each of them looks.
-
-The one page of all reports: a head, sections of blocks, and nothing fetched from anywhere.
-"""
+"""The one page of all reports and what its sections are made of; nothing is fetched from anywhere."""
 
 from __future__ import annotations
 
