@@ -37,7 +37,7 @@ MODULES = ("speed", "example", "compiled", "serial_link", "initial_state", "forc
            "families", "tracking", "calibration", "planar", "balancing", "levitated", "solenoids",
            "levitation", "live", "page", "improve", "closed_loop", "tuned", "measured", "laws",
            "actuators", "fleet")  # fmt: skip
-ALONE = ("search", "solid", "meander")
+ALONE = ("search", "solid", "meander", "creeping")
 """Lines that take so long that they are measured only where they are named."""
 COLUMNS = ("what", "reach", "measured", "yardsticks", "met")
 
