@@ -265,15 +265,28 @@ def test_what_does_not_fit_a_stage_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_stage_that_learns_as_it_runs_is_refused(tmp_path: Path) -> None:
+def changed_planar(old: str, new: str, folder: Path) -> Path:
     text = (EXAMPLES / "planar" / "rig.toml").read_text()
-    text = text.replace("bias_N = 5.0  ", "calibrate = true\nbias_N = 5.0  ")
-    path = tmp_path / "rig.toml"
-    path.write_text(text)
+    assert old in text
+    (folder / "rig.toml").write_text(text.replace(old, new))
     for name in ("loops.csv", "loops.toml"):
-        (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+        (folder / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+    return folder / "rig.toml"
+
+
+def test_a_stage_that_learns_as_it_runs_is_refused(tmp_path: Path) -> None:
+    path = changed_planar("bias_N = 5.0  ", "calibrate = true\nbias_N = 5.0  ", tmp_path)
     with refused("not-compilable control.calibrate"):
         anhyst.compile(path, tmp_path / "out")
+
+
+def test_heads_on_the_ground_are_neither_compiled_nor_in_an_fmu(tmp_path: Path) -> None:
+    path = changed_planar('of = "position"', 'of = "position"\nstands = true', tmp_path)
+    with refused("not-compilable sensor.stands"):
+        anhyst.compile(path, tmp_path / "out")
+    with refused("not-compiled-controller sensor.stands"):
+        anhyst.export(path, tmp_path / "stage.fmu")
+    assert not list(tmp_path.glob("*.fmu"))
 
 
 @pytest.mark.parametrize(
@@ -286,13 +299,9 @@ def test_a_stage_that_learns_as_it_runs_is_refused(tmp_path: Path) -> None:
 def test_what_fixed_point_throughout_does_not_have_is_refused(
     wrong: str, code: str, tmp_path: Path
 ) -> None:
-    text = (EXAMPLES / "planar" / "rig.toml").read_text()
-    assert 'format = "fixed"  ' in text
-    (tmp_path / "rig.toml").write_text(text.replace('format = "fixed"  ', wrong))
-    for name in ("loops.csv", "loops.toml"):
-        (tmp_path / name).write_bytes((EXAMPLES / "planar" / name).read_bytes())
+    path = changed_planar('format = "fixed"  ', wrong, tmp_path)
     with refused(code):
-        anhyst.compile(tmp_path / "rig.toml", tmp_path / "out", io="q31")
+        anhyst.compile(path, tmp_path / "out", io="q31")
 
 
 def test_a_file_that_is_not_there_is_said_before_a_rate_is_asked_for(tmp_path: Path) -> None:
