@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CYCLE_RAMP = 200
-"""Samples of a ramp over the whole range."""
+"""Samples of a ramp over the whole range of demands."""
 
 LEVELS = (0.25, 0.5, 0.75)
 """Middles of the small cycles, of the largest force."""
@@ -91,10 +91,7 @@ def cycle_errors(
                 ends = (level - 0.5 * SMALL, level + 0.5 * SMALL)
                 turns += ends if end > 0.5 else ends[::-1]
             counts += [(len(turns) - 3, "small"), (len(turns) - 2, "small")]
-    ramps = [
-        np.linspace(first, last, max(2, round(CYCLE_RAMP * abs(last - first))), endpoint=False)
-        for first, last in pairwise(turns)
-    ]
+    ramps = _ramps(turns, CYCLE_RAMP)
     demand = largest * np.concatenate(ramps)
     error = answer(compensator.run(demand, gap), gap) - demand
     pieces = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
@@ -117,7 +114,7 @@ NESTED = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
 """Where the current turns in a record of minor cycles, of the largest."""
 
 RAMP = 150
-"""Samples of a ramp over the whole range."""
+"""The same over that of currents."""
 
 _SLOW_S = 1e9
 """From one sample to the next: no eddy current counts."""
@@ -233,21 +230,25 @@ def model_loops(model: Model, operating: Operating) -> Loops:
     most = operating.current_max
     loops = []
     for gap in np.linspace(*operating.gap_range, GAPS).tolist():
-        drive = _ramps((0.0, 1.0, 0.0), most)
+        drive = _drive((0.0, 1.0, 0.0), most)
         loops.append(_record(model, "whole", drive, 0, gap, History("settled")))
-        before = _ramps((0.0, 1.0, 0.0, 1.0, 0.0), most)
-        drive = np.concatenate([before[:-1], _ramps((0.0, *NESTED, 0.0), most)])
+        before = _drive((0.0, 1.0, 0.0, 1.0, 0.0), most)
+        drive = np.concatenate([before[:-1], _drive((0.0, *NESTED, 0.0), most)])
         history = History("conditioned", (0.0, most, 0.0, most, 0.0))
         loops.append(_record(model, "nested", drive, before.size - 1, gap, history))
     return Loops(tuple(loops), model.input, model.output, model.schedule)
 
 
-def _ramps(turns: tuple[float, ...], most: float) -> FloatArray:
-    pieces = [
-        np.linspace(first, last, max(2, round(RAMP * abs(last - first))), endpoint=False)
+def _drive(turns: Sequence[float], most: float) -> FloatArray:
+    return most * np.append(np.concatenate(_ramps(turns, RAMP)), turns[-1])
+
+
+def _ramps(turns: Sequence[float], samples: int) -> list[FloatArray]:
+    """Return the way from each turn to the next, without its end; so many samples for 1."""
+    return [
+        np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
         for first, last in pairwise(turns)
     ]
-    return most * np.append(np.concatenate(pieces), turns[-1])
 
 
 def _record(

@@ -97,7 +97,7 @@ def _refuse_stage(rig: StageRig) -> None:
             code="not-compiled-controller",
             key="control.format",
         )
-    if rig.settings.several and rig.settings.position_sensors[0].stands:
+    if rig.settings.heads_stand:
         raise InputError(
             f"{rig.path}: sensor.stands: an FMU of a stage has no heads on the ground; leave it out",
             code="not-compiled-controller",

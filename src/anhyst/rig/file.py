@@ -179,6 +179,11 @@ class RigFile(Table):
         return [sensor for sensor in self.sensors if isinstance(sensor, PositionSensorTable)]
 
     @property
+    def heads_stand(self) -> bool:
+        """Whether the heads of a body that is free in several coordinates stand on the ground."""
+        return self.several and self.position_sensors[0].stands
+
+    @property
     def bias_N(self) -> float | None:  # noqa: N802 - as in the file
         """What each magnet of a pair pulls with where no net force is wanted."""
         control = self.control

@@ -191,7 +191,7 @@ def seen_from(file: RigFile, poses: FloatArray, targets: FloatArray) -> FloatArr
 
     On the ground they see what a turn moves there: p + target x th, as in the core's ``axes.h``.
     """
-    if not file.position_sensors[0].stands:
+    if not file.heads_stand:
         return poses
     axes, way, told = axes_of(file), np.zeros((len(poses), 6)), np.zeros((len(poses), 6))
     way[:, axes], told[:, axes] = targets, poses
@@ -233,9 +233,9 @@ def lying(file: RigFile, place: float) -> dict[str, float]:
     values |= {f"error_{axis}": -one for axis, one in zip(free, off.tolist(), strict=True)}
     pose = zip(free, (place * along + off).tolist(), strict=True)
     values |= {f"pose_read_{axis}": one for axis, one in pose}
-    for number, one in enumerate(file.placed, 1):
-        pulls = np.array([*one.direction, 0.0, 0.0, 0.0])[axes_of(file)]
-        gap = (one.gap_m or 0.0) - float(pulls @ off)
+    nearer = (pull_rows(file) @ off).tolist()
+    for number, (magnet, by) in enumerate(zip(file.placed, nearer, strict=True), 1):
+        gap = (magnet.gap_m or 0.0) - by
         values |= {column(name, "", number): gap for name in ("gap", "gap_read")}
     return values
 

@@ -438,7 +438,7 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
         "at": at,
         "see": np.ascontiguousarray(np.linalg.pinv(at)),
         "without": without(file).reshape(at.size, len(at)),
-        "ground": np.array(axes_of(file) if file.position_sensors[0].stands else [], dtype=float),
+        "ground": np.array(axes_of(file) if file.heads_stand else [], dtype=float),
         "decouple": decouple,
         "weigh": weigh,
         "pid": np.array([[b0 / mass, b1 / mass, b2 / mass, a1, a2]] * len(file.body.free)),

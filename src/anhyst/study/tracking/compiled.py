@@ -256,7 +256,7 @@ def _refuse(rig: StageRig, io: Io, rate: float | None) -> None:
             code="option-differs",
             key="timing.rate_Hz",
         )
-    if rig.settings.several and rig.settings.position_sensors[0].stands:
+    if rig.settings.heads_stand:
         raise InputError(
             f"{rig.path}: sensor.stands: a compiled controller has no heads on the ground; leave it "
             "out",
