@@ -12,8 +12,8 @@ int main(void)
   const anhyst_axis_pid_q31 pid = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(),
                                    nondet_u16()};
   anhyst_axis_pid_state_q31 state = {nondet_i64(), nondet_i64()};
-  ASSUME(check_pid_q31(&pid) == ANHYST_OK);
-  (void)step_pid_q31(&pid, &state, nondet_i32());
+  ASSUME(check_pid(&pid) == ANHYST_OK);
+  (void)step_pid(&pid, &state, nondet_i32());
   SHOW(state.lag >= -ANHYST_WIDE_ONE && state.lag <= ANHYST_WIDE_ONE);
   SHOW(state.sum >= -ANHYST_WIDE_ONE && state.sum <= ANHYST_WIDE_ONE);
   return 0;

@@ -10,11 +10,11 @@ int main(void)
   anhyst_map_q31 map = {0, nondet_u16(), 0};
   ASSUME(map.force_segments <= ANHYST_MAP_FORCE_SEGMENTS);
   const uint16_t column = nondet_u16();
-  ASSUME(column <= columns_of_q31(&map));
-  const int32_t force = force_of_q31(&map, column);
+  ASSUME(column <= columns_of(&map));
+  const int32_t force = force_of(&map, column);
   SHOW(force >= 0);
-  SHOW(column == columns_of_q31(&map) || column_of_q31(&map, force) == column);
-  SHOW(column_of_q31(&map, any_within(0, ANHYST_Q31_MAX)) < columns_of_q31(&map));
+  SHOW(column == columns_of(&map) || column_of(&map, force) == column);
+  SHOW(column_of(&map, any_within(0, ANHYST_Q31_MAX)) < columns_of(&map));
 #elif defined(ROW)
   const int16_t entries[2] = {nondet_i16(), nondet_i16()};
   const int16_t half[2] = {nondet_i16(), nondet_i16()};
@@ -31,7 +31,7 @@ int main(void)
   const int32_t size = anhyst_abs_q31(over);
   ASSUME(size >= law.radius); /* below it stands anhyst_share, whose products are another matter */
   const int32_t half = any_within(-8, ANHYST_Q31_MAX);
-  const int32_t found = pull_q31(&law, half, over);
+  const int32_t found = pull(&law, half, over);
   SHOW(found == (over < 0 ? -half : half));
 #endif
   return 0;

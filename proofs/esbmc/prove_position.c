@@ -21,8 +21,8 @@ static int is_current(int32_t current)
 
 /* ---- contracts ---- */
 
-/* All but the remainder of the converter's steps, on which on_grid_q31 alone depends. */
-static int are_valid_q31(const anhyst_position_limits_q31 *of,
+/* All but the remainder of the converter's steps, on which on_grid alone depends. */
+static int are_valid(const anhyst_position_limits_q31 *of,
                          const anhyst_position_settings_q31 *to)
 {
   return anhyst_factor_is_valid(to->units.gap[0].factor) &&
@@ -30,7 +30,7 @@ static int are_valid_q31(const anhyst_position_limits_q31 *of,
          of->current_step > 0 && of->release >= of->current_step && nondet_i16() != 0;
 }
 
-static int32_t on_grid_q31(const anhyst_position_limits_q31 *of, int32_t current)
+static int32_t on_grid(const anhyst_position_limits_q31 *of, int32_t current)
 {
   SHOW(of == &limits && is_current(current));
   return any_within(limits.current_low, limits.current_high);

@@ -289,7 +289,7 @@ def test_every_setting_of_the_core_is_given(compiled: Compiled) -> None:
     """What an initialiser leaves out is zero in C, without a word."""
     headers = sorted((compiled.out / "include").rglob("*.h"))
     header = "\n".join(path.read_text() for path in headers)
-    header = re.sub(r"ANHYST_NAME\((\w+)\)", r"\1_q31", header)
+    header = re.sub(r"\b(anhyst_\w+)_x\b", r"\1_q31", header)
     source = (compiled.out / "bearing_controller.c").read_text()
     for structure in (
         "anhyst_levitation_limits",

@@ -70,7 +70,7 @@ static void a_step_of_the_pid_is_as_in_exact_arithmetic(void)
     const double sum = fmin(fmax((double)any[0], -most), most);
     const double asked = ldexp((double)pid.direct * e + sum + (double)any[1], -(int)pid.shift);
     const double lag = (double)any[1] * (1.0 - ldexp(pid.decay, -30)) + (double)pid.lagging * e;
-    const int32_t found = step_pid_q31(&pid, &state, e);
+    const int32_t found = step_pid(&pid, &state, e);
     keep_worst(&worst, fabs(found - fmin(fmax(asked, ANHYST_Q31_MIN), ANHYST_Q31_MAX)));
     CHECK(state.sum <= (int64_t)most && state.sum >= -(int64_t)most);
     if (fabs(lag) < ldexp(1.0, 60)) {
@@ -87,21 +87,21 @@ static void nothing_creeps_at_a_standstill_of_a_million_ticks(void)
   const anhyst_axis_pid_q31 pid = {435194265, 219287, -85796522, 234395592, 26};
   anhyst_axis_pid_state_q31 state = {0, 0};
   for (int i = 0; i < 500; i++) {
-    (void)step_pid_q31(&pid, &state, any_within(-100000, 100000));
+    (void)step_pid(&pid, &state, any_within(-100000, 100000));
   }
   const int64_t held = state.sum;
   for (int i = 0; i < 1000; i++) {
-    (void)step_pid_q31(&pid, &state, 0);
+    (void)step_pid(&pid, &state, 0);
   }
-  const int32_t asked = step_pid_q31(&pid, &state, 0);
+  const int32_t asked = step_pid(&pid, &state, 0);
   const double lag = ldexp((double)state.lag, -26);
   for (int i = 0; i < 500000; i++) {
-    CHECK(step_pid_q31(&pid, &state, 0) == asked);
+    CHECK(step_pid(&pid, &state, 0) == asked);
   }
   for (int i = 0; i < 250000; i++) {
     const int32_t noise = any_within(-20000, 20000);
-    (void)step_pid_q31(&pid, &state, noise);
-    (void)step_pid_q31(&pid, &state, -noise);
+    (void)step_pid(&pid, &state, noise);
+    (void)step_pid(&pid, &state, -noise);
   }
   CHECK(held != 0 && state.sum == held);
   CHECK_BELOW("what is left of the lag, units of the acceleration", fabs(lag), 8.0);

@@ -5,48 +5,45 @@
 
 #include <stddef.h>
 
-static int is_known_q31(int32_t a)
+static int is_known(int32_t a)
 {
   (void)a;
   return 1; /* every code is a number */
 }
 
-static int is_valid_q31(const anhyst_flux_loop_q31 *loop)
+static int is_valid(const anhyst_flux_loop_q31 *loop)
 {
   return anhyst_factor_is_valid(loop->proportional) && anhyst_factor_is_valid(loop->integral) &&
          anhyst_factor_is_valid(loop->back) && loop->back.mantissa >= 0 &&
          anhyst_factor_is_share(loop->smoothing) && loop->most >= 0;
 }
 
-static int32_t limited_q31(const anhyst_force_controller_q31 *c, int32_t current)
+static int32_t limited(const anhyst_force_controller_q31 *c, int32_t current)
 {
   return anhyst_clamp(current, c->low, c->high);
 }
 
 /* The nearest force of the map, which only pulls; the largest code is its last column. */
-static int32_t pulling_q31(const anhyst_map_q31 *map, int32_t demand)
+static int32_t pulling(const anhyst_map_q31 *map, int32_t demand)
 {
   (void)map;
   return demand > 0 ? demand : 0;
 }
 
 /* What the integral of the measured flux adds to the current. */
-static int32_t held_q31(const anhyst_force_controller_q31 *c)
-{
-  return anhyst_shl_q31(c->integral, 1);
-}
+static int32_t held(const anhyst_force_controller_q31 *c) { return anhyst_shl_q31(c->integral, 1); }
 
-static int32_t conditioning_length_q31(const anhyst_compensator *compensator)
+static int32_t conditioning_length(const anhyst_compensator *compensator)
 {
   return anhyst_conditioning_length(compensator);
 }
 
-static void demagnetise_q31(anhyst_force_controller_q31 *c)
+static void demagnetise(anhyst_force_controller_q31 *c)
 {
   anhyst_compensator_demagnetise(&c->compensator);
 }
 
-static void swap_q31(anhyst_compensator *compensator, const int16_t *words)
+static void swap(anhyst_compensator *compensator, const int16_t *words)
 {
   anhyst_compensator_swap(compensator, words);
 }
@@ -54,7 +51,7 @@ static void swap_q31(anhyst_compensator *compensator, const int16_t *words)
 /* What the measured flux adds to the current. Compared is what should show by now, not what is
    wanted: the difference between those is delay, which no current removes. Halved, so that no
    difference leaves the format. */
-static void correct_q31(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
+static void correct(anhyst_force_controller_q31 *c, int32_t gap, int32_t flux)
 {
   c->flux = anhyst_map_value_q31(&c->loop->wanted, anhyst_root_q31(c->demand), gap) >> 1;
   c->error = flux == ANHYST_NO_FLUX ? 0 : c->expected - (flux >> 1);
@@ -65,7 +62,7 @@ static void correct_q31(anhyst_force_controller_q31 *c, int32_t gap, int32_t flu
 
 /* Only a limit leads the integral back: a current that was measured differs from the wanted one by
    the error of its sensor too, and by how far the amplifier is behind. */
-static void advance_flux_q31(anhyst_force_controller_q31 *c, int32_t applied)
+static void advance_flux(anhyst_force_controller_q31 *c, int32_t applied)
 {
   const anhyst_flux_loop_q31 *loop = c->loop;
   const int32_t behind = c->expected - c->flux;
@@ -79,12 +76,12 @@ static void advance_flux_q31(anhyst_force_controller_q31 *c, int32_t applied)
 }
 
 /* What is added to a compensator is bounded, so that a probe that fails costs no more than that. */
-static void bound_correction_q31(anhyst_force_controller_q31 *c)
+static void bound_correction(anhyst_force_controller_q31 *c)
 {
   c->correction = anhyst_clamp(c->correction, -c->loop->most, c->loop->most);
 }
 
-static void bound_integral_q31(anhyst_force_controller_q31 *c)
+static void bound_integral(anhyst_force_controller_q31 *c)
 {
   c->integral = anhyst_clamp(c->integral, -(c->loop->most >> 1), c->loop->most >> 1);
 }

@@ -46,26 +46,23 @@ anhyst_status anhyst_play_law_check_q31(const anhyst_play_law_q31 *law)
   return ANHYST_OK;
 }
 
-static int is_known_q31(int32_t a)
+static int is_known(int32_t a)
 {
   (void)a;
   return 1; /* every code is a number */
 }
 
-static int32_t limited_q31(int32_t a, int32_t low, int32_t high)
-{
-  return anhyst_clamp(a, low, high);
-}
+static int32_t limited(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
 
 /* The nearest force of the map, which only pulls; the largest code is its last column. */
-static int32_t pulling_q31(const anhyst_map_q31 *map, int32_t demand)
+static int32_t pulling(const anhyst_map_q31 *map, int32_t demand)
 {
   (void)map;
   return demand > 0 ? demand : 0;
 }
 
 /* half*bounded(over/radius); exact from radius on. */
-static int32_t pull_q31(const anhyst_play_law_q31 *law, int32_t half, int32_t over)
+static int32_t pull(const anhyst_play_law_q31 *law, int32_t half, int32_t over)
 {
   const int32_t size = anhyst_abs_q31(over);
   int32_t part = half;
@@ -75,19 +72,19 @@ static int32_t pull_q31(const anhyst_play_law_q31 *law, int32_t half, int32_t ov
   return over < 0 ? -part : part;
 }
 
-static uint16_t columns_of_q31(const anhyst_map_q31 *map)
+static uint16_t columns_of(const anhyst_map_q31 *map)
 {
   return (uint16_t)((uint32_t)1U << map->force_segments);
 }
 
 /* The column at or below a force. */
-static uint16_t column_of_q31(const anhyst_map_q31 *map, int32_t force)
+static uint16_t column_of(const anhyst_map_q31 *map, int32_t force)
 {
   return (uint16_t)((uint32_t)force >> (31U - map->force_segments));
 }
 
 /* The largest code is the last column. */
-static int32_t force_of_q31(const anhyst_map_q31 *map, uint16_t column)
+static int32_t force_of(const anhyst_map_q31 *map, uint16_t column)
 {
   const uint32_t force = (uint32_t)column << (31U - map->force_segments);
   return force > (uint32_t)ANHYST_Q31_MAX ? ANHYST_Q31_MAX : (int32_t)force;
@@ -95,7 +92,7 @@ static int32_t force_of_q31(const anhyst_map_q31 *map, uint16_t column)
 
 /* Where a straight line between two forces is as far above the one as below the other, to 14 bits;
    both parts above 0. */
-static int32_t between_q31(int32_t low, int32_t high, int32_t below, int32_t above)
+static int32_t between(int32_t low, int32_t high, int32_t below, int32_t above)
 {
   const int32_t whole = (below >> 1) + (above >> 1) + 1;
   const int32_t share = anhyst_quotient((below >> 1) + (below & 1), whole);
@@ -103,7 +100,7 @@ static int32_t between_q31(int32_t low, int32_t high, int32_t below, int32_t abo
 }
 
 /* Whether so much of a current is rounding. */
-static int is_nothing_q31(const anhyst_play_map_q31 *c, int32_t current)
+static int is_nothing(const anhyst_play_map_q31 *c, int32_t current)
 {
   (void)c;
   return current <= ANHYST_PLAY_NEAR && current >= -ANHYST_PLAY_NEAR;

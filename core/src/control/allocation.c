@@ -4,9 +4,9 @@
 #include "anhyst/numeric/fixed.h"
 #include "anhyst/numeric/q31.h"
 
-static int is_force_q31(int32_t a) { return a > 0; }
+static int is_force(int32_t a) { return a > 0; }
 
-static int32_t half_q31(int32_t a) { return a >> 1; }
+static int32_t half(int32_t a) { return a >> 1; }
 
 /* a*b, neither below 0; floor, error below 4 units in the last place. */
 static int32_t product(int32_t a, int32_t b)
@@ -44,7 +44,7 @@ static int32_t half_root(int32_t t)
 }
 
 /* |net|/2 + sqrt(net^2/4 + idle^2). */
-static int32_t larger_of_q31(int32_t net, int32_t idle)
+static int32_t larger_of(int32_t net, int32_t idle)
 {
   const int32_t half = anhyst_abs_q31(net) >> 1;
   const int32_t most = half > idle ? half : idle;
@@ -55,7 +55,7 @@ static int32_t larger_of_q31(int32_t net, int32_t idle)
 }
 
 /* As a quotient: a difference of two large forces would lose its digits. */
-static int32_t smaller_of_q31(int32_t larger, int32_t idle)
+static int32_t smaller_of(int32_t larger, int32_t idle)
 {
   return product(idle, ratio(idle, larger));
 }

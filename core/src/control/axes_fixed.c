@@ -7,37 +7,37 @@
 #include "anhyst/numeric/q31.h"
 #include "limits.h"
 
-static int is_number_q31(int32_t a) { return a != ANHYST_Q31_MIN; }
+static int is_number(int32_t a) { return a != ANHYST_Q31_MIN; }
 
-static int is_told_q31(int32_t a) { return is_number_q31(a); }
+static int is_told(int32_t a) { return is_number(a); }
 
-static int are_rows_q31(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
+static int are_rows(anhyst_rows_q31 rows, uint16_t count, uint16_t length)
 {
   return anhyst_rows_are_valid_q31(rows, count, length);
 }
 
-static int are_limits_q31(const anhyst_axes_settings_q31 *settings)
+static int are_limits(const anhyst_axes_settings_q31 *settings)
 {
   return !settings->axis && settings->current_step > 0 &&
          are_on_grid(settings->current_low, settings->current_high, settings->current_step);
 }
 
-static int are_steps_q31(const anhyst_axes_settings_q31 *settings, int k)
+static int are_steps(const anhyst_axes_settings_q31 *settings, int k)
 {
   return settings->reach[k] > 0 && settings->lift[k] > 0;
 }
 
 static int is_within(int32_t a) { return a >= -ANHYST_AXIS_PID_MOST && a <= ANHYST_AXIS_PID_MOST; }
 
-static anhyst_status check_pid_q31(const anhyst_axis_pid_q31 *pid)
+static anhyst_status check_pid(const anhyst_axis_pid_q31 *pid)
 {
   const int valid = is_within(pid->direct) && is_within(pid->summed) && is_within(pid->lagging) &&
                     pid->decay > 0 && pid->shift <= ANHYST_AXIS_PID_SHIFT;
   return valid ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-static int32_t step_pid_q31(const anhyst_axis_pid_q31 *pid, anhyst_axis_pid_state_q31 *state,
-                            int32_t error)
+static int32_t step_pid(const anhyst_axis_pid_q31 *pid, anhyst_axis_pid_state_q31 *state,
+                        int32_t error)
 {
   const int64_t most = (int64_t)ANHYST_Q31_MAX * ((int64_t)1 << pid->shift);
   const int64_t sum = anhyst_clamp_wide(state->sum, most);
@@ -49,10 +49,10 @@ static int32_t step_pid_q31(const anhyst_axis_pid_q31 *pid, anhyst_axis_pid_stat
   return anhyst_sat_wide(anhyst_part_wide(asked, pid->shift));
 }
 
-static int32_t part_of_q31(int32_t a, int32_t part) { return anhyst_product_q31(a, part); }
+static int32_t part_of(int32_t a, int32_t part) { return anhyst_product_q31(a, part); }
 
-static void multiply_q31(anhyst_rows_q31 matrix, int rows, int columns, const int32_t *values,
-                         int32_t *found)
+static void multiply(anhyst_rows_q31 matrix, int rows, int columns, const int32_t *values,
+                     int32_t *found)
 {
   int i;
   for (i = 0; i < rows; i++) {
@@ -61,14 +61,14 @@ static void multiply_q31(anhyst_rows_q31 matrix, int rows, int columns, const in
   }
 }
 
-static void look_q31(const anhyst_axes_settings_q31 *settings, anhyst_rows_q31 see,
-                     const int32_t *head, const int32_t *target, int32_t *pose)
+static void look(const anhyst_axes_settings_q31 *settings, anhyst_rows_q31 see, const int32_t *head,
+                 const int32_t *target, int32_t *pose)
 {
   (void)target; /* heads stand on the ground in floating point alone */
-  multiply_q31(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
+  multiply(see, (int)settings->layout.axes, (int)settings->heads, head, pose);
 }
 
-static anhyst_rows_q31 rows_from_q31(anhyst_rows_q31 matrix, int row, int columns)
+static anhyst_rows_q31 rows_from(anhyst_rows_q31 matrix, int row, int columns)
 {
   const anhyst_rows_q31 from = {&matrix.number[(ptrdiff_t)row * columns], &matrix.shift[row]};
   return from;

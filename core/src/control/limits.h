@@ -15,13 +15,10 @@ static int are_on_grid(int32_t low, int32_t high, int32_t step)
   return low <= high && step >= 0 && (step == 0 || distance(low, high) % (uint32_t)step == 0U);
 }
 
-static int32_t within_q31(int32_t a, int32_t low, int32_t high)
-{
-  return anhyst_clamp(a, low, high);
-}
+static int32_t within(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
 
 /* The nearest of the converter's currents, for one within the limits. */
-static int32_t on_grid_q31(int32_t current, int32_t low, int32_t high, int32_t grid)
+static int32_t on_grid(int32_t current, int32_t low, int32_t high, int32_t grid)
 {
   const uint32_t step = (uint32_t)grid;
   const uint32_t above = distance(low, current);

@@ -7,44 +7,41 @@
 
 /* Positions and demands are the integers of levitation.h as they are. */
 
-static int32_t position_code_q31(const anhyst_position_units_q31 *units, int32_t position)
+static int32_t position_code(const anhyst_position_units_q31 *units, int32_t position)
 {
   (void)units;
   return position;
 }
 
-static int32_t position_of_q31(const anhyst_position_units_q31 *units, int32_t code)
+static int32_t position_of(const anhyst_position_units_q31 *units, int32_t code)
 {
   (void)units;
   return code;
 }
 
-static int32_t demand_code_q31(const anhyst_position_units_q31 *units, int32_t demand)
+static int32_t demand_code(const anhyst_position_units_q31 *units, int32_t demand)
 {
   (void)units;
   return demand;
 }
 
-static int32_t demand_of_q31(const anhyst_position_units_q31 *units, int32_t code)
+static int32_t demand_of(const anhyst_position_units_q31 *units, int32_t code)
 {
   (void)units;
   return code;
 }
 
-static int is_number_q31(int32_t a)
+static int is_number(int32_t a)
 {
   (void)a;
   return 1;
 }
 
-static int32_t half_q31(int32_t a) { return a >> 1; }
+static int32_t half(int32_t a) { return a >> 1; }
 
-static int32_t within_q31(int32_t a, int32_t low, int32_t high)
-{
-  return anhyst_clamp(a, low, high);
-}
+static int32_t within(int32_t a, int32_t low, int32_t high) { return anhyst_clamp(a, low, high); }
 
-static int32_t gap_of_q31(const anhyst_gap_line_q31 *line, int32_t position)
+static int32_t gap_of(const anhyst_gap_line_q31 *line, int32_t position)
 {
   const int32_t part = anhyst_shl_q31(anhyst_factor_product(position, line->factor), 1);
   return anhyst_add_q31(line->offset, part);
@@ -54,7 +51,7 @@ static int32_t gap_of_q31(const anhyst_gap_line_q31 *line, int32_t position)
 static uint32_t distance(int32_t low, int32_t high) { return (uint32_t)high - (uint32_t)low; }
 
 /* The nearest of the converter's currents, for one within the limits. */
-static int32_t on_grid_q31(const anhyst_position_limits_q31 *limits, int32_t current)
+static int32_t on_grid(const anhyst_position_limits_q31 *limits, int32_t current)
 {
   const uint32_t step = (uint32_t)limits->current_step;
   const uint32_t above = distance(limits->current_low, current);
@@ -63,8 +60,8 @@ static int32_t on_grid_q31(const anhyst_position_limits_q31 *limits, int32_t cur
   return (int32_t)((uint32_t)limits->current_low + reached);
 }
 
-static int are_valid_q31(const anhyst_position_limits_q31 *limits,
-                         const anhyst_position_settings_q31 *settings)
+static int are_valid(const anhyst_position_limits_q31 *limits,
+                     const anhyst_position_settings_q31 *settings)
 {
   int factors = 1;
   for (int i = 0; i < ANHYST_POSITION_MAGNETS; i++) {
@@ -89,12 +86,12 @@ static void want_again(anhyst_position_q31 *c, int32_t *wanted)
   case ANHYST_PHASE_FALL:
     break; /* on the ramp to zero from what is driven, whatever gives it */
   case ANHYST_PHASE_CONDITION:
-    for (int i = 0; i < magnets_q31(c); i++) {
+    for (int i = 0; i < magnet_count(c); i++) {
       wanted[i] = anhyst_force_controller_conditioning_q31(c->magnet[i], step > 0 ? step : 0);
     }
     break;
   default:
-    solve_q31(c, &unmeasured, wanted);
+    solve(c, &unmeasured, wanted);
     break;
   }
 }
@@ -104,7 +101,7 @@ static void keep_currents(anhyst_position_q31 *c)
 {
   int32_t wanted[ANHYST_POSITION_MAGNETS] = {c->current[0], c->current[1]};
   want_again(c, wanted);
-  for (int i = 0; i < magnets_q31(c); i++) {
+  for (int i = 0; i < magnet_count(c); i++) {
     const int32_t reached =
         anhyst_clamp(wanted[i], c->limits->current_low, c->limits->current_high);
     c->fading[i] = anhyst_sub_q31(c->current[i], reached);
@@ -114,7 +111,7 @@ static void keep_currents(anhyst_position_q31 *c)
 void anhyst_position_swap_q31(anhyst_position_q31 *c, const int16_t *words)
 {
   anhyst_supervisor *supervisor = &c->levitation.supervisor;
-  for (int i = 0; i < magnets_q31(c); i++) {
+  for (int i = 0; i < magnet_count(c); i++) {
     anhyst_force_controller_carry_q31(c->magnet[i], words);
   }
   if (supervisor->conditioning != 0U) {
@@ -152,7 +149,7 @@ anhyst_status anhyst_position_compensate_q31(anhyst_position_q31 *c, int on)
     return ANHYST_BAD_PARAMETER;
   }
   if (is_on != (on != 0)) {
-    for (int i = 0; i < magnets_q31(c); i++) {
+    for (int i = 0; i < magnet_count(c); i++) {
       anhyst_force_controller_bypass_q31(c->magnet[i], map, limits->current_low,
                                          limits->current_high);
     }

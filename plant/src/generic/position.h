@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-void ANHYST_NAME(anhyst_position_adapter_tick)(void *self, const anhyst_loop_sample *sample,
-                                               anhyst_loop_answer *answer)
+void anhyst_position_adapter_tick_x(void *self, const anhyst_loop_sample *sample,
+                                    anhyst_loop_answer *answer)
 {
-  const ANHYST_NAME(anhyst_position_adapter) *adapter = self;
+  const anhyst_position_adapter_x *adapter = self;
   const anhyst_position_scales *scales = &adapter->scales;
-  ANHYST_NAME(anhyst_position_sample) in;
-  ANHYST_NAME(anhyst_position_answer) out;
+  anhyst_position_sample_x in;
+  anhyst_position_answer_x out;
   in.dropped = isnan(sample->head[0]) ? 1U : 0U;
   in.position = ANHYST_NAME(code)(scales->gap_middle - sample->head[0], scales->position);
   in.target = ANHYST_NAME(code)(scales->gap_middle - sample->target[0], scales->position);
@@ -17,7 +17,7 @@ void ANHYST_NAME(anhyst_position_adapter_tick)(void *self, const anhyst_loop_sam
     in.flux[i] = ANHYST_NAME(flux)(there ? sample->flux[i] : (double)NAN, scales->flux);
   }
   in.command = sample->command > UINT16_MAX ? UINT16_MAX : (uint16_t)sample->command;
-  ANHYST_NAME(anhyst_position_tick)(adapter->position, &in, &out);
+  anhyst_position_tick_x(adapter->position, &in, &out);
   for (int i = 0; i < ANHYST_POSITION_MAGNETS && i < sample->magnets; i++) {
     answer->current[i] = ANHYST_NAME(value)(out.current[i], scales->current);
   }

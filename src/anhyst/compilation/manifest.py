@@ -225,7 +225,7 @@ def controller_bytes(magnets: int, block: Block) -> int:
 
 def _in_q31(text: str) -> str:
     """Return the structures of a generic header as they are in fixed point."""
-    return re.sub(r"ANHYST_NAME\((\w+)\)", r"\1_q31", text).replace("ANHYST_REAL", "int32_t")
+    return re.sub(r"\b(anhyst_\w+)_x\b", r"\1_q31", text).replace("ANHYST_REAL", "int32_t")
 
 
 @cache

@@ -44,7 +44,6 @@ from anhyst.compilation.toolchain import (
     SRC,
     core_files,
     read_core,
-    single_precision,
 )
 from anhyst.control.fixed_axes import FixedController, feed_rows
 from anhyst.support.numeric import FloatArray
@@ -147,7 +146,7 @@ def stage_sources(stage: StageController, version: str, rows: int) -> dict[str, 
     values = _values(stage, version) | {"rows": rows}
     blocks = [magnet.parameters for magnet in stage.distinct]
     layers = [memories(block.block) for block in blocks if isinstance(block, HysteresisInverse)]
-    files = single_precision(core_files(stage.core, max([1, *layers])))
+    files = core_files(stage.core, max([1, *layers]))
     for magnet in stage.distinct:
         called = stage.called(magnet)
         files[f"{called}_parameters.c"] = (

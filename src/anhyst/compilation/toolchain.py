@@ -180,8 +180,8 @@ CONTROL = (
 """What a controller of the position needs beyond a compensator."""
 
 AXES = (
-    *("control/allocation_real.c", "control/biquad_real.c"),
-    *("control/wrench.c", "control/axes.c"),
+    *("control/allocation_f32.c", "control/biquad_f32.c"),
+    *("control/wrench_f32.c", "control/axes_f32.c"),
 )
 """What a controller of several coordinates needs in single precision beyond its force controllers."""
 
@@ -189,17 +189,17 @@ AXES_FIXED = ("control/allocation.c", "control/wrench_fixed.c", "control/axes_fi
 """The same in fixed point."""
 
 FORCE_REAL = (
-    *("compensator/force_controller_real.c", "compensator/map_real.c"),
+    *("compensator/force_controller_f32.c", "compensator/map_f32.c"),
     "compensator/compensator_f32.c",
 )
 FORCE_FIXED = (*_COMPENSATOR, "compensator/force_controller.c", "compensator/map.c")
-FORCE_CODED = (*FORCE_FIXED, "compensator/force_coded_real.c")
+FORCE_CODED = (*FORCE_FIXED, "compensator/force_coded_f32.c")
 """These in single precision, in fixed point, and in fixed point behind single precision, beyond the
 kernel of a law."""
 
 PLAY_MAP = ("compensator/play_map.c", "compensator/force_by_play.c")
-PLAY_MAP_REAL = ("compensator/play_map_real.c", "compensator/force_by_play_real.c")
-CORRECTED_REAL = ("compensator/force_corrected_real.c",)
+PLAY_MAP_REAL = ("compensator/play_map_f32.c", "compensator/force_by_play_f32.c")
+CORRECTED_REAL = ("compensator/force_corrected_f32.c",)
 """And where a map with one play finds the current, or calibration corrects it."""
 
 INCLUDE = "include"
@@ -232,18 +232,6 @@ def core_files(sources: Iterable[str], memories: int = 1) -> dict[str, str]:
     if memories > 1:
         files[ROOM] = files[ROOM].replace("ANHYST_MEMORIES 1", f"ANHYST_MEMORIES {memories}")
     return dict(sorted(files.items()))
-
-
-_DOUBLE = re.compile(
-    r'#include "anhyst/numeric/f64\.h"\n.*?(?=#include "anhyst/numeric/f32\.h"\n)', re.S
-)
-
-
-def single_precision(files: dict[str, str]) -> dict[str, str]:
-    """Return the same without the code in double precision of sources that hold both formats."""
-    return {
-        name: _DOUBLE.sub("", text) if name.endswith(".c") else text for name, text in files.items()
-    }
 
 
 def _place(file: str, included: str) -> str:

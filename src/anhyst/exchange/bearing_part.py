@@ -23,17 +23,21 @@ from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.support.atomic import PathLike, plant_folder
 from anhyst.support.errors import InputError
 
-_FORMATS = ("f32", "f64")
+FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (
     "numeric/elementary.c",
     *(f"law/{name}.c" for name in ("langevin", "branch", "operator", "solver")),
     *(f"law/{name}.c" for name in ("circuit", "layers")),
     *(f"law/{name}.c" for name in ("lag_exact", "lag_linear", "lag_1986", "law_lag")),
     *(f"law/{name}.c" for name in ("cell_shape", "cell_table", "cells", "law_cells")),
-    *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in _FORMATS),
-    *(f"compensator/compensator_{of}.c" for of in _FORMATS),
-    *(f"compensator/{name}.c" for name in ("map_real", "play_map", "play_map_real")),
-    *("compensator/force_controller_real.c", "control/pidd2_real.c", "control/position_real.c"),
+    *(f"compensator/{name}_{of}.c" for name in ("full", "cells", "simplified") for of in FORMATS),
+    *(
+        f"compensator/{name}_{of}.c"
+        for name in ("compensator", "map", "play_map")
+        for of in FORMATS
+    ),
+    *("compensator/play_map.c", *(f"compensator/force_controller_{of}.c" for of in FORMATS)),
+    *(f"control/{name}_{of}.c" for name in ("pidd2", "position") for of in FORMATS),
 )
 """What the plant and its adapters name beyond a compiled controller."""
 

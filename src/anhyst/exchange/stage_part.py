@@ -12,6 +12,7 @@ from anhyst.compilation.toolchain import LAYERS, SOURCES, core_files
 from anhyst.control.states import Command
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
+    FORMATS,
     fields,
     magnet_variables,
     numbers_of_plant,
@@ -47,15 +48,20 @@ from anhyst.support.numeric import FloatArray
 
 _CORE_OF_STAGE = (
     *(name for name in CORE_OF_PLANT if not name.startswith("control/")),
-    *("compensator/force_corrected_real.c", "control/axes.c", "control/wrench.c"),
+    *(
+        f"compensator/{name}_{of}.c"
+        for name in ("force_corrected", "force_coded")
+        for of in FORMATS
+    ),
+    *(f"control/{name}_{of}.c" for name in ("axes", "wrench") for of in FORMATS),
     *(name for kind in SOURCES.values() for name in kind),
     *LAYERS,
-    *("compensator/map.c", "compensator/force_controller.c", "compensator/force_coded_real.c"),
+    *("compensator/map.c", "compensator/force_controller.c"),
     "control/pidd2.c",
     *(
         f"control/{name}{of}.c"
         for name in ("allocation", "biquad", "tracking")
-        for of in ("", "_real")
+        for of in ("", "_f32", "_f64")
     ),
 )
 """What the plant of a stage of one or several coordinates and its tracking controller name."""

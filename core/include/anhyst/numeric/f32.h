@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Selects single precision for the generic headers and sources that follow; see f64.h. */
+#include "anhyst/numeric/names.h"
+
 #undef ANHYST_REAL
 #undef ANHYST_NAME
 #undef ANHYST_SQRT

@@ -2,6 +2,8 @@
 /* Selects double precision for the generic headers and sources that follow.
    No include guard: a file includes f64.h and f32.h in turn, so that both formats stand side by
    side under their own names (_f64, _f32). */
+#include "anhyst/numeric/names.h"
+
 #undef ANHYST_REAL
 #undef ANHYST_NAME
 #undef ANHYST_SQRT

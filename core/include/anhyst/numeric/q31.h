@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Selects q31 for the generic headers and sources that follow, of those that exist in fixed point
    too; see f64.h. */
+#include "anhyst/numeric/names.h"
+
 #undef ANHYST_REAL
 #undef ANHYST_NAME
 #define ANHYST_REAL int32_t

@@ -15,7 +15,7 @@
 
 /* A rising path. Cell 0 has no width, and moves always. */
 typedef struct {
-  const ANHYST_NAME(anhyst_cells_law) *law;
+  const anhyst_cells_law_x *law;
   const ANHYST_REAL *plays;
   ANHYST_REAL x;
   ANHYST_REAL rest; /* magnetisation of the cells that rest */
@@ -41,9 +41,9 @@ static ANHYST_REAL width(const cell_path *along, uint16_t cell)
 }
 
 /* A field counted in segments: of a row, narrow ones around zero and wide ones beyond. */
-static ANHYST_REAL place_of(const ANHYST_NAME(anhyst_cells_law) *law, ANHYST_REAL x)
+static ANHYST_REAL place_of(const anhyst_cells_law_x *law, ANHYST_REAL x)
 {
-  const ANHYST_REAL beyond = ANHYST_NAME(anhyst_size)(x) - law->inner;
+  const ANHYST_REAL beyond = anhyst_size_x(x) - law->inner;
   ANHYST_REAL place = x * (ANHYST_REAL)law->narrow / law->inner;
   if (beyond > R(0.0)) {
     place = (ANHYST_REAL)law->narrow + beyond * (ANHYST_REAL)law->wide / (law->reach - law->inner);
@@ -53,12 +53,12 @@ static ANHYST_REAL place_of(const ANHYST_NAME(anhyst_cells_law) *law, ANHYST_REA
 }
 
 /* How many segments a row has. */
-static uint16_t segments_of(const ANHYST_NAME(anhyst_cells_law) *law)
+static uint16_t segments_of(const anhyst_cells_law_x *law)
 {
   return (uint16_t)(2U * (law->narrow + law->wide));
 }
 
-static const ANHYST_REAL *row_of(const ANHYST_NAME(anhyst_cells_law) *law, uint16_t cells)
+static const ANHYST_REAL *row_of(const anhyst_cells_law_x *law, uint16_t cells)
 {
   const uint32_t entries = (cells - 1U) * (segments_of(law) + 1U);
   return law->rows + entries;
@@ -67,9 +67,9 @@ static const ANHYST_REAL *row_of(const ANHYST_NAME(anhyst_cells_law) *law, uint1
 /* The magnetisation of so many moving cells. */
 static ANHYST_REAL moving(const cell_path *along, uint16_t cells, ANHYST_REAL x)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
-  return ANHYST_NAME(anhyst_value_at)(
-      row_of(law, cells), ANHYST_NAME(anhyst_spot_of)(segments_of(law), place_of(law, x)));
+  const anhyst_cells_law_x *law = along->law;
+  return anhyst_value_at_x(row_of(law, cells),
+                           anhyst_spot_of_x(segments_of(law), place_of(law, x)));
 }
 
 /* The play of a cell that rests, as the field has left it at most. */
@@ -79,8 +79,8 @@ static ANHYST_REAL at_rest(const cell_path *along, uint16_t cell)
   if (cell < along->moved) {
     return along->x + r;
   }
-  return ANHYST_NAME(anhyst_limited)(facing(along->plays[cell - 1U], along->falling), along->x - r,
-                                     along->x + r);
+  return anhyst_limited_x(facing(along->plays[cell - 1U], along->falling), along->x - r,
+                          along->x + r);
 }
 
 /* Whether a cell came to rest on a path of the opposite direction. */
@@ -122,17 +122,17 @@ static void turn(cell_path *along)
 }
 
 /* A path that goes on from a memory, in the direction which that had. */
-static cell_path begin(const ANHYST_NAME(anhyst_cells_law) *law,
-                       const ANHYST_NAME(anhyst_cells_memory) *from, const ANHYST_REAL *plays)
+static cell_path begin(const anhyst_cells_law_x *law, const anhyst_cells_memory_x *from,
+                       const ANHYST_REAL *plays)
 {
   cell_path along;
-  const ANHYST_REAL count = ANHYST_NAME(anhyst_size)(from->active);
+  const ANHYST_REAL count = anhyst_size_x(from->active);
   along.law = law;
   along.plays = plays;
   along.moved = 0;
   along.risen = from->risen & ALL_RISEN;
   along.falling = from->active < R(0.0);
-  along.x = facing(ANHYST_NAME(anhyst_limited)(from->x, -law->reach, law->reach), along.falling);
+  along.x = facing(anhyst_limited_x(from->x, -law->reach, law->reach), along.falling);
   if (count >= R(1.0) && count <= (ANHYST_REAL)law->cells + R(1.0)) {
     along.active = (uint16_t)count;
     along.rest = facing(from->rest, along.falling);
@@ -153,9 +153,9 @@ static ANHYST_REAL missing_at(const cell_path *along, const equation *solve, ANH
 /* The field at the lower end of a segment. */
 static ANHYST_REAL node(const cell_path *along, uint16_t segment)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
+  const anhyst_cells_law_x *law = along->law;
   const ANHYST_REAL from_middle = (ANHYST_REAL)segment - (ANHYST_REAL)(law->narrow + law->wide);
-  const ANHYST_REAL beyond = ANHYST_NAME(anhyst_size)(from_middle) - (ANHYST_REAL)law->narrow;
+  const ANHYST_REAL beyond = anhyst_size_x(from_middle) - (ANHYST_REAL)law->narrow;
   if (beyond <= R(0.0)) {
     return from_middle * law->inner / (ANHYST_REAL)law->narrow;
   }
@@ -165,8 +165,8 @@ static ANHYST_REAL node(const cell_path *along, uint16_t segment)
 
 static uint16_t segment_of(const cell_path *along, ANHYST_REAL x)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
-  return ANHYST_NAME(anhyst_spot_of)(segments_of(law), place_of(law, x)).index;
+  const anhyst_cells_law_x *law = along->law;
+  return anhyst_spot_of_x(segments_of(law), place_of(law, x)).index;
 }
 
 /* Goes to the target between two places, on the row of the cells that move. */
@@ -187,19 +187,19 @@ static void go(cell_path *along, const equation *solve, ANHYST_REAL low, ANHYST_
   const ANHYST_REAL missing = missing_at(along, solve, begin);
   const ANHYST_REAL rise = missing - missing_at(along, solve, beyond);
   const ANHYST_REAL part = rise > R(0.0) ? missing / rise : R(0.0);
-  along->x = ANHYST_NAME(anhyst_limited)(begin + part * (beyond - begin), low, high);
+  along->x = anhyst_limited_x(begin + part * (beyond - begin), low, high);
 }
 
 /* Lets cells join till the target is met. */
 static void advance(cell_path *along, const equation *solve)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = along->law;
+  const anhyst_cells_law_x *law = along->law;
   ANHYST_REAL low = along->x;
   ANHYST_REAL high = law->reach;
   while (along->active <= law->cells) {
     const uint16_t cell = along->active;
     const ANHYST_REAL joins =
-        ANHYST_NAME(anhyst_limited)(at_rest(along, cell) + width(along, cell), low, law->reach);
+        anhyst_limited_x(at_rest(along, cell) + width(along, cell), low, law->reach);
     if (!(missing_at(along, solve, joins) > R(0.0))) {
       high = joins;
       break;
@@ -215,18 +215,16 @@ static void advance(cell_path *along, const equation *solve)
 }
 
 /* Solves from a memory on; returns m. */
-static ANHYST_REAL meet(const ANHYST_NAME(anhyst_cells_law) *law,
-                        const ANHYST_NAME(anhyst_cells_memory) *from, const ANHYST_REAL *plays,
-                        equation solve, ANHYST_NAME(anhyst_cells_memory) *to)
+static ANHYST_REAL meet(const anhyst_cells_law_x *law, const anhyst_cells_memory_x *from,
+                        const ANHYST_REAL *plays, equation solve, anhyst_cells_memory_x *to)
 {
   cell_path along = begin(law, from, plays);
   solve.target = facing(solve.target, along.falling);
   const ANHYST_REAL missing = missing_at(&along, &solve, along.x);
-  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(solve.target) +
-                           ANHYST_NAME(anhyst_size)(solve.flux_arm) +
-                           ANHYST_NAME(anhyst_size)(solve.field_arm * along.x);
+  const ANHYST_REAL size = anhyst_size_x(solve.target) + anhyst_size_x(solve.flux_arm) +
+                           anhyst_size_x(solve.field_arm * along.x);
   /* Unless it is there already, or the target is no number. */
-  if (ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size)) {
+  if (anhyst_size_x(missing) > anhyst_noise_x(size)) {
     if (missing < R(0.0)) {
       turn(&along);
       solve.target = -solve.target;
@@ -242,19 +240,17 @@ static ANHYST_REAL meet(const ANHYST_NAME(anhyst_cells_law) *law,
   return facing(m, along.falling);
 }
 
-static ANHYST_REAL cells_field(const ANHYST_NAME(anhyst_parameters) *parameters,
-                               const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                               ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL cells_field(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                               const ANHYST_REAL *plays, ANHYST_REAL flux, anhyst_memory_x *to)
 {
   const equation solve = {R(1.0), R(0.0), flux};
   (void)meet(parameters->cells, &from->cells, plays, solve, &to->cells);
   return to->cells.x;
 }
 
-static ANHYST_REAL cells_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
-                              const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                              const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
-                              ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL cells_flux(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                              const ANHYST_REAL *plays, const anhyst_at_gap_x *arms,
+                              ANHYST_REAL current, anhyst_memory_x *to)
 {
   const equation solve = {arms->flux_arm, arms->field_arm, current - arms->bias};
   const ANHYST_REAL m = meet(parameters->cells, &from->cells, plays, solve, &to->cells);
@@ -262,9 +258,9 @@ static ANHYST_REAL cells_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
 }
 
 /* Whether more field needs more current at every gap, on the steepest segment of any row. */
-static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int current_rises(const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
+  const anhyst_cells_law_x *law = parameters->cells;
   cell_path along;
   ANHYST_REAL steepest = R(0.0);
   along.law = law;
@@ -277,7 +273,7 @@ static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
     }
   }
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
-    const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
+    const anhyst_at_gap_x *row = parameters->gaps + i;
     if (!(row->field_arm + row->flux_arm * (law->air + steepest) > R(0.0))) {
       return 0;
     }
@@ -285,33 +281,31 @@ static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
   return 1;
 }
 
-static int rows_rise(const ANHYST_NAME(anhyst_cells_law) *law)
+static int rows_rise(const anhyst_cells_law_x *law)
 {
   for (uint16_t cells = 1; cells <= law->cells + 1U; cells++) {
-    if (!ANHYST_NAME(anhyst_rises)(row_of(law, cells), segments_of(law), R(-1.0), R(1.0))) {
+    if (!anhyst_rises_x(row_of(law, cells), segments_of(law), R(-1.0), R(1.0))) {
       return 0;
     }
   }
   return 1;
 }
 
-static int cells_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int cells_is_valid(const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
+  const anhyst_cells_law_x *law = parameters->cells;
   const ANHYST_REAL largest = R(1e12);
   return law != 0 && law->thresholds != 0 && law->rows != 0 && law->reach > R(0.0) &&
          law->reach <= largest && law->air > R(0.0) && law->air <= largest && law->cells >= 1U &&
          law->cells <= ANHYST_CELLS && law->inner > R(0.0) && law->inner <= law->reach &&
          law->narrow >= 4U && law->narrow <= 1024U && law->wide <= 1024U &&
          law->thresholds[0] > R(0.0) &&
-         ANHYST_NAME(anhyst_rises)(law->thresholds, (uint16_t)(law->cells - 1U), R(0.0),
-                                   law->reach) &&
+         anhyst_rises_x(law->thresholds, (uint16_t)(law->cells - 1U), R(0.0), law->reach) &&
          rows_rise(law) && current_rises(parameters);
 }
 
-static void cells_keep(const ANHYST_NAME(anhyst_parameters) *parameters,
-                       const ANHYST_NAME(anhyst_memory) *from, const ANHYST_NAME(anhyst_memory) *to,
-                       ANHYST_REAL *plays)
+static void cells_keep(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                       const anhyst_memory_x *to, ANHYST_REAL *plays)
 {
   const cell_path along = begin(parameters->cells, &from->cells, plays);
   if (from->cells.active * to->cells.active < R(0.0)) {
@@ -323,21 +317,21 @@ static void cells_keep(const ANHYST_NAME(anhyst_parameters) *parameters,
 
 /* All cells come to rest where they are; under the other parameters they are clipped to widths of
    those, and what they give is summed up by the next step. */
-static void cells_carry(const ANHYST_NAME(anhyst_parameters) *before,
-                        ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+static void cells_carry(const anhyst_parameters_x *before, anhyst_memory_x *memory,
+                        ANHYST_REAL *plays)
 {
-  const ANHYST_NAME(anhyst_memory) back = {{R(0.0), R(0.0), -memory->cells.active, R(0.0), R(0.0)}};
+  const anhyst_memory_x back = {{R(0.0), R(0.0), -memory->cells.active, R(0.0), R(0.0)}};
   cells_keep(before, memory, &back, plays);
   memory->cells.active = R(0.0);
   memory->cells.rest = R(0.0);
 }
 
 #if ANHYST_MEMORIES > 1
-ANHYST_REAL ANHYST_NAME(anhyst_cells_stand)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                            const ANHYST_NAME(anhyst_memory) *memory,
-                                            const ANHYST_REAL *plays, ANHYST_REAL *slope)
+ANHYST_REAL anhyst_cells_stand_x(const anhyst_parameters_x *parameters,
+                                 const anhyst_memory_x *memory, const ANHYST_REAL *plays,
+                                 ANHYST_REAL *slope)
 {
-  const ANHYST_NAME(anhyst_cells_law) *law = parameters->cells;
+  const anhyst_cells_law_x *law = parameters->cells;
   const cell_path along = begin(law, &memory->cells, plays);
   const uint16_t segment = segment_of(&along, along.x);
   const ANHYST_REAL *row = row_of(law, along.active) + segment;
@@ -348,5 +342,5 @@ ANHYST_REAL ANHYST_NAME(anhyst_cells_stand)(const ANHYST_NAME(anhyst_parameters)
 }
 #endif
 
-const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells) = {
-    cells_field, cells_flux, cells_is_valid, cells_carry, cells_keep};
+const anhyst_kernel_x anhyst_kernel_cells_x = {cells_field, cells_flux, cells_is_valid, cells_carry,
+                                               cells_keep};

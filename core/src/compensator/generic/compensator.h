@@ -4,18 +4,17 @@
 #endif
 
 /* State that changes: at most 224 bytes for thin iron, in either precision. */
-typedef char ANHYST_NAME(anhyst_state_is_small)
-    [sizeof(ANHYST_NAME(anhyst_compensator)) <= 224U + (ANHYST_MEMORIES - 1U) * 176U ? 1 : -1];
+typedef char anhyst_state_is_small_x
+    [sizeof(anhyst_compensator_x) <= 224U + (ANHYST_MEMORIES - 1U) * 176U ? 1 : -1];
 
 /* The row of this gap, interpolated. */
-static ANHYST_NAME(anhyst_at_gap) at_gap(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                         ANHYST_REAL gap)
+static anhyst_at_gap_x at_gap(const anhyst_parameters_x *parameters, ANHYST_REAL gap)
 {
-  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
-      parameters->gap_segments, (gap - parameters->gap_low) * parameters->gap_rows);
-  const ANHYST_NAME(anhyst_at_gap) *low = parameters->gaps + spot.index;
-  const ANHYST_NAME(anhyst_at_gap) *high = low + 1;
-  ANHYST_NAME(anhyst_at_gap) row;
+  const anhyst_spot_x spot = anhyst_spot_of_x(parameters->gap_segments,
+                                              (gap - parameters->gap_low) * parameters->gap_rows);
+  const anhyst_at_gap_x *low = parameters->gaps + spot.index;
+  const anhyst_at_gap_x *high = low + 1;
+  anhyst_at_gap_x row;
   row.gain = low->gain + spot.part * (high->gain - low->gain);
   row.offset = low->offset + spot.part * (high->offset - low->offset);
   row.bias = low->bias + spot.part * (high->bias - low->bias);
@@ -54,12 +53,11 @@ static ANHYST_REAL root(ANHYST_REAL a, ANHYST_REAL knee)
 }
 
 /* The demand as a flux. */
-static ANHYST_REAL flux_of(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL demand,
-                           const ANHYST_NAME(anhyst_at_gap) *row)
+static ANHYST_REAL flux_of(anhyst_compensator_x *c, ANHYST_REAL demand, const anhyst_at_gap_x *row)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const anhyst_parameters_x *parameters = c->parameters;
   const ANHYST_REAL wanted =
-      ANHYST_NAME(anhyst_limited)(demand, parameters->demand_low, parameters->demand_high);
+      anhyst_limited_x(demand, parameters->demand_low, parameters->demand_high);
   ANHYST_REAL part = (wanted - row->offset) / parameters->full_scale;
   if (wanted != demand) {
     c->flags |= ANHYST_DEMAND_LIMITED;
@@ -73,7 +71,7 @@ static ANHYST_REAL flux_of(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL deman
   }
   const ANHYST_REAL flux = part * row->gain;
   const ANHYST_REAL reached =
-      ANHYST_NAME(anhyst_limited)(flux, -parameters->flux_limit, parameters->flux_limit);
+      anhyst_limited_x(flux, -parameters->flux_limit, parameters->flux_limit);
   if (reached != flux) {
     c->flags |= ANHYST_FLUX_LIMITED;
   }
@@ -87,10 +85,10 @@ static int is_range(ANHYST_REAL low, ANHYST_REAL high)
   return low <= high && low >= -largest && high <= largest;
 }
 
-static int rows_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int rows_is_valid(const anhyst_parameters_x *parameters)
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
-    const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
+    const anhyst_at_gap_x *row = parameters->gaps + i;
     if (!(row->gain > R(0.0) && row->field_arm > R(0.0) && is_range(row->gain, row->gain) &&
           is_range(row->offset, row->offset) && is_range(row->bias, row->bias) &&
           is_range(row->flux_arm, row->flux_arm) && is_range(row->field_arm, row->field_arm))) {
@@ -101,9 +99,9 @@ static int rows_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
 }
 
 /* What stands for the field in the current: that of the law, unless the iron is solid. */
-static ANHYST_REAL field_for(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
+static ANHYST_REAL field_for(anhyst_compensator_x *c, ANHYST_REAL flux)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const anhyst_parameters_x *parameters = c->parameters;
 #if ANHYST_MEMORIES > 1
   if (parameters->solid != 0) {
     return solid_field(c, flux);
@@ -113,10 +111,10 @@ static ANHYST_REAL field_for(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flu
 }
 
 /* The flux to which a current leads. */
-static ANHYST_REAL flux_under(ANHYST_NAME(anhyst_compensator) *c,
-                              const ANHYST_NAME(anhyst_at_gap) *row, ANHYST_REAL current)
+static ANHYST_REAL flux_under(anhyst_compensator_x *c, const anhyst_at_gap_x *row,
+                              ANHYST_REAL current)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const anhyst_parameters_x *parameters = c->parameters;
 #if ANHYST_MEMORIES > 1
   if (parameters->solid != 0) {
     return solid_flux(c, row, current);
@@ -126,9 +124,8 @@ static ANHYST_REAL flux_under(ANHYST_NAME(anhyst_compensator) *c,
 }
 
 /* Goes on with the memory after a step. */
-static void keep(const ANHYST_NAME(anhyst_parameters) *parameters,
-                 ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays,
-                 const ANHYST_NAME(anhyst_memory) *next)
+static void keep(const anhyst_parameters_x *parameters, anhyst_memory_x *memory, ANHYST_REAL *plays,
+                 const anhyst_memory_x *next)
 {
   if (parameters->kernel->keep != 0) {
     parameters->kernel->keep(parameters, memory, next, plays);
@@ -136,7 +133,7 @@ static void keep(const ANHYST_NAME(anhyst_parameters) *parameters,
   *memory = *next;
 }
 
-anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_parameters) *parameters)
+anhyst_status anhyst_parameters_check_x(const anhyst_parameters_x *parameters)
 {
   const int valid = parameters->kernel != 0 && parameters->gaps != 0 &&
                     (parameters->power == 1U || parameters->power == 2U) &&
@@ -160,11 +157,11 @@ anhyst_status ANHYST_NAME(anhyst_parameters_check)(const ANHYST_NAME(anhyst_para
   return ANHYST_OK;
 }
 
-anhyst_status ANHYST_NAME(anhyst_compensator_init)(ANHYST_NAME(anhyst_compensator) *c,
-                                                   const ANHYST_NAME(anhyst_parameters) *parameters)
+anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
+                                        const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_compensator) fresh = {0};
-  const anhyst_status status = ANHYST_NAME(anhyst_parameters_check)(parameters);
+  const anhyst_compensator_x fresh = {0};
+  const anhyst_status status = anhyst_parameters_check_x(parameters);
   if (status != ANHYST_OK) {
     return status;
   }
@@ -173,8 +170,7 @@ anhyst_status ANHYST_NAME(anhyst_compensator_init)(ANHYST_NAME(anhyst_compensato
   return ANHYST_OK;
 }
 
-void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
-                                          const ANHYST_NAME(anhyst_parameters) *parameters)
+void anhyst_compensator_swap_x(anhyst_compensator_x *c, const anhyst_parameters_x *parameters)
 {
   parameters->kernel->carry(c->parameters, &c->memory, c->plays);
 #if ANHYST_MEMORIES > 1
@@ -186,18 +182,16 @@ void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
   c->solved = 0;
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator) *c,
-                                                  ANHYST_REAL demand, ANHYST_REAL gap)
+ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand, ANHYST_REAL gap)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
-  const ANHYST_NAME(anhyst_at_gap) row = at_gap(parameters, gap);
+  const anhyst_parameters_x *parameters = c->parameters;
+  const anhyst_at_gap_x row = at_gap(parameters, gap);
   c->flags = 0;
   c->gap = gap;
   c->flux = flux_of(c, demand, &row);
   const ANHYST_REAL field = field_for(c, c->flux);
   const ANHYST_REAL wanted = row.bias + row.flux_arm * c->flux + row.field_arm * field;
-  c->current =
-      ANHYST_NAME(anhyst_limited)(wanted, parameters->current_low, parameters->current_high);
+  c->current = anhyst_limited_x(wanted, parameters->current_low, parameters->current_high);
   c->solved = 1;
   if (c->current != wanted) {
     c->flags |= ANHYST_CURRENT_LIMITED;
@@ -206,21 +200,20 @@ ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator
   return c->current;
 }
 
-void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL applied,
-                                            ANHYST_REAL gap)
+void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
+  const anhyst_parameters_x *parameters = c->parameters;
   if (c->solved != 0U && applied == c->current && gap == c->gap) {
     c->flux_applied = c->flux;
   } else {
-    const ANHYST_NAME(anhyst_at_gap) row = at_gap(parameters, gap);
+    const anhyst_at_gap_x row = at_gap(parameters, gap);
     c->flux_applied = flux_under(c, &row, applied);
     c->gap = gap;
   }
   keep(parameters, &c->memory, c->plays, &c->next);
 #if ANHYST_MEMORIES > 1
   for (int i = 0; parameters->solid != 0 && i < memories_of(parameters) - 1; i++) {
-    ANHYST_NAME(anhyst_deeper) *deeper = &c->deeper[i];
+    anhyst_deeper_x *deeper = &c->deeper[i];
     keep(parameters, &deeper->memory, deeper->plays, &deeper->next);
   }
 #endif
@@ -228,29 +221,29 @@ void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, 
 }
 
 ANHYST_REAL
-ANHYST_NAME(anhyst_compensator_output)(const ANHYST_NAME(anhyst_compensator) *c)
+anhyst_compensator_output_x(const anhyst_compensator_x *c)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = c->parameters;
-  const ANHYST_NAME(anhyst_at_gap) row = at_gap(parameters, c->gap);
+  const anhyst_parameters_x *parameters = c->parameters;
+  const anhyst_at_gap_x row = at_gap(parameters, c->gap);
   ANHYST_REAL part = c->flux_applied / row.gain;
   if (parameters->power == 2U) {
-    const ANHYST_REAL magnitude = ANHYST_NAME(anhyst_size)(part);
+    const ANHYST_REAL magnitude = anhyst_size_x(part);
     part = magnitude * (magnitude < parameters->knee ? parameters->knee : magnitude);
   }
   return part * parameters->full_scale + row.offset;
 }
 
-int32_t ANHYST_NAME(anhyst_conditioning_length)(const ANHYST_NAME(anhyst_compensator) *c)
+int32_t anhyst_conditioning_length_x(const anhyst_compensator_x *c)
 {
   return (int32_t)c->parameters->condition_cycles * 2 * c->parameters->condition_ticks;
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_conditioning)(const ANHYST_NAME(anhyst_compensator) *c, int32_t tick)
+ANHYST_REAL anhyst_conditioning_x(const anhyst_compensator_x *c, int32_t tick)
 {
   const int32_t ramp = c->parameters->condition_ticks;
   const ANHYST_REAL low = c->parameters->current_low;
   const ANHYST_REAL span = c->parameters->current_high - low;
-  if (tick < 0 || tick >= ANHYST_NAME(anhyst_conditioning_length)(c)) {
+  if (tick < 0 || tick >= anhyst_conditioning_length_x(c)) {
     return R(0.0);
   }
   const int32_t place = tick % (2 * ramp);

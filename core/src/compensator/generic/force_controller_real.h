@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-anhyst_status ANHYST_NAME(anhyst_force_controller_init_compensator)(
-    ANHYST_NAME(anhyst_force_controller) *c, const ANHYST_NAME(anhyst_parameters) *parameters)
+anhyst_status anhyst_force_controller_init_compensator_x(anhyst_force_controller_x *c,
+                                                         const anhyst_parameters_x *parameters)
 {
-  ANHYST_NAME(anhyst_force_controller) found = {0};
-  found.method = &ANHYST_NAME(anhyst_force_by_compensator);
-  const anhyst_status status = ANHYST_NAME(anhyst_compensator_init)(&found.compensator, parameters);
+  anhyst_force_controller_x found = {0};
+  found.method = &anhyst_force_by_compensator_x;
+  const anhyst_status status = anhyst_compensator_init_x(&found.compensator, parameters);
   if (status == ANHYST_OK) {
     *c = found;
   }
@@ -13,50 +13,45 @@ anhyst_status ANHYST_NAME(anhyst_force_controller_init_compensator)(
 }
 
 /* Whether it is a number that can be reckoned with. */
-static int ANHYST_NAME(is_known)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+static int is_known(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
-static int ANHYST_NAME(is_valid)(const ANHYST_NAME(anhyst_flux_loop) *loop)
+static int is_valid(const anhyst_flux_loop_x *loop)
 {
-  return ANHYST_NAME(is_known)(loop->proportional) && ANHYST_NAME(is_known)(loop->integral) &&
-         loop->back >= R(0.0) && loop->back <= R(1.0) && loop->smoothing > R(0.0) &&
-         loop->smoothing <= R(1.0) && loop->most >= R(0.0);
+  return is_known(loop->proportional) && is_known(loop->integral) && loop->back >= R(0.0) &&
+         loop->back <= R(1.0) && loop->smoothing > R(0.0) && loop->smoothing <= R(1.0) &&
+         loop->most >= R(0.0);
 }
 
-static ANHYST_REAL ANHYST_NAME(limited)(const ANHYST_NAME(anhyst_force_controller) *c,
-                                        ANHYST_REAL current)
+static ANHYST_REAL limited(const anhyst_force_controller_x *c, ANHYST_REAL current)
 {
-  return ANHYST_NAME(anhyst_limited)(current, c->low, c->high);
+  return anhyst_limited_x(current, c->low, c->high);
 }
 
 /* The nearest force of the map; none where the demand is no number. */
-static ANHYST_REAL ANHYST_NAME(pulling)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL demand)
+static ANHYST_REAL pulling(const anhyst_map_x *map, ANHYST_REAL demand)
 {
   const ANHYST_REAL below = demand < map->force_low ? map->force_low : R(0.0);
-  return demand >= map->force_low
-             ? ANHYST_NAME(anhyst_limited)(demand, map->force_low, map->force_high)
-             : below;
+  return demand >= map->force_low ? anhyst_limited_x(demand, map->force_low, map->force_high)
+                                  : below;
 }
 
 /* What the integral of the measured flux adds to the current. */
-static ANHYST_REAL ANHYST_NAME(held)(const ANHYST_NAME(anhyst_force_controller) *c)
+static ANHYST_REAL held(const anhyst_force_controller_x *c) { return c->integral; }
+
+static int32_t conditioning_length(const anhyst_compensator_x *compensator)
 {
-  return c->integral;
+  return anhyst_conditioning_length_x(compensator);
 }
 
-static int32_t ANHYST_NAME(conditioning_length)(const ANHYST_NAME(anhyst_compensator) *compensator)
+static void demagnetise(anhyst_force_controller_x *c)
 {
-  return ANHYST_NAME(anhyst_conditioning_length)(compensator);
-}
-
-static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *c)
-{
-  const ANHYST_NAME(anhyst_memory) demagnetised = {{R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)}};
+  const anhyst_memory_x demagnetised = {{R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)}};
   c->compensator.memory = demagnetised;
   for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
     c->compensator.plays[i] = R(0.0);
   }
 #if ANHYST_MEMORIES > 1
-  static const ANHYST_NAME(anhyst_deeper) none;
+  static const anhyst_deeper_x none;
   for (uint16_t i = 0; i < ANHYST_MEMORIES - 1U; i++) {
     c->compensator.deeper[i] = none;
   }
@@ -64,31 +59,29 @@ static void ANHYST_NAME(demagnetise)(ANHYST_NAME(anhyst_force_controller) *c)
   c->compensator.solved = 0;
 }
 
-static void ANHYST_NAME(swap)(ANHYST_NAME(anhyst_compensator) *compensator,
-                              const ANHYST_NAME(anhyst_parameters) *parameters)
+static void swap(anhyst_compensator_x *compensator, const anhyst_parameters_x *parameters)
 {
-  ANHYST_NAME(anhyst_compensator_swap)(compensator, parameters);
+  anhyst_compensator_swap_x(compensator, parameters);
 }
 
 /* What the measured flux adds to the current. Compared is what should show by now, not what is
    wanted: the difference between those is delay, which no current removes. */
-static void ANHYST_NAME(correct)(ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL gap,
-                                 ANHYST_REAL flux)
+static void correct(anhyst_force_controller_x *c, ANHYST_REAL gap, ANHYST_REAL flux)
 {
-  const ANHYST_NAME(anhyst_map) *wanted = &c->loop->wanted;
+  const anhyst_map_x *wanted = &c->loop->wanted;
   const int pulls = wanted->force_low >= R(0.0);
   const ANHYST_REAL force =
-      pulls ? ANHYST_SQRT(ANHYST_NAME(pulling)(wanted, c->demand) * wanted->force_high) : c->demand;
-  c->flux = ANHYST_NAME(anhyst_map_value)(wanted, force, gap);
-  c->error = ANHYST_NAME(is_known)(flux) ? c->expected - flux : R(0.0);
+      pulls ? ANHYST_SQRT(pulling(wanted, c->demand) * wanted->force_high) : c->demand;
+  c->flux = anhyst_map_value_x(wanted, force, gap);
+  c->error = is_known(flux) ? c->expected - flux : R(0.0);
   c->correction = c->loop->proportional * c->error + c->integral;
 }
 
 /* Only a limit leads the integral back: a current that was measured differs from the wanted one by
    the error of its sensor too, and by how far the amplifier is behind. */
-static void ANHYST_NAME(advance_flux)(ANHYST_NAME(anhyst_force_controller) *c, ANHYST_REAL applied)
+static void advance_flux(anhyst_force_controller_x *c, ANHYST_REAL applied)
 {
-  const ANHYST_NAME(anhyst_flux_loop) *loop = c->loop;
+  const anhyst_flux_loop_x *loop = c->loop;
   c->expected += loop->smoothing * (c->flux - c->expected);
   c->integral += loop->integral * c->error;
   if ((c->flags & ANHYST_CURRENT_LIMITED) != 0U) {
@@ -97,12 +90,12 @@ static void ANHYST_NAME(advance_flux)(ANHYST_NAME(anhyst_force_controller) *c, A
 }
 
 /* What is added to a compensator is bounded, so that a probe that fails costs no more than that. */
-static void ANHYST_NAME(bound_correction)(ANHYST_NAME(anhyst_force_controller) *c)
+static void bound_correction(anhyst_force_controller_x *c)
 {
-  c->correction = ANHYST_NAME(anhyst_limited)(c->correction, -c->loop->most, c->loop->most);
+  c->correction = anhyst_limited_x(c->correction, -c->loop->most, c->loop->most);
 }
 
-static void ANHYST_NAME(bound_integral)(ANHYST_NAME(anhyst_force_controller) *c)
+static void bound_integral(anhyst_force_controller_x *c)
 {
-  c->integral = ANHYST_NAME(anhyst_limited)(c->integral, -c->loop->most, c->loop->most);
+  c->integral = anhyst_limited_x(c->integral, -c->loop->most, c->loop->most);
 }

@@ -17,8 +17,8 @@
 
 /* A rising path, prepared for evaluation at many places. */
 typedef struct {
-  const ANHYST_NAME(anhyst_full_law) *law;
-  ANHYST_NAME(anhyst_full_memory) from;
+  const anhyst_full_law_x *law;
+  anhyst_full_memory_x from;
   ANHYST_REAL scale;     /* segments for a unit of field */
   ANHYST_REAL short_way; /* a step too short to matter, about what the tables leave unsure */
   ANHYST_REAL long_way;  /* an interval too long for a tangent to be trusted at its ends */
@@ -41,10 +41,10 @@ typedef struct {
 static ANHYST_REAL curve(const path *along, ANHYST_REAL x, ANHYST_REAL *slope)
 {
   const ANHYST_REAL *table = along->law->curve;
-  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
-      along->law->curve_segments, ANHYST_NAME(anhyst_size)(x) * along->scale);
-  const ANHYST_REAL value = ANHYST_NAME(anhyst_value_at)(table, spot);
-  *slope = ANHYST_NAME(anhyst_rise_at)(table, spot) * along->scale;
+  const anhyst_spot_x spot =
+      anhyst_spot_of_x(along->law->curve_segments, anhyst_size_x(x) * along->scale);
+  const ANHYST_REAL value = anhyst_value_at_x(table, spot);
+  *slope = anhyst_rise_at_x(table, spot) * along->scale;
   return x < R(0.0) ? -value : value;
 }
 
@@ -52,18 +52,18 @@ static ANHYST_REAL curve(const path *along, ANHYST_REAL x, ANHYST_REAL *slope)
 static ANHYST_REAL branch(const path *along, ANHYST_REAL x, ANHYST_REAL *slope)
 {
   const ANHYST_REAL *table = along->law->branch;
-  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
-      (uint16_t)(2U * along->law->curve_segments), (x + along->law->reach) * along->scale);
-  *slope = ANHYST_NAME(anhyst_rise_at)(table, spot) * along->scale;
-  return ANHYST_NAME(anhyst_value_at)(table, spot);
+  const anhyst_spot_x spot = anhyst_spot_of_x((uint16_t)(2U * along->law->curve_segments),
+                                              (x + along->law->reach) * along->scale);
+  *slope = anhyst_rise_at_x(table, spot) * along->scale;
+  return anhyst_value_at_x(table, spot);
 }
 
 /* The field at which L reaches y. */
-static ANHYST_REAL inverse_curve(const ANHYST_NAME(anhyst_full_law) *law, ANHYST_REAL y)
+static ANHYST_REAL inverse_curve(const anhyst_full_law_x *law, ANHYST_REAL y)
 {
-  const ANHYST_NAME(anhyst_spot) spot = ANHYST_NAME(anhyst_spot_of)(
-      law->inverse_segments, ANHYST_NAME(anhyst_size)(y) * (ANHYST_REAL)law->inverse_segments);
-  const ANHYST_REAL value = ANHYST_NAME(anhyst_value_at)(law->inverse, spot);
+  const anhyst_spot_x spot = anhyst_spot_of_x(
+      law->inverse_segments, anhyst_size_x(y) * (ANHYST_REAL)law->inverse_segments);
+  const ANHYST_REAL value = anhyst_value_at_x(law->inverse, spot);
   return y < R(0.0) ? -value : value;
 }
 
@@ -105,7 +105,7 @@ static ANHYST_REAL irreversible(const path *along, ANHYST_REAL p, ANHYST_REAL *s
   const ANHYST_REAL here = branch(along, p, &rise);
   const ANHYST_REAL gone = forgotten((p - along->departure) * along->law->octaves);
   const ANHYST_REAL risen = (along->branch - along->level) * gone + (here - along->branch);
-  const ANHYST_REAL y = ANHYST_NAME(anhyst_limited)(along->level + risen, along->from.y, R(1.0));
+  const ANHYST_REAL y = anhyst_limited_x(along->level + risen, along->from.y, R(1.0));
   const ANHYST_REAL steep = rise + pulled(along, here - y);
   *slope = steep > R(0.0) ? steep : R(0.0);
   return y;
@@ -113,7 +113,7 @@ static ANHYST_REAL irreversible(const path *along, ANHYST_REAL p, ANHYST_REAL *s
 
 static void evaluate(const path *along, ANHYST_REAL x, answer *at)
 {
-  const ANHYST_NAME(anhyst_full_law) *law = along->law;
+  const anhyst_full_law_x *law = along->law;
   ANHYST_REAL x_slope;
   const ANHYST_REAL anhysteretic = curve(along, x, &x_slope);
   at->x = x;
@@ -126,7 +126,7 @@ static void evaluate(const path *along, ANHYST_REAL x, answer *at)
 /* Finds where the irreversible part departs, and the answer at the start. */
 static void depart(path *along, answer *at)
 {
-  const ANHYST_NAME(anhyst_full_memory) *from = &along->from;
+  const anhyst_full_memory_x *from = &along->from;
   ANHYST_REAL slope;
   ANHYST_REAL x_slope;
   const ANHYST_REAL anhysteretic = curve(along, from->x, &x_slope);
@@ -174,7 +174,7 @@ static ANHYST_REAL follow_curve(const path *along, const search *find, ANHYST_RE
     /* The air hardly counts; iron that does not count at all must not be divided by. */
     const ANHYST_REAL least = R(1e-6) * find->air;
     const ANHYST_REAL level = start - find->residual / (find->iron > least ? find->iron : least);
-    return inverse_curve(along->law, ANHYST_NAME(anhyst_limited)(level, R(-1.0), R(1.0)));
+    return inverse_curve(along->law, anhyst_limited_x(level, R(-1.0), R(1.0)));
   }
   /* Iron that counts against the air: as far as the air alone would go, and on with what the iron
      has risen by then, which never goes too far. */
@@ -203,10 +203,10 @@ static ANHYST_REAL look(search *find, const answer *at)
 /* Moves an answer along its tangents to x, a short way. */
 static void slide(const path *along, ANHYST_REAL x, answer *at)
 {
-  const ANHYST_NAME(anhyst_full_memory) *from = &along->from;
+  const anhyst_full_memory_x *from = &along->from;
   const ANHYST_REAL way = x - at->x;
   at->x = x;
-  at->y = ANHYST_NAME(anhyst_limited)(at->y + way * at->y_slope, from->y, R(1.0));
+  at->y = anhyst_limited_x(at->y + way * at->y_slope, from->y, R(1.0));
   at->m += way * at->m_slope;
   if (at->p > from->p) {
     at->p = x - along->law->play > from->p ? x - along->law->play : from->p;
@@ -228,7 +228,7 @@ static ANHYST_REAL leave_hold(const path *along, search *find, ANHYST_REAL end, 
   } else {
     find->high = end;
   }
-  return ANHYST_NAME(anhyst_limited)(first, find->low, find->high);
+  return anhyst_limited_x(first, find->low, find->high);
 }
 
 /* Solves from *at, the start of the path, where the residual is negative. Newton's steps inside an
@@ -250,13 +250,13 @@ static void rise(const path *along, search *find, answer *at)
   for (uint16_t i = 0; i < along->law->iterations; i++) {
     const ANHYST_REAL x = at->x;
     ANHYST_REAL next = look(find, at);
-    const ANHYST_REAL way = ANHYST_NAME(anhyst_size)(next - x);
+    const ANHYST_REAL way = anhyst_size_x(next - x);
     const int inside = next > find->low && next < find->high;
     if (i == 0U && freed - x > along->short_way && freed < reach) {
       next = leave_hold(along, find, freed, next);
     } else if (way <= along->short_way || (inside && way <= R(0.75) * furthest)) {
-      next = ANHYST_NAME(anhyst_limited)(next, find->low, find->high);
-      furthest = ANHYST_NAME(anhyst_size)(next - x);
+      next = anhyst_limited_x(next, find->low, find->high);
+      furthest = anhyst_size_x(next - x);
     } else {
       const ANHYST_REAL before = furthest;
       furthest = find->high - find->low;
@@ -271,10 +271,10 @@ static void rise(const path *along, search *find, answer *at)
     evaluate(along, next, at);
   }
   const ANHYST_REAL last = look(find, at);
-  slide(along, ANHYST_NAME(anhyst_limited)(last, find->low, find->high), at);
+  slide(along, anhyst_limited_x(last, find->low, find->high), at);
 }
 
-static ANHYST_NAME(anhyst_full_memory) turned(ANHYST_NAME(anhyst_full_memory) memory)
+static anhyst_full_memory_x turned(anhyst_full_memory_x memory)
 {
   memory.p = -memory.p;
   memory.y = -memory.y;
@@ -285,9 +285,9 @@ static ANHYST_NAME(anhyst_full_memory) turned(ANHYST_NAME(anhyst_full_memory) me
 }
 
 /* Where an answer on a path leaves the iron. */
-static ANHYST_NAME(anhyst_full_memory) remember(const path *along, const answer *at)
+static anhyst_full_memory_x remember(const path *along, const answer *at)
 {
-  ANHYST_NAME(anhyst_full_memory) memory = along->from;
+  anhyst_full_memory_x memory = along->from;
   memory.x = at->x;
   memory.y = at->y;
   memory.p = at->p;
@@ -303,9 +303,9 @@ static ANHYST_NAME(anhyst_full_memory) remember(const path *along, const answer 
 
 /* Solves air*x + iron*m = target from a memory; air > 0, and air + iron*dm/dx > 0 on any path.
    Returns m. */
-static ANHYST_REAL meet(const ANHYST_NAME(anhyst_full_law) *law,
-                        const ANHYST_NAME(anhyst_full_memory) *from, ANHYST_REAL air,
-                        ANHYST_REAL iron, ANHYST_REAL target, ANHYST_NAME(anhyst_full_memory) *to)
+static ANHYST_REAL meet(const anhyst_full_law_x *law, const anhyst_full_memory_x *from,
+                        ANHYST_REAL air, ANHYST_REAL iron, ANHYST_REAL target,
+                        anhyst_full_memory_x *to)
 {
   ANHYST_REAL slope;
   path along;
@@ -318,9 +318,8 @@ static ANHYST_REAL meet(const ANHYST_NAME(anhyst_full_law) *law,
   const ANHYST_REAL of_air = air * from->x;
   const ANHYST_REAL of_iron = iron * m;
   const ANHYST_REAL residual = of_air + of_iron - target;
-  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(of_air) + ANHYST_NAME(anhyst_size)(of_iron) +
-                           ANHYST_NAME(anhyst_size)(target);
-  if (!(ANHYST_NAME(anhyst_size)(residual) > ANHYST_NAME(anhyst_noise)(size))) {
+  const ANHYST_REAL size = anhyst_size_x(of_air) + anhyst_size_x(of_iron) + anhyst_size_x(target);
+  if (!(anhyst_size_x(residual) > anhyst_noise_x(size))) {
     *to = *from; /* there already, or the target is no number */
     return m;
   }
@@ -342,24 +341,22 @@ static ANHYST_REAL meet(const ANHYST_NAME(anhyst_full_law) *law,
   return falling ? -at.m : at.m;
 }
 
-static ANHYST_REAL full_field(const ANHYST_NAME(anhyst_parameters) *parameters,
-                              const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                              ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL full_field(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                              const ANHYST_REAL *plays, ANHYST_REAL flux, anhyst_memory_x *to)
 {
   (void)plays;
-  const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
+  const anhyst_full_law_x *law = parameters->full;
   (void)meet(law, &from->full, law->air, R(1.0), flux, &to->full);
   return to->full.x;
 }
 
 /* With flux = m + h*x the current is (field_arm + flux_arm*h)*x + flux_arm*m. */
-static ANHYST_REAL full_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
-                             const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                             const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
-                             ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL full_flux(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                             const ANHYST_REAL *plays, const anhyst_at_gap_x *arms,
+                             ANHYST_REAL current, anhyst_memory_x *to)
 {
   (void)plays;
-  const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
+  const anhyst_full_law_x *law = parameters->full;
   const ANHYST_REAL air = arms->field_arm + arms->flux_arm * law->air;
   const ANHYST_REAL m =
       meet(law, &from->full, air, arms->flux_arm, current - arms->bias, &to->full);
@@ -368,9 +365,9 @@ static ANHYST_REAL full_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
 
 /* Whether more field needs more current at every gap. No path is steeper than the ascending branch
    and the anhysteretic curve together. */
-static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int current_rises(const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
+  const anhyst_full_law_x *law = parameters->full;
   const ANHYST_REAL scale = (ANHYST_REAL)law->curve_segments / law->reach;
   ANHYST_REAL steepest = R(0.0);
   for (uint16_t i = 0; i < law->curve_segments; i++) {
@@ -382,7 +379,7 @@ static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
     steepest = slope > steepest ? slope : steepest;
   }
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
-    const ANHYST_NAME(anhyst_at_gap) *row = parameters->gaps + i;
+    const anhyst_at_gap_x *row = parameters->gaps + i;
     if (!(row->field_arm + row->flux_arm * (law->air + steepest) > R(0.0))) {
       return 0;
     }
@@ -390,9 +387,9 @@ static int current_rises(const ANHYST_NAME(anhyst_parameters) *parameters)
   return 1;
 }
 
-static int full_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int full_is_valid(const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_full_law) *law = parameters->full;
+  const anhyst_full_law_x *law = parameters->full;
   const ANHYST_REAL largest = R(1e6);
   return law != 0 && law->curve != 0 && law->branch != 0 && law->inverse != 0 &&
          law->reach > R(0.0) && law->reach <= largest && law->air > R(0.0) && law->air <= largest &&
@@ -401,15 +398,14 @@ static int full_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
          law->iterations >= 2U && law->iterations <= 16U && law->curve_segments >= 8U &&
          law->curve_segments <= 4096U && law->inverse_segments >= 8U &&
          law->inverse_segments <= 4096U &&
-         ANHYST_NAME(anhyst_rises)(law->curve, law->curve_segments, R(0.0), R(1.0)) &&
-         ANHYST_NAME(anhyst_rises)(law->branch, (uint16_t)(2U * law->curve_segments), R(-1.0),
-                                   R(1.0)) &&
-         ANHYST_NAME(anhyst_rises)(law->inverse, law->inverse_segments, R(0.0), law->reach) &&
+         anhyst_rises_x(law->curve, law->curve_segments, R(0.0), R(1.0)) &&
+         anhyst_rises_x(law->branch, (uint16_t)(2U * law->curve_segments), R(-1.0), R(1.0)) &&
+         anhyst_rises_x(law->inverse, law->inverse_segments, R(0.0), law->reach) &&
          current_rises(parameters);
 }
 
-static void full_carry(const ANHYST_NAME(anhyst_parameters) *before,
-                       ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+static void full_carry(const anhyst_parameters_x *before, anhyst_memory_x *memory,
+                       ANHYST_REAL *plays)
 {
   (void)before;
   (void)plays;
@@ -417,5 +413,4 @@ static void full_carry(const ANHYST_NAME(anhyst_parameters) *before,
   memory->full.level = memory->full.y;
 }
 
-const ANHYST_NAME(anhyst_kernel)
-    ANHYST_NAME(anhyst_kernel_full) = {full_field, full_flux, full_is_valid, full_carry, 0};
+const anhyst_kernel_x anhyst_kernel_full_x = {full_field, full_flux, full_is_valid, full_carry, 0};

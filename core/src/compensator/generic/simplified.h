@@ -11,7 +11,7 @@
    and flat far out. */
 
 /* p over z, z >= 0. */
-static ANHYST_REAL p_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL z)
+static ANHYST_REAL p_of(const anhyst_simplified_law_x *law, ANHYST_REAL z)
 {
   const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
   ANHYST_REAL place = z / law->first; /* from 1 on in octaves */
@@ -40,13 +40,12 @@ static ANHYST_REAL p_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_RE
     place -= R(1.0);
     before = (uint16_t)((octave + 1U) * law->segments);
   }
-  const ANHYST_NAME(anhyst_spot) spot =
-      ANHYST_NAME(anhyst_spot_of)(law->segments, place * (ANHYST_REAL)law->segments);
-  return ANHYST_NAME(anhyst_value_at)(law->curve + before, spot);
+  const anhyst_spot_x spot = anhyst_spot_of_x(law->segments, place * (ANHYST_REAL)law->segments);
+  return anhyst_value_at_x(law->curve + before, spot);
 }
 
 /* z over p, 0 <= p <= 1: the same table searched, so that there and back agree. */
-static ANHYST_REAL z_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL p)
+static ANHYST_REAL z_of(const anhyst_simplified_law_x *law, ANHYST_REAL p)
 {
   const uint16_t end = (uint16_t)((law->octaves + 1U) * law->segments);
   uint16_t index = 0;
@@ -57,8 +56,7 @@ static ANHYST_REAL z_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_RE
   }
   const ANHYST_REAL rise = law->curve[index + 1U] - law->curve[index];
   const ANHYST_REAL over = p - law->curve[index];
-  const ANHYST_REAL part =
-      rise > R(0.0) ? ANHYST_NAME(anhyst_limited)(over / rise, R(0.0), R(1.0)) : R(0.0);
+  const ANHYST_REAL part = rise > R(0.0) ? anhyst_limited_x(over / rise, R(0.0), R(1.0)) : R(0.0);
   const uint16_t octave = (uint16_t)(index / law->segments); /* 0: below the first */
   const uint16_t inside = (uint16_t)(index % law->segments);
   const ANHYST_REAL place = ((ANHYST_REAL)inside + part) / (ANHYST_REAL)law->segments;
@@ -69,9 +67,8 @@ static ANHYST_REAL z_of(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_RE
 }
 
 /* On a rising path, the state where it is at the given flux, not below that of the start. */
-static void advance(const ANHYST_NAME(anhyst_simplified_law) *law,
-                    const ANHYST_NAME(anhyst_simplified_memory) *start, ANHYST_REAL flux,
-                    ANHYST_NAME(anhyst_simplified_memory) *to)
+static void advance(const anhyst_simplified_law_x *law, const anhyst_simplified_memory_x *start,
+                    ANHYST_REAL flux, anhyst_simplified_memory_x *to)
 {
   const ANHYST_REAL way = flux - start->turn;
   const ANHYST_REAL held = start->level + law->hold * way;
@@ -90,8 +87,8 @@ static void advance(const ANHYST_NAME(anhyst_simplified_law) *law,
 }
 
 /* A memory as the start of a rising path: what set out the other way sets out again. */
-static ANHYST_NAME(anhyst_simplified_memory) set_out(const ANHYST_NAME(anhyst_simplified_law) *law,
-                                                     ANHYST_NAME(anhyst_simplified_memory) from)
+static anhyst_simplified_memory_x set_out(const anhyst_simplified_law_x *law,
+                                          anhyst_simplified_memory_x from)
 {
   if (!(from.turn < from.flux)) {
     from.turn = from.flux;
@@ -102,8 +99,7 @@ static ANHYST_NAME(anhyst_simplified_memory) set_out(const ANHYST_NAME(anhyst_si
 }
 
 /* The other way round if it falls: z counts in the direction of travel, whichever that is. */
-static ANHYST_NAME(anhyst_simplified_memory) facing(ANHYST_NAME(anhyst_simplified_memory) memory,
-                                                    int falling)
+static anhyst_simplified_memory_x facing(anhyst_simplified_memory_x memory, int falling)
 {
   if (falling) {
     memory.flux = -memory.flux;
@@ -114,18 +110,17 @@ static ANHYST_NAME(anhyst_simplified_memory) facing(ANHYST_NAME(anhyst_simplifie
   return memory;
 }
 
-static ANHYST_REAL simplified_field(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                    const ANHYST_NAME(anhyst_memory) *from,
-                                    const ANHYST_REAL *plays, ANHYST_REAL flux,
-                                    ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL simplified_field(const anhyst_parameters_x *parameters,
+                                    const anhyst_memory_x *from, const ANHYST_REAL *plays,
+                                    ANHYST_REAL flux, anhyst_memory_x *to)
 {
   (void)plays;
-  const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
-  const ANHYST_NAME(anhyst_simplified_memory) *now = &from->simplified;
+  const anhyst_simplified_law_x *law = parameters->simplified;
+  const anhyst_simplified_memory_x *now = &from->simplified;
   const int falling = flux < now->flux;
   if (falling || flux > now->flux) {
-    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, facing(*now, falling));
-    ANHYST_NAME(anhyst_simplified_memory) end;
+    const anhyst_simplified_memory_x start = set_out(law, facing(*now, falling));
+    anhyst_simplified_memory_x end;
     advance(law, &start, falling ? -flux : flux, &end);
     to->simplified = facing(end, falling);
   } else {
@@ -135,7 +130,7 @@ static ANHYST_REAL simplified_field(const ANHYST_NAME(anhyst_parameters) *parame
 }
 
 /* dp/dflux on a rising path. */
-static ANHYST_REAL lag_slope(const ANHYST_NAME(anhyst_simplified_law) *law, ANHYST_REAL p)
+static ANHYST_REAL lag_slope(const anhyst_simplified_law_x *law, ANHYST_REAL p)
 {
   const ANHYST_REAL v = R(1.0) - p;
   return p < R(0.0) ? law->hold : law->rate * v / (R(1.0) - law->nu * v);
@@ -144,10 +139,8 @@ static ANHYST_REAL lag_slope(const ANHYST_NAME(anhyst_simplified_law) *law, ANHY
 /* flux_arm*flux + field_arm*u = target on a rising path. In the direction of travel the sum is a
    concave function of the flux, so Newton's steps from the start come nearer without ever passing
    the solution. */
-static void reach(const ANHYST_NAME(anhyst_simplified_law) *law,
-                  const ANHYST_NAME(anhyst_simplified_memory) *start,
-                  const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL target,
-                  ANHYST_NAME(anhyst_simplified_memory) *to)
+static void reach(const anhyst_simplified_law_x *law, const anhyst_simplified_memory_x *start,
+                  const anhyst_at_gap_x *arms, ANHYST_REAL target, anhyst_simplified_memory_x *to)
 {
   *to = *start;
   for (uint16_t i = 0; i < law->iterations; i++) {
@@ -161,26 +154,25 @@ static void reach(const ANHYST_NAME(anhyst_simplified_law) *law,
   }
 }
 
-static ANHYST_REAL simplified_flux(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                   const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                                   const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
-                                   ANHYST_NAME(anhyst_memory) *to)
+static ANHYST_REAL simplified_flux(const anhyst_parameters_x *parameters,
+                                   const anhyst_memory_x *from, const ANHYST_REAL *plays,
+                                   const anhyst_at_gap_x *arms, ANHYST_REAL current,
+                                   anhyst_memory_x *to)
 {
   (void)plays;
-  const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
-  const ANHYST_NAME(anhyst_simplified_memory) *now = &from->simplified;
+  const anhyst_simplified_law_x *law = parameters->simplified;
+  const anhyst_simplified_memory_x *now = &from->simplified;
   const ANHYST_REAL target = current - arms->bias;
   const ANHYST_REAL of_flux = arms->flux_arm * now->flux;
   const ANHYST_REAL of_state = arms->field_arm * now->u;
   const ANHYST_REAL missing = target - of_flux - of_state;
-  const ANHYST_REAL size = ANHYST_NAME(anhyst_size)(target) + ANHYST_NAME(anhyst_size)(of_flux) +
-                           ANHYST_NAME(anhyst_size)(of_state);
-  if (!(ANHYST_NAME(anhyst_size)(missing) > ANHYST_NAME(anhyst_noise)(size))) {
+  const ANHYST_REAL size = anhyst_size_x(target) + anhyst_size_x(of_flux) + anhyst_size_x(of_state);
+  if (!(anhyst_size_x(missing) > anhyst_noise_x(size))) {
     to->simplified = *now; /* there already, or the current is no number */
   } else {
     const int falling = missing < R(0.0);
-    const ANHYST_NAME(anhyst_simplified_memory) start = set_out(law, facing(*now, falling));
-    ANHYST_NAME(anhyst_simplified_memory) end;
+    const anhyst_simplified_memory_x start = set_out(law, facing(*now, falling));
+    anhyst_simplified_memory_x end;
     reach(law, &start, arms, falling ? -target : target, &end);
     to->simplified = facing(end, falling);
   }
@@ -188,7 +180,7 @@ static ANHYST_REAL simplified_flux(const ANHYST_NAME(anhyst_parameters) *paramet
 }
 
 /* Whether more flux needs no less current at any gap. */
-static int flux_arm_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int flux_arm_is_valid(const anhyst_parameters_x *parameters)
 {
   for (uint16_t i = 0; i <= parameters->gap_segments; i++) {
     if (!(parameters->gaps[i].flux_arm >= R(0.0))) {
@@ -198,9 +190,9 @@ static int flux_arm_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
   return 1;
 }
 
-static int simplified_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int simplified_is_valid(const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_simplified_law) *law = parameters->simplified;
+  const anhyst_simplified_law_x *law = parameters->simplified;
   const ANHYST_REAL largest = R(1e6);
   return law != 0 && parameters->flux_limit <= R(1.0) && law->curve != 0 && law->rate > R(0.0) &&
          law->rate <= largest && law->hold > R(0.0) && law->hold <= largest && law->nu >= R(0.0) &&
@@ -208,13 +200,13 @@ static int simplified_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
          law->iterations >= 2U && law->iterations <= 16U && law->octaves >= 4U &&
          law->octaves <= 15U && law->segments >= 4U && law->segments <= 64U &&
          (law->segments & (law->segments - 1U)) == 0U &&
-         ANHYST_NAME(anhyst_rises)(law->curve, (uint16_t)((law->octaves + 1U) * law->segments),
-                                   R(0.0), R(1.0)) &&
+         anhyst_rises_x(law->curve, (uint16_t)((law->octaves + 1U) * law->segments), R(0.0),
+                        R(1.0)) &&
          flux_arm_is_valid(parameters);
 }
 
-static void simplified_carry(const ANHYST_NAME(anhyst_parameters) *before,
-                             ANHYST_NAME(anhyst_memory) *memory, ANHYST_REAL *plays)
+static void simplified_carry(const anhyst_parameters_x *before, anhyst_memory_x *memory,
+                             ANHYST_REAL *plays)
 {
   (void)before;
   (void)plays;
@@ -222,5 +214,5 @@ static void simplified_carry(const ANHYST_NAME(anhyst_parameters) *before,
   memory->simplified.level = memory->simplified.u;
 }
 
-const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified) = {
-    simplified_field, simplified_flux, simplified_is_valid, simplified_carry, 0};
+const anhyst_kernel_x anhyst_kernel_simplified_x = {simplified_field, simplified_flux,
+                                                    simplified_is_valid, simplified_carry, 0};

@@ -23,8 +23,8 @@
 
 /* All memories at one tick: layers from the surface on, then what is laminated. */
 typedef struct {
-  const ANHYST_NAME(anhyst_parameters) *parameters;
-  ANHYST_NAME(anhyst_compensator) *c;
+  const anhyst_parameters_x *parameters;
+  anhyst_compensator_x *c;
   int flux_given;                         /* whether the flux of the section is known */
   ANHYST_REAL given;                      /* it, or the field that the drive gives */
   ANHYST_REAL reluctance;                 /* of what is around the iron, field for a unit of flux */
@@ -42,30 +42,30 @@ typedef struct {
   ANHYST_REAL falls;
 } solid_line;
 
-static ANHYST_NAME(anhyst_memory) *memory_of(ANHYST_NAME(anhyst_compensator) *c, int at)
+static anhyst_memory_x *memory_of(anhyst_compensator_x *c, int at)
 {
   return at == 0 ? &c->memory : &c->deeper[at - 1].memory;
 }
 
-static ANHYST_NAME(anhyst_memory) *next_of(ANHYST_NAME(anhyst_compensator) *c, int at)
+static anhyst_memory_x *next_of(anhyst_compensator_x *c, int at)
 {
   return at == 0 ? &c->next : &c->deeper[at - 1].next;
 }
 
-static ANHYST_REAL *plays_of(ANHYST_NAME(anhyst_compensator) *c, int at)
+static ANHYST_REAL *plays_of(anhyst_compensator_x *c, int at)
 {
   return at == 0 ? c->plays : c->deeper[at - 1].plays;
 }
 
-static int memories_of(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int memories_of(const anhyst_parameters_x *parameters)
 {
   return (int)parameters->solid->layers + (parameters->solid->laminated > R(0.0) ? 1 : 0);
 }
 
 /* Takes up field and tangent of a memory; gives its flux. */
-static ANHYST_REAL take_up(solid_tick *tick, int at, const ANHYST_NAME(anhyst_memory) *memory)
+static ANHYST_REAL take_up(solid_tick *tick, int at, const anhyst_memory_x *memory)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = tick->parameters;
+  const anhyst_parameters_x *parameters = tick->parameters;
   const ANHYST_REAL own = parameters->solid->own;
   ANHYST_REAL slope;
   const ANHYST_REAL flux =
@@ -78,8 +78,8 @@ static ANHYST_REAL take_up(solid_tick *tick, int at, const ANHYST_NAME(anhyst_me
 /* Sections of the state, and where the search sets out: what was solved, or the state. */
 static void begin_tick(solid_tick *tick, int from_solved)
 {
-  ANHYST_NAME(anhyst_compensator) *c = tick->c;
-  const ANHYST_NAME(anhyst_solid) *solid = tick->parameters->solid;
+  anhyst_compensator_x *c = tick->c;
+  const anhyst_solid_x *solid = tick->parameters->solid;
   const int layers = (int)solid->layers;
   ANHYST_REAL before = R(0.0);
   ANHYST_REAL now = R(0.0);
@@ -138,13 +138,13 @@ static solid_line behind(const solid_tick *tick, int layer, solid_line line)
 /* Lets a layer meet its line; the sections below it are new, its own still that of before. */
 static void meet_line(solid_tick *tick, int layer, solid_line line, ANHYST_REAL deeper)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = tick->parameters;
+  const anhyst_parameters_x *parameters = tick->parameters;
   const ANHYST_REAL share = tick->share[layer];
-  const ANHYST_NAME(anhyst_at_gap) arms = {R(1.0), R(0.0), R(0.0),
-                                           parameters->solid->own + line.falls * share, R(1.0)};
-  const ANHYST_NAME(anhyst_memory) *from = memory_of(tick->c, layer);
+  const anhyst_at_gap_x arms = {R(1.0), R(0.0), R(0.0), parameters->solid->own + line.falls * share,
+                                R(1.0)};
+  const anhyst_memory_x *from = memory_of(tick->c, layer);
   const ANHYST_REAL *plays = plays_of(tick->c, layer);
-  ANHYST_NAME(anhyst_memory) *to = next_of(tick->c, layer);
+  anhyst_memory_x *to = next_of(tick->c, layer);
   (void)parameters->kernel->flux(parameters, from, plays, &arms,
                                  line.field + line.falls * (tick->section[layer] - deeper), to);
   tick->section[layer] = deeper + share * take_up(tick, layer, to);
@@ -153,8 +153,8 @@ static void meet_line(solid_tick *tick, int layer, solid_line line, ANHYST_REAL 
 /* Lets a memory meet a flux. */
 static void meet_flux(solid_tick *tick, int at, ANHYST_REAL flux)
 {
-  const ANHYST_NAME(anhyst_parameters) *parameters = tick->parameters;
-  ANHYST_NAME(anhyst_memory) *to = next_of(tick->c, at);
+  const anhyst_parameters_x *parameters = tick->parameters;
+  anhyst_memory_x *to = next_of(tick->c, at);
   (void)parameters->kernel->field(parameters, memory_of(tick->c, at), plays_of(tick->c, at), flux,
                                   to);
   (void)take_up(tick, at, to);
@@ -195,15 +195,15 @@ static int is_met(const solid_tick *tick)
     const ANHYST_REAL left = tick->field[j - 1] - tick->field[j] -
                              tick->parameters->solid->hold * (tick->section[j] - tick->before[j]);
     const ANHYST_REAL size =
-        ANHYST_NAME(anhyst_size)(tick->field[j - 1]) +
-        ANHYST_NAME(anhyst_size)(tick->section[j]) *
+        anhyst_size_x(tick->field[j - 1]) +
+        anhyst_size_x(tick->section[j]) *
             (tick->stiffness[j - 1] / tick->share[j - 1] + tick->parameters->solid->hold);
     largest = size > largest ? size : largest;
-    most = ANHYST_NAME(anhyst_size)(left) > most ? ANHYST_NAME(anhyst_size)(left) : most;
+    most = anhyst_size_x(left) > most ? anhyst_size_x(left) : most;
   }
   if (!tick->flux_given) {
     const ANHYST_REAL left = outside(tick).field - tick->field[0];
-    most = ANHYST_NAME(anhyst_size)(left) > most ? ANHYST_NAME(anhyst_size)(left) : most;
+    most = anhyst_size_x(left) > most ? anhyst_size_x(left) : most;
   }
   return most <= CLOSE * largest;
 }
@@ -219,9 +219,9 @@ static void solve_tick(solid_tick *tick)
 }
 
 /* What stands for the field of thin iron in the current, for a flux of the section. */
-static ANHYST_REAL solid_field(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL flux)
+static ANHYST_REAL solid_field(anhyst_compensator_x *c, ANHYST_REAL flux)
 {
-  const ANHYST_NAME(anhyst_solid) *solid = c->parameters->solid;
+  const anhyst_solid_x *solid = c->parameters->solid;
   solid_tick tick;
   tick.parameters = c->parameters;
   tick.c = c;
@@ -238,8 +238,8 @@ static ANHYST_REAL solid_field(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL f
 }
 
 /* The flux of the section that a current leads to. */
-static ANHYST_REAL solid_flux(ANHYST_NAME(anhyst_compensator) *c,
-                              const ANHYST_NAME(anhyst_at_gap) *row, ANHYST_REAL current)
+static ANHYST_REAL solid_flux(anhyst_compensator_x *c, const anhyst_at_gap_x *row,
+                              ANHYST_REAL current)
 {
   solid_tick tick;
   tick.parameters = c->parameters;
@@ -252,9 +252,9 @@ static ANHYST_REAL solid_flux(ANHYST_NAME(anhyst_compensator) *c,
   return tick.section[0];
 }
 
-static int solid_is_valid(const ANHYST_NAME(anhyst_parameters) *parameters)
+static int solid_is_valid(const anhyst_parameters_x *parameters)
 {
-  const ANHYST_NAME(anhyst_solid) *solid = parameters->solid;
+  const anhyst_solid_x *solid = parameters->solid;
   return solid->stand != 0 && solid->layers >= 2U && memories_of(parameters) <= ANHYST_MEMORIES &&
          solid->surface > R(0.0) && solid->surface < R(1.0) && solid->laminated >= R(0.0) &&
          solid->laminated < R(1.0) && solid->hold >= R(0.0) && solid->hold <= R(1e12) &&

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-static int ANHYST_NAME(is_number)(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
+static int is_number(ANHYST_REAL a) { return a >= R(-1e30) && a <= R(1e30); }
 
 /* The lower limit for what is not a number. */
-static ANHYST_REAL ANHYST_NAME(within)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
+static ANHYST_REAL within(ANHYST_REAL a, ANHYST_REAL low, ANHYST_REAL high)
 {
   if (!(a > low)) {
     return low;
@@ -12,9 +12,8 @@ static ANHYST_REAL ANHYST_NAME(within)(ANHYST_REAL a, ANHYST_REAL low, ANHYST_RE
 }
 
 /* The nearest of the converter's currents, for one within the limits. */
-static ANHYST_REAL ANHYST_NAME(on_grid)(ANHYST_REAL current, ANHYST_REAL low, ANHYST_REAL high,
-                                        ANHYST_REAL step)
+static ANHYST_REAL on_grid(ANHYST_REAL current, ANHYST_REAL low, ANHYST_REAL high, ANHYST_REAL step)
 {
   const int32_t steps = (int32_t)((current - low) / step + R(0.5));
-  return ANHYST_NAME(within)(low + (ANHYST_REAL)steps * step, low, high);
+  return within(low + (ANHYST_REAL)steps * step, low, high);
 }

@@ -1,23 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
-static int ANHYST_NAME(is_share)(ANHYST_REAL x) { return x >= R(0.0) && x <= R(1.0); }
+static int is_share(ANHYST_REAL x) { return x >= R(0.0) && x <= R(1.0); }
 
-anhyst_status ANHYST_NAME(anhyst_pidd2_check)(const ANHYST_NAME(anhyst_pidd2_gains) *gains)
+anhyst_status anhyst_pidd2_check_x(const anhyst_pidd2_gains_x *gains)
 {
   const int finite = isfinite(gains->proportional) && isfinite(gains->integral) &&
                      isfinite(gains->derivative) && isfinite(gains->second) &&
                      isfinite(gains->load);
-  const int shares = ANHYST_NAME(is_share)(gains->back) && ANHYST_NAME(is_share)(gains->weight) &&
-                     ANHYST_NAME(is_share)(gains->smoothing) && gains->smoothing > R(0.0) &&
-                     ANHYST_NAME(is_share)(gains->smoothing_2) && gains->smoothing_2 > R(0.0);
+  const int shares = is_share(gains->back) && is_share(gains->weight) &&
+                     is_share(gains->smoothing) && gains->smoothing > R(0.0) &&
+                     is_share(gains->smoothing_2) && gains->smoothing_2 > R(0.0);
   return finite && shares && gains->low <= gains->high ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-ANHYST_REAL ANHYST_NAME(anhyst_pidd2_solve)(const ANHYST_NAME(anhyst_pidd2_gains) *gains,
-                                            const ANHYST_NAME(anhyst_pidd2_state) *state,
-                                            ANHYST_REAL reference, ANHYST_REAL position,
-                                            ANHYST_REAL load,
-                                            ANHYST_NAME(anhyst_pidd2_candidate) *candidate)
+ANHYST_REAL anhyst_pidd2_solve_x(const anhyst_pidd2_gains_x *gains,
+                                 const anhyst_pidd2_state_x *state, ANHYST_REAL reference,
+                                 ANHYST_REAL position, ANHYST_REAL load,
+                                 anhyst_pidd2_candidate_x *candidate)
 {
   /* A filter moves by the derivative it gives. */
   const ANHYST_REAL first = gains->smoothing * (position - state->position);
@@ -38,35 +37,32 @@ ANHYST_REAL ANHYST_NAME(anhyst_pidd2_solve)(const ANHYST_NAME(anhyst_pidd2_gains
   return candidate->output;
 }
 
-void ANHYST_NAME(anhyst_pidd2_commit)(const ANHYST_NAME(anhyst_pidd2_gains) *gains,
-                                      ANHYST_NAME(anhyst_pidd2_state) *state,
-                                      const ANHYST_NAME(anhyst_pidd2_candidate) *candidate,
-                                      ANHYST_REAL applied)
+void anhyst_pidd2_commit_x(const anhyst_pidd2_gains_x *gains, anhyst_pidd2_state_x *state,
+                           const anhyst_pidd2_candidate_x *candidate, ANHYST_REAL applied)
 {
   *state = candidate->next;
   state->integral += gains->back * (applied - candidate->wanted);
 }
 
-void ANHYST_NAME(anhyst_pidd2_start)(const ANHYST_NAME(anhyst_pidd2_gains) *gains,
-                                     ANHYST_NAME(anhyst_pidd2_state) *state, ANHYST_REAL reference,
-                                     ANHYST_REAL position, ANHYST_REAL load, ANHYST_REAL output)
+void anhyst_pidd2_start_x(const anhyst_pidd2_gains_x *gains, anhyst_pidd2_state_x *state,
+                          ANHYST_REAL reference, ANHYST_REAL position, ANHYST_REAL load,
+                          ANHYST_REAL output)
 {
-  ANHYST_NAME(anhyst_pidd2_candidate) without;
+  anhyst_pidd2_candidate_x without;
   state->position = position;
   state->velocity = R(0.0);
   state->integral = R(0.0);
-  (void)ANHYST_NAME(anhyst_pidd2_solve)(gains, state, reference, position, load, &without);
+  (void)anhyst_pidd2_solve_x(gains, state, reference, position, load, &without);
   state->integral = output - without.wanted;
 }
 
-void ANHYST_NAME(anhyst_pidd2_change)(const ANHYST_NAME(anhyst_pidd2_gains) *from,
-                                      const ANHYST_NAME(anhyst_pidd2_gains) *to,
-                                      ANHYST_NAME(anhyst_pidd2_state) *state, ANHYST_REAL reference,
-                                      ANHYST_REAL position, ANHYST_REAL load)
+void anhyst_pidd2_change_x(const anhyst_pidd2_gains_x *from, const anhyst_pidd2_gains_x *to,
+                           anhyst_pidd2_state_x *state, ANHYST_REAL reference, ANHYST_REAL position,
+                           ANHYST_REAL load)
 {
-  ANHYST_NAME(anhyst_pidd2_candidate) before;
-  ANHYST_NAME(anhyst_pidd2_candidate) after;
-  (void)ANHYST_NAME(anhyst_pidd2_solve)(from, state, reference, position, load, &before);
-  (void)ANHYST_NAME(anhyst_pidd2_solve)(to, state, reference, position, load, &after);
+  anhyst_pidd2_candidate_x before;
+  anhyst_pidd2_candidate_x after;
+  (void)anhyst_pidd2_solve_x(from, state, reference, position, load, &before);
+  (void)anhyst_pidd2_solve_x(to, state, reference, position, load, &after);
   state->integral += before.wanted - after.wanted;
 }

@@ -1,17 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 
+#define AXES ANHYST_WRENCH_AXES
+#define DRIVES ANHYST_WRENCH_DRIVES
+
+/* Least part of its row that a pivot keeps: less is no axis of its own, or in single precision
+   noise of the forces. A row that has lost nearly all counts as if it had kept so much of its 1:
+   what is left of it may be rounding. */
+#define LEAST_PIVOT (ANHYST_EPS > R(1e-10) ? R(1e-2) : R(1e-6))
+#define LEAST_ROW R(1e-2)
+
+/* Part of the least force by which rounding may miss it. */
+#define ROUNDING (ANHYST_EPS > R(1e-10) ? R(1e-4) : R(1e-12))
+
 typedef struct {
   uint16_t free;             /* drives whose force is to be found; of a pair the first */
   ANHYST_REAL missing[AXES]; /* of the scaled wrench beside what the others make */
   ANHYST_REAL *force;        /* of all */
-} ANHYST_NAME(search);
+} search;
 
 /* ---- what a layout makes ---- */
 
 /* Every axis of length one over the drives; 0 where one has none. */
-static int ANHYST_NAME(weigh)(ANHYST_NAME(anhyst_wrench) *w)
+static int weigh(anhyst_wrench_x *w)
 {
-  const ANHYST_NAME(anhyst_wrench_layout) *layout = w->layout;
+  const anhyst_wrench_layout_x *layout = w->layout;
   const int n = (int)layout->axes;
   int j;
   int k;
@@ -34,8 +46,8 @@ static int ANHYST_NAME(weigh)(ANHYST_NAME(anhyst_wrench) *w)
 
 /* The factor of all open drives; 0 where they cannot push along every axis, which with yields they
    always can. */
-static int ANHYST_NAME(factorise)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *yields,
-                                  ANHYST_NAME(anhyst_wrench_factor) *found)
+static int factorise(const anhyst_wrench_x *w, const ANHYST_REAL *yields,
+                     anhyst_wrench_factor_x *found)
 {
   const int n = (int)w->layout->axes;
   int i;
@@ -71,9 +83,8 @@ static int ANHYST_NAME(factorise)(const ANHYST_NAME(anhyst_wrench) *w, const ANH
 
 /* Takes a drive out of a factor; 0 where the others cannot push along every axis. With yields they
    always can: no pivot is below what its axis yields but by rounding. */
-static int ANHYST_NAME(take_out)(const ANHYST_NAME(anhyst_wrench) *w, int j,
-                                 const ANHYST_REAL *yields,
-                                 ANHYST_NAME(anhyst_wrench_factor) *factor)
+static int take_out(const anhyst_wrench_x *w, int j, const ANHYST_REAL *yields,
+                    anhyst_wrench_factor_x *factor)
 {
   const int n = (int)w->layout->axes;
   ANHYST_REAL pull[AXES];
@@ -110,7 +121,7 @@ static int ANHYST_NAME(take_out)(const ANHYST_NAME(anhyst_wrench) *w, int j,
 }
 
 /* Which drives are open and which stand alone. */
-static void ANHYST_NAME(sort)(ANHYST_NAME(anhyst_wrench) *w)
+static void sort(anhyst_wrench_x *w)
 {
   int j;
   w->open = 0;
@@ -124,8 +135,7 @@ static void ANHYST_NAME(sort)(ANHYST_NAME(anhyst_wrench) *w)
 
 /* ---- a search ---- */
 
-static void ANHYST_NAME(start)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
-                               ANHYST_NAME(search) *s)
+static void start(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
   int i;
   s->free = w->open;
@@ -138,7 +148,7 @@ static void ANHYST_NAME(start)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST
 }
 
 /* What a drive makes for a force along every axis; without a loop, since this is most of a tick. */
-static ANHYST_REAL ANHYST_NAME(along)(const ANHYST_REAL *pull, const ANHYST_REAL *x)
+static ANHYST_REAL along(const ANHYST_REAL *pull, const ANHYST_REAL *x)
 {
   return pull[0] * x[0] + pull[1] * x[1] + pull[2] * x[2] + pull[3] * x[3] + pull[4] * x[4] +
          pull[5] * x[5];
@@ -146,9 +156,8 @@ static ANHYST_REAL ANHYST_NAME(along)(const ANHYST_REAL *pull, const ANHYST_REAL
 
 /* Forces of the free drives with the least sum of squares that make what is missing; s->free are
    those of the factor. */
-static void ANHYST_NAME(least_squares)(const ANHYST_NAME(anhyst_wrench) *w,
-                                       const ANHYST_NAME(anhyst_wrench_factor) *by,
-                                       const ANHYST_NAME(search) *s)
+static void least_squares(const anhyst_wrench_x *w, const anhyst_wrench_factor_x *by,
+                          const search *s)
 {
   const int n = (int)w->layout->axes;
   ANHYST_REAL x[AXES] = {R(0.0)};
@@ -172,14 +181,13 @@ static void ANHYST_NAME(least_squares)(const ANHYST_NAME(anhyst_wrench) *w,
   }
   for (j = 0; j < (int)w->layout->drives; j++) {
     if (s->free >> j & 1) {
-      s->force[j] = ANHYST_NAME(along)(w->pull[j], x);
+      s->force[j] = along(w->pull[j], x);
     }
   }
 }
 
 /* Sets a free drive to a force; the others make the rest. */
-static void ANHYST_NAME(hold)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(search) *s, int j,
-                              ANHYST_REAL force)
+static void hold(const anhyst_wrench_x *w, search *s, int j, ANHYST_REAL force)
 {
   int i;
   s->free = (uint16_t)(s->free & ~(1U << j));
@@ -190,8 +198,7 @@ static void ANHYST_NAME(hold)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(s
 }
 
 /* The drive of these that is furthest below its least, or -1. */
-static int ANHYST_NAME(worst)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_NAME(search) *s,
-                              unsigned of)
+static int worst(const anhyst_wrench_x *w, const search *s, unsigned of)
 {
   const ANHYST_REAL least = w->layout->least;
   const ANHYST_REAL missed = least < R(0.0) ? -ROUNDING : ROUNDING;
@@ -209,28 +216,27 @@ static int ANHYST_NAME(worst)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_
 
 /* Makes a wrench of all there are, setting to their least those below it that the others can do
    without; whether no drive is left below its least. */
-static int ANHYST_NAME(make_all)(const ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
-                                 ANHYST_NAME(search) *s)
+static int make_all(const anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
-  ANHYST_NAME(anhyst_wrench_factor) room[2];
-  const ANHYST_NAME(anhyst_wrench_factor) *by = &w->factor;
+  anhyst_wrench_factor_x room[2];
+  const anhyst_wrench_factor_x *by = &w->factor;
   int pass;
-  ANHYST_NAME(start)(w, wrench, s);
+  start(w, wrench, s);
   for (pass = 0;; pass++) {
     const uint16_t before = s->free;
     unsigned left = s->free & w->alone;
     int j;
-    ANHYST_NAME(least_squares)(w, by, s);
-    j = ANHYST_NAME(worst)(w, s, left);
+    least_squares(w, by, s);
+    j = worst(w, s, left);
     if (j < 0 || pass == ANHYST_WRENCH_PASSES) {
       return j < 0;
     }
-    for (; j >= 0; j = ANHYST_NAME(worst)(w, s, left)) {
-      ANHYST_NAME(anhyst_wrench_factor) *next = by == &room[0] ? &room[1] : &room[0];
+    for (; j >= 0; j = worst(w, s, left)) {
+      anhyst_wrench_factor_x *next = by == &room[0] ? &room[1] : &room[0];
       left &= ~(1U << j);
       *next = *by;
-      if (ANHYST_NAME(take_out)(w, j, NULL, next)) {
-        ANHYST_NAME(hold)(w, s, j, w->layout->least);
+      if (take_out(w, j, NULL, next)) {
+        hold(w, s, j, w->layout->least);
         by = next;
       }
     }
@@ -241,7 +247,7 @@ static int ANHYST_NAME(make_all)(const ANHYST_NAME(anhyst_wrench) *w, const ANHY
 }
 
 /* Sets to its bound what is beyond one; how many. Of a pair the net force is bounded both ways. */
-static int ANHYST_NAME(bound)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(search) *s)
+static int bound(const anhyst_wrench_x *w, search *s)
 {
   const ANHYST_REAL most = w->layout->most;
   int bounded = 0;
@@ -249,7 +255,7 @@ static int ANHYST_NAME(bound)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(s
   for (j = 0; j < (int)w->layout->drives; j++) {
     const ANHYST_REAL least = (w->alone >> j & 1) ? w->layout->least : -most;
     if ((s->free >> j & 1) && (s->force[j] < least || s->force[j] > most)) {
-      ANHYST_NAME(hold)(w, s, j, s->force[j] > most ? most : least);
+      hold(w, s, j, s->force[j] > most ? most : least);
       bounded++;
     }
   }
@@ -257,37 +263,35 @@ static int ANHYST_NAME(bound)(const ANHYST_NAME(anhyst_wrench) *w, ANHYST_NAME(s
 }
 
 /* Forces within bounds that miss as little as may be, axes by what they yield. */
-static void ANHYST_NAME(give_up)(ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
-                                 ANHYST_NAME(search) *s)
+static void give_up(anhyst_wrench_x *w, const ANHYST_REAL *wrench, search *s)
 {
   int pass;
   int j;
-  ANHYST_NAME(start)(w, wrench, s);
+  start(w, wrench, s);
   for (pass = 0; pass <= ANHYST_WRENCH_PASSES; pass++) {
-    ANHYST_NAME(anhyst_wrench_factor) *by = &w->given_up[pass];
+    anhyst_wrench_factor_x *by = &w->given_up[pass];
     if (by->free != s->free) {
       *by = w->given_up[pass - 1];
       for (j = 0; j < (int)w->layout->drives; j++) {
         if ((by->free & ~s->free) >> j & 1) {
-          (void)ANHYST_NAME(take_out)(w, j, w->layout->yields, by);
+          (void)take_out(w, j, w->layout->yields, by);
         }
       }
     }
-    ANHYST_NAME(least_squares)(w, by, s);
-    if (!ANHYST_NAME(bound)(w, s)) {
+    least_squares(w, by, s);
+    if (!bound(w, s)) {
       return;
     }
   }
 }
 
-anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
-                                              const ANHYST_NAME(anhyst_wrench_layout) *layout)
+anhyst_status anhyst_wrench_init_x(anhyst_wrench_x *w, const anhyst_wrench_layout_x *layout)
 {
-  const ANHYST_NAME(anhyst_wrench) fresh = {.layout = layout};
+  const anhyst_wrench_x fresh = {.layout = layout};
   int valid = layout->axes > 0U && layout->axes <= AXES && layout->drives > 0U &&
               layout->drives <= DRIVES && layout->least > R(-1e30) &&
               layout->least < layout->most && layout->most > R(0.0) && layout->most < R(1e30) &&
-              ANHYST_NAME(anhyst_allocation_is_valid)(&layout->pair);
+              anhyst_allocation_is_valid_x(&layout->pair);
   int i;
   *w = fresh;
   for (i = 0; valid && i < (int)layout->drives; i++) {
@@ -299,16 +303,16 @@ anhyst_status ANHYST_NAME(anhyst_wrench_init)(ANHYST_NAME(anhyst_wrench) *w,
   for (i = 0; valid && i < (int)layout->axes; i++) {
     valid = layout->yields[i] > R(0.0) && layout->yields[i] <= R(1.0);
   }
-  if (!valid || !ANHYST_NAME(weigh)(w)) {
+  if (!valid || !weigh(w)) {
     return ANHYST_BAD_PARAMETER;
   }
-  ANHYST_NAME(sort)(w);
-  w->whole = ANHYST_NAME(factorise)(w, NULL, &w->factor);
-  (void)ANHYST_NAME(factorise)(w, layout->yields, &w->given_up[0]);
+  sort(w);
+  w->whole = factorise(w, NULL, &w->factor);
+  (void)factorise(w, layout->yields, &w->given_up[0]);
   return w->whole ? ANHYST_OK : ANHYST_BAD_PARAMETER;
 }
 
-void ANHYST_NAME(anhyst_wrench_lose)(ANHYST_NAME(anhyst_wrench) *w, int drive)
+void anhyst_wrench_lose_x(anhyst_wrench_x *w, int drive)
 {
   int pass;
   if (drive < 0 || drive >= (int)w->layout->drives || (w->lost >> drive & 1)) {
@@ -316,12 +320,12 @@ void ANHYST_NAME(anhyst_wrench_lose)(ANHYST_NAME(anhyst_wrench) *w, int drive)
   }
   w->lost = (uint16_t)(w->lost | (1U << drive));
   if (w->against[drive] == (uint16_t)drive) {
-    w->whole = w->whole && ANHYST_NAME(take_out)(w, drive, NULL, &w->factor);
-    (void)ANHYST_NAME(take_out)(w, drive, w->layout->yields, &w->given_up[0]);
+    w->whole = w->whole && take_out(w, drive, NULL, &w->factor);
+    (void)take_out(w, drive, w->layout->yields, &w->given_up[0]);
   }
   w->against[w->against[drive]] = w->against[drive]; /* which stands for both in every product */
   w->against[drive] = (uint16_t)drive;
-  ANHYST_NAME(sort)(w);
+  sort(w);
   w->factor.free = w->open;
   w->given_up[0].free = w->open;
   for (pass = 1; pass <= ANHYST_WRENCH_PASSES; pass++) {
@@ -329,18 +333,17 @@ void ANHYST_NAME(anhyst_wrench_lose)(ANHYST_NAME(anhyst_wrench) *w, int drive)
   }
 }
 
-int ANHYST_NAME(anhyst_wrench_share)(ANHYST_NAME(anhyst_wrench) *w, const ANHYST_REAL *wrench,
-                                     ANHYST_REAL *force)
+int anhyst_wrench_share_x(anhyst_wrench_x *w, const ANHYST_REAL *wrench, ANHYST_REAL *force)
 {
-  const ANHYST_NAME(anhyst_wrench_layout) *layout = w->layout;
-  ANHYST_NAME(search) s;
+  const anhyst_wrench_layout_x *layout = w->layout;
+  search s;
   int made;
   int j;
   s.force = force;
-  made = w->whole && ANHYST_NAME(make_all)(w, wrench, &s);
-  if (w->lost && (!made || ANHYST_NAME(bound)(w, &s))) {
+  made = w->whole && make_all(w, wrench, &s);
+  if (w->lost && (!made || bound(w, &s))) {
     made = 0;
-    ANHYST_NAME(give_up)(w, wrench, &s);
+    give_up(w, wrench, &s);
   }
   for (j = 0; j < (int)layout->drives; j++) {
     const int other = (int)w->against[j];
@@ -350,7 +353,7 @@ int ANHYST_NAME(anhyst_wrench_share)(ANHYST_NAME(anhyst_wrench) *w, const ANHYST
     }
     if (other > j) {
       ANHYST_REAL both[2];
-      ANHYST_NAME(anhyst_allocate)(&layout->pair, force[j], both);
+      anhyst_allocate_x(&layout->pair, force[j], both);
       force[j] = both[0];
       force[other] = both[1];
     } else if ((w->alone >> j & 1) && !(force[j] > layout->least)) {

@@ -26,7 +26,7 @@ typedef struct {
   ANHYST_REAL bias;      /* current at zero flux and field */
   ANHYST_REAL flux_arm;  /* current for a unit of flux; below 0 in the full law alone */
   ANHYST_REAL field_arm; /* current for a unit of field (full) or of u (simplified), > 0 */
-} ANHYST_NAME(anhyst_at_gap);
+} anhyst_at_gap_x;
 
 /* Full: the exact step. Its tables have equal segments, one entry more than segments, and never
    fall. */
@@ -42,7 +42,7 @@ typedef struct {
   const ANHYST_REAL *curve;   /* anhysteretic curve over a field of 0..reach, 0..1 */
   const ANHYST_REAL *branch;  /* ascending branch over -reach..reach, -1..1 */
   const ANHYST_REAL *inverse; /* field over the anhysteretic, 0..1 */
-} ANHYST_NAME(anhyst_full_law);
+} anhyst_full_law_x;
 
 /* Simplified: the closed form. */
 typedef struct {
@@ -54,7 +54,7 @@ typedef struct {
   uint16_t octaves;         /* 4..15: the table ends at first*2^octaves */
   uint16_t segments;        /* 4, 8 .. 64 up to first, and as many in each octave */
   const ANHYST_REAL *curve; /* p over z, 0..1: (octaves + 1)*segments + 1 entries, rising */
-} ANHYST_NAME(anhyst_simplified_law);
+} anhyst_simplified_law_x;
 
 /* Cells: plays in the effective field, which is in A/m here. The rows reach over fields of
    -reach..reach, have one entry more than segments, and never fall. */
@@ -67,38 +67,37 @@ typedef struct {
   uint16_t wide;                 /* and from there to reach, 0..1024 */
   const ANHYST_REAL *thresholds; /* half-widths of the plays, rising from above 0 to reach */
   const ANHYST_REAL *rows;       /* magnetisation of the first 1, 2, .. cells + 1 plays, -1..1 */
-} ANHYST_NAME(anhyst_cells_law);
+} anhyst_cells_law_x;
 
-typedef struct ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel);
+typedef struct anhyst_kernel_x anhyst_kernel_x;
 #if ANHYST_MEMORIES > 1
-typedef struct ANHYST_NAME(anhyst_solid) ANHYST_NAME(anhyst_solid);
+typedef struct anhyst_solid_x anhyst_solid_x;
 #endif
 
 /* What a compensator knows of its actuator; constant. */
 typedef struct {
-  const ANHYST_NAME(anhyst_kernel)
-      *kernel; /* anhyst_kernel_full_.., .._simplified_.., .._cells_.. */
-  const ANHYST_NAME(anhyst_full_law) *full;             /* of the kernel full, otherwise 0 */
-  const ANHYST_NAME(anhyst_simplified_law) *simplified; /* of the kernel simplified */
-  const ANHYST_NAME(anhyst_cells_law) *cells;           /* of the kernel cells */
-  ANHYST_REAL demand_low;                               /* limits of the demand */
+  const anhyst_kernel_x *kernel; /* anhyst_kernel_full_.., .._simplified_.., .._cells_.. */
+  const anhyst_full_law_x *full; /* of the kernel full, otherwise 0 */
+  const anhyst_simplified_law_x *simplified; /* of the kernel simplified */
+  const anhyst_cells_law_x *cells;           /* of the kernel cells */
+  ANHYST_REAL demand_low;                    /* limits of the demand */
   ANHYST_REAL demand_high;
   ANHYST_REAL current_low; /* limits of the current */
   ANHYST_REAL current_high;
-  ANHYST_REAL full_scale;                 /* output that counts as 1 under the root, > 0 */
-  ANHYST_REAL knee;                       /* root below which it is a straight line, 2^-8..1/4 */
-  ANHYST_REAL flux_limit;                 /* largest |flux| solved for */
-  ANHYST_REAL gap_low;                    /* gap of the first row */
-  ANHYST_REAL gap_rows;                   /* rows for a unit of the gap; 0: nothing runs over it */
-  const ANHYST_NAME(anhyst_at_gap) *gaps; /* gap_segments + 1 rows, interpolated */
-  uint16_t gap_segments;                  /* 1..64 */
-  uint16_t power;                         /* 2: output is a force, flux its root; 1: linear */
-  uint16_t condition_cycles;              /* ramps up and down that make the state known, 0..64 */
-  uint16_t condition_ticks;               /* ticks of one ramp, 2..32767 */
+  ANHYST_REAL full_scale;      /* output that counts as 1 under the root, > 0 */
+  ANHYST_REAL knee;            /* root below which it is a straight line, 2^-8..1/4 */
+  ANHYST_REAL flux_limit;      /* largest |flux| solved for */
+  ANHYST_REAL gap_low;         /* gap of the first row */
+  ANHYST_REAL gap_rows;        /* rows for a unit of the gap; 0: nothing runs over it */
+  const anhyst_at_gap_x *gaps; /* gap_segments + 1 rows, interpolated */
+  uint16_t gap_segments;       /* 1..64 */
+  uint16_t power;              /* 2: output is a force, flux its root; 1: linear */
+  uint16_t condition_cycles;   /* ramps up and down that make the state known, 0..64 */
+  uint16_t condition_ticks;    /* ticks of one ramp, 2..32767 */
 #if ANHYST_MEMORIES > 1
-  const ANHYST_NAME(anhyst_solid) *solid; /* 0: thin iron */
+  const anhyst_solid_x *solid; /* 0: thin iron */
 #endif
-} ANHYST_NAME(anhyst_parameters);
+} anhyst_parameters_x;
 
 /* Of the full law. */
 typedef struct {
@@ -108,7 +107,7 @@ typedef struct {
   ANHYST_REAL turn;  /* play where y departed, which the fixed-point memory finds again from where
                         the play turned */
   ANHYST_REAL level; /* y there */
-} ANHYST_NAME(anhyst_full_memory);
+} anhyst_full_memory_x;
 
 /* Of the closed form. */
 typedef struct {
@@ -117,7 +116,7 @@ typedef struct {
   ANHYST_REAL z;     /* distance where the path turned */
   ANHYST_REAL turn;  /* flux there; where it is now: not known, it turns now */
   ANHYST_REAL level; /* u there */
-} ANHYST_NAME(anhyst_simplified_memory);
+} anhyst_simplified_memory_x;
 
 /* Of the law of cells. */
 typedef struct {
@@ -126,53 +125,48 @@ typedef struct {
   ANHYST_REAL active; /* how many of the plays move, below 0 where the field falls; 0: rest is not
                          known */
   uint32_t risen;     /* bit i: play i came to rest while the field rose */
-} ANHYST_NAME(anhyst_cells_memory);
+} anhyst_cells_memory_x;
 
 /* What the iron remembers. All zero is the demagnetised state. Beside where it is, it keeps where
    the path now followed turned, and a step is computed from there: ticks of any number and size add
    no rounding. */
 typedef union {
   ANHYST_REAL number[5]; /* of the laws full and simplified; the first three of any */
-  ANHYST_NAME(anhyst_full_memory) full;
-  ANHYST_NAME(anhyst_simplified_memory) simplified;
-  ANHYST_NAME(anhyst_cells_memory) cells;
-} ANHYST_NAME(anhyst_memory);
+  anhyst_full_memory_x full;
+  anhyst_simplified_memory_x simplified;
+  anhyst_cells_memory_x cells;
+} anhyst_memory_x;
 
 /* A law. The first two functions leave *from and the plays alone and fill *to, which may not be
  *from. plays: where the plays of the law of cells rest; nothing to the other laws. */
-struct ANHYST_NAME(anhyst_kernel) {
+struct anhyst_kernel_x {
   /* The field that belongs to a flux. */
-  ANHYST_REAL (*field)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                       const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                       ANHYST_REAL flux, ANHYST_NAME(anhyst_memory) *to);
+  ANHYST_REAL (*field)(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                       const ANHYST_REAL *plays, ANHYST_REAL flux, anhyst_memory_x *to);
   /* The flux to which a current leads: bias + flux_arm*flux + field_arm*field = current. */
-  ANHYST_REAL (*flux)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                      const ANHYST_NAME(anhyst_memory) *from, const ANHYST_REAL *plays,
-                      const ANHYST_NAME(anhyst_at_gap) *arms, ANHYST_REAL current,
-                      ANHYST_NAME(anhyst_memory) *to);
+  ANHYST_REAL (*flux)(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+                      const ANHYST_REAL *plays, const anhyst_at_gap_x *arms, ANHYST_REAL current,
+                      anhyst_memory_x *to);
   /* Whether the law's own parameters are valid. */
-  int (*valid)(const ANHYST_NAME(anhyst_parameters) *parameters);
+  int (*valid)(const anhyst_parameters_x *parameters);
   /* Brings a memory from these to other parameters of the same law: it turns where it is. */
-  void (*carry)(const ANHYST_NAME(anhyst_parameters) *before, ANHYST_NAME(anhyst_memory) *memory,
-                ANHYST_REAL *plays);
+  void (*carry)(const anhyst_parameters_x *before, anhyst_memory_x *memory, ANHYST_REAL *plays);
   /* Takes over into the plays what a step between two memories leaves in them; 0: nothing. */
-  void (*keep)(const ANHYST_NAME(anhyst_parameters) *parameters,
-               const ANHYST_NAME(anhyst_memory) *from, const ANHYST_NAME(anhyst_memory) *to,
-               ANHYST_REAL *plays);
+  void (*keep)(const anhyst_parameters_x *parameters, const anhyst_memory_x *from,
+               const anhyst_memory_x *to, ANHYST_REAL *plays);
 };
 
-extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_full);
-extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_simplified);
-extern const ANHYST_NAME(anhyst_kernel) ANHYST_NAME(anhyst_kernel_cells);
+extern const anhyst_kernel_x anhyst_kernel_full_x;
+extern const anhyst_kernel_x anhyst_kernel_simplified_x;
+extern const anhyst_kernel_x anhyst_kernel_cells_x;
 
 #if ANHYST_MEMORIES > 1
 /* Solid iron: layers of the law, the first at the surface; N of them, with a tick of T. */
-struct ANHYST_NAME(anhyst_solid) {
+struct anhyst_solid_x {
   /* The flux under which a memory stands, and how the field rises with it, the way it came:
      anhyst_cells_stand_... */
-  ANHYST_REAL (*stand)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                       const ANHYST_NAME(anhyst_memory) *memory, const ANHYST_REAL *plays,
-                       ANHYST_REAL *slope);
+  ANHYST_REAL (*stand)(const anhyst_parameters_x *parameters, const anhyst_memory_x *memory,
+                       const ANHYST_REAL *plays, ANHYST_REAL *slope);
   ANHYST_REAL hold;      /* field from layer to layer where a flux of 1 is more than a tick before,
                             gamma/((N - 1)*T) in units of field over flux, >= 0 */
   ANHYST_REAL own;       /* field for a unit of flux in a layer, beside that of the law, <= 0 */
@@ -182,67 +176,63 @@ struct ANHYST_NAME(anhyst_solid) {
 };
 
 /* Of the law of cells. */
-ANHYST_REAL ANHYST_NAME(anhyst_cells_stand)(const ANHYST_NAME(anhyst_parameters) *parameters,
-                                            const ANHYST_NAME(anhyst_memory) *memory,
-                                            const ANHYST_REAL *plays, ANHYST_REAL *slope);
+ANHYST_REAL anhyst_cells_stand_x(const anhyst_parameters_x *parameters,
+                                 const anhyst_memory_x *memory, const ANHYST_REAL *plays,
+                                 ANHYST_REAL *slope);
 
 /* A layer below the surface, or what is laminated. */
 typedef struct {
-  ANHYST_NAME(anhyst_memory) memory;
+  anhyst_memory_x memory;
   ANHYST_REAL plays[ANHYST_CELLS];
-  ANHYST_NAME(anhyst_memory) next;
-} ANHYST_NAME(anhyst_deeper);
+  anhyst_memory_x next;
+} anhyst_deeper_x;
 #endif
 
 /* One compensator: 112 bytes in single precision on targets with 32-bit pointers. */
 typedef struct {
-  const ANHYST_NAME(anhyst_parameters) *parameters;
-  ANHYST_NAME(anhyst_memory) memory; /* of what was applied */
-  ANHYST_REAL plays[ANHYST_CELLS];   /* law of cells: where they rest */
-  ANHYST_NAME(anhyst_memory) next;   /* where the solved current would lead */
-  ANHYST_REAL current;               /* solved */
-  ANHYST_REAL flux;                  /* solved */
-  ANHYST_REAL flux_applied;          /* after the last commit */
-  ANHYST_REAL gap;                   /* for which was solved */
-  uint16_t flags;                    /* of the last solve, see flags.h */
-  uint16_t solved;                   /* whether next belongs to memory */
+  const anhyst_parameters_x *parameters;
+  anhyst_memory_x memory;          /* of what was applied */
+  ANHYST_REAL plays[ANHYST_CELLS]; /* law of cells: where they rest */
+  anhyst_memory_x next;            /* where the solved current would lead */
+  ANHYST_REAL current;             /* solved */
+  ANHYST_REAL flux;                /* solved */
+  ANHYST_REAL flux_applied;        /* after the last commit */
+  ANHYST_REAL gap;                 /* for which was solved */
+  uint16_t flags;                  /* of the last solve, see flags.h */
+  uint16_t solved;                 /* whether next belongs to memory */
 #if ANHYST_MEMORIES > 1
-  ANHYST_NAME(anhyst_deeper) deeper[ANHYST_MEMORIES - 1];
+  anhyst_deeper_x deeper[ANHYST_MEMORIES - 1];
 #endif
-} ANHYST_NAME(anhyst_compensator);
+} anhyst_compensator_x;
 
 /* Whether parameters are valid: ANHYST_OK or ANHYST_BAD_PARAMETER. Reads every entry of the
    tables; not for an interrupt. */
-anhyst_status ANHYST_NAME(anhyst_parameters_check)(
-    const ANHYST_NAME(anhyst_parameters) *parameters);
+anhyst_status anhyst_parameters_check_x(const anhyst_parameters_x *parameters);
 
 /* Starts with the demagnetised state. ANHYST_OK, or ANHYST_BAD_PARAMETER where the parameters are
    not valid; nothing is changed then. */
-anhyst_status ANHYST_NAME(anhyst_compensator_init)(
-    ANHYST_NAME(anhyst_compensator) *c, const ANHYST_NAME(anhyst_parameters) *parameters);
+anhyst_status anhyst_compensator_init_x(anhyst_compensator_x *c,
+                                        const anhyst_parameters_x *parameters);
 
 /* Goes on with other parameters of the same kernel, which must have passed the check. The memory is
    kept: it means the same under both. Between two ticks. */
-void ANHYST_NAME(anhyst_compensator_swap)(ANHYST_NAME(anhyst_compensator) *c,
-                                          const ANHYST_NAME(anhyst_parameters) *parameters);
+void anhyst_compensator_swap_x(anhyst_compensator_x *c, const anhyst_parameters_x *parameters);
 
 /* The current that gives the demanded output now. */
-ANHYST_REAL ANHYST_NAME(anhyst_compensator_solve)(ANHYST_NAME(anhyst_compensator) *c,
-                                                  ANHYST_REAL demand, ANHYST_REAL gap);
+ANHYST_REAL anhyst_compensator_solve_x(anhyst_compensator_x *c, ANHYST_REAL demand,
+                                       ANHYST_REAL gap);
 
 /* Advances the memory with the current that was applied, at the gap there was. If both are what
    was solved for, this costs a copy; otherwise as much as a solve. */
-void ANHYST_NAME(anhyst_compensator_commit)(ANHYST_NAME(anhyst_compensator) *c, ANHYST_REAL applied,
-                                            ANHYST_REAL gap);
+void anhyst_compensator_commit_x(anhyst_compensator_x *c, ANHYST_REAL applied, ANHYST_REAL gap);
 
 /* The output that the model expects after the last commit. */
 ANHYST_REAL
-ANHYST_NAME(anhyst_compensator_output)(const ANHYST_NAME(anhyst_compensator) *c);
+anhyst_compensator_output_x(const anhyst_compensator_x *c);
 
 /* Number of ticks of the sequence that makes an unknown state known. */
-int32_t ANHYST_NAME(anhyst_conditioning_length)(const ANHYST_NAME(anhyst_compensator) *c);
+int32_t anhyst_conditioning_length_x(const anhyst_compensator_x *c);
 
 /* The current of its tick 0, 1, ...: triangles between the limits of the current; 0 after the
    end. Apply it and commit it as any other. */
-ANHYST_REAL ANHYST_NAME(anhyst_conditioning)(const ANHYST_NAME(anhyst_compensator) *c,
-                                             int32_t tick);
+ANHYST_REAL anhyst_conditioning_x(const anhyst_compensator_x *c, int32_t tick);

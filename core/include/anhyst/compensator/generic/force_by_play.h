@@ -2,5 +2,4 @@
 
 /* The controller goes on with the play of a map that anhyst_play_map_init has made; it must live as
    long as the controller. */
-void ANHYST_NAME(anhyst_force_controller_init_play)(ANHYST_NAME(anhyst_force_controller) *c,
-                                                    ANHYST_NAME(anhyst_play_map) *play);
+void anhyst_force_controller_init_play_x(anhyst_force_controller_x *c, anhyst_play_map_x *play);

@@ -7,7 +7,7 @@ typedef struct {
   ANHYST_REAL flux;     /* density, T */
   ANHYST_REAL gap_low;  /* gap of 0, m */
   ANHYST_REAL gap_high; /* gap of 1.0, m */
-} ANHYST_NAME(anhyst_code_scales);
+} anhyst_code_scales_x;
 
 typedef struct {
   anhyst_force_controller_q31 *inner;
@@ -18,11 +18,12 @@ typedef struct {
   ANHYST_REAL gap_low; /* m */
   ANHYST_REAL newton;  /* N of a code */
   ANHYST_REAL ampere;  /* A of a code */
-} ANHYST_NAME(anhyst_coded);
+} anhyst_coded_x;
 
 /* Makes a force controller that asks the inner one, which must live as long, as coded must.
    ANHYST_OK, or ANHYST_BAD_PARAMETER where a scale or the range of the gap is not within
    1e-12..1e12; nothing is changed then. */
-anhyst_status ANHYST_NAME(anhyst_force_controller_init_coded)(
-    ANHYST_NAME(anhyst_force_controller) *c, ANHYST_NAME(anhyst_coded) *coded,
-    const ANHYST_NAME(anhyst_code_scales) *scales, anhyst_force_controller_q31 *inner);
+anhyst_status anhyst_force_controller_init_coded_x(anhyst_force_controller_x *c,
+                                                   anhyst_coded_x *coded,
+                                                   const anhyst_code_scales_x *scales,
+                                                   anhyst_force_controller_q31 *inner);

@@ -6,18 +6,19 @@ typedef struct {
   ANHYST_REAL zero;    /* by which the gap is read too large */
   ANHYST_REAL density; /* true flux density over what is read */
   ANHYST_REAL lead;    /* current for a root of the force that rises by 1 in a tick */
-} ANHYST_NAME(anhyst_correction);
+} anhyst_correction_x;
 
 typedef struct {
-  ANHYST_NAME(anhyst_correction) correction;
-  ANHYST_NAME(anhyst_force_controller) *inner;
+  anhyst_correction_x correction;
+  anhyst_force_controller_x *inner;
   ANHYST_REAL root;   /* of the force solved for */
   ANHYST_REAL before; /* the same a tick earlier */
-} ANHYST_NAME(anhyst_corrected);
+} anhyst_corrected_x;
 
 /* Makes a force controller that asks another one, which must live as long. ANHYST_OK, or
    ANHYST_BAD_PARAMETER where a number is none, or a scale not above zero; nothing is changed then.
  */
-anhyst_status ANHYST_NAME(anhyst_force_controller_init_corrected)(
-    ANHYST_NAME(anhyst_force_controller) *c, ANHYST_NAME(anhyst_corrected) *corrected,
-    const ANHYST_NAME(anhyst_correction) *correction, ANHYST_NAME(anhyst_force_controller) *inner);
+anhyst_status anhyst_force_controller_init_corrected_x(anhyst_force_controller_x *c,
+                                                       anhyst_corrected_x *corrected,
+                                                       const anhyst_correction_x *correction,
+                                                       anhyst_force_controller_x *inner);

@@ -9,14 +9,12 @@ typedef struct {
   ANHYST_REAL force_high;     /* and of the last, above it */
   ANHYST_REAL gap_low;        /* gap of the first row */
   ANHYST_REAL gap_high;       /* and of the last, above it */
-} ANHYST_NAME(anhyst_map);
+} anhyst_map_x;
 
 /* The functions are those of map.h; a signal that is not a number counts as its lowest value. */
 
-anhyst_status ANHYST_NAME(anhyst_map_check)(const ANHYST_NAME(anhyst_map) *map);
+anhyst_status anhyst_map_check_x(const anhyst_map_x *map);
 
-ANHYST_REAL ANHYST_NAME(anhyst_map_value)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL force,
-                                          ANHYST_REAL gap);
+ANHYST_REAL anhyst_map_value_x(const anhyst_map_x *map, ANHYST_REAL force, ANHYST_REAL gap);
 
-ANHYST_REAL ANHYST_NAME(anhyst_map_force)(const ANHYST_NAME(anhyst_map) *map, ANHYST_REAL value,
-                                          ANHYST_REAL gap);
+ANHYST_REAL anhyst_map_force_x(const anhyst_map_x *map, ANHYST_REAL value, ANHYST_REAL gap);

@@ -3,7 +3,7 @@
 /* What a map with a play knows; constant. Along the force neither map + half nor map - half
    falls. */
 typedef struct {
-  ANHYST_NAME(anhyst_map) map;  /* i */
-  ANHYST_NAME(anhyst_map) half; /* on the same steps, none below 0; may fall */
-  ANHYST_REAL radius;           /* of the play, above 0 */
-} ANHYST_NAME(anhyst_play_law);
+  anhyst_map_x map;   /* i */
+  anhyst_map_x half;  /* on the same steps, none below 0; may fall */
+  ANHYST_REAL radius; /* of the play, above 0 */
+} anhyst_play_law_x;

@@ -3,11 +3,11 @@
 typedef struct {
   ANHYST_REAL idle; /* force of either drive of a pair without a net force, > 0; single: 0 */
   uint16_t kind;    /* see allocation_kinds.h */
-} ANHYST_NAME(anhyst_allocation);
+} anhyst_allocation_x;
 
 /* Whether kind and idle force are valid. */
-int ANHYST_NAME(anhyst_allocation_is_valid)(const ANHYST_NAME(anhyst_allocation) *allocation);
+int anhyst_allocation_is_valid_x(const anhyst_allocation_x *allocation);
 
 /* Shares a net force out; force[0] pulls along it, force[1] against it. */
-void ANHYST_NAME(anhyst_allocate)(const ANHYST_NAME(anhyst_allocation) *allocation, ANHYST_REAL net,
-                                  ANHYST_REAL force[2]);
+void anhyst_allocate_x(const anhyst_allocation_x *allocation, ANHYST_REAL net,
+                       ANHYST_REAL force[2]);

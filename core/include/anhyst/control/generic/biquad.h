@@ -4,17 +4,16 @@
 typedef struct {
   ANHYST_REAL forward[3];
   ANHYST_REAL back[2];
-} ANHYST_NAME(anhyst_biquad);
+} anhyst_biquad_x;
 
 /* Zero is rest. */
 typedef struct {
   ANHYST_REAL delayed[2];
-} ANHYST_NAME(anhyst_biquad_state);
+} anhyst_biquad_state_x;
 
 /* ANHYST_OK, or ANHYST_BAD_PARAMETER where a coefficient is not finite. */
-anhyst_status ANHYST_NAME(anhyst_biquad_check)(const ANHYST_NAME(anhyst_biquad) *filter);
+anhyst_status anhyst_biquad_check_x(const anhyst_biquad_x *filter);
 
 /* The output for this tick; the state goes on to the next. */
-ANHYST_REAL ANHYST_NAME(anhyst_biquad_step)(const ANHYST_NAME(anhyst_biquad) *filter,
-                                            ANHYST_NAME(anhyst_biquad_state) *state,
-                                            ANHYST_REAL in);
+ANHYST_REAL anhyst_biquad_step_x(const anhyst_biquad_x *filter, anhyst_biquad_state_x *state,
+                                 ANHYST_REAL in);

@@ -4,11 +4,11 @@
 typedef struct {
   ANHYST_REAL offset;
   ANHYST_REAL factor; /* -1, or 1 for the second magnet of a pair */
-} ANHYST_NAME(anhyst_gap_line);
+} anhyst_gap_line_x;
 
 /* And how positions and demands become the integers of levitation.h. */
 typedef struct {
-  ANHYST_NAME(anhyst_gap_line) gap[ANHYST_POSITION_MAGNETS];
+  anhyst_gap_line_x gap[ANHYST_POSITION_MAGNETS];
   ANHYST_REAL position; /* full scale, > 0 */
   ANHYST_REAL demand;   /* full scale, > 0 */
-} ANHYST_NAME(anhyst_position_units);
+} anhyst_position_units_x;

@@ -9,6 +9,3 @@
 #include "anhyst/numeric/f64.h"
 #include "generic/axes_real.h"
 #include "generic/axes.h"
-#include "anhyst/numeric/f32.h"
-#include "generic/axes_real.h"
-#include "generic/axes.h"

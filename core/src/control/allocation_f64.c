@@ -8,6 +8,3 @@
 #include "anhyst/numeric/f64.h"
 #include "generic/allocation_real.h"
 #include "generic/allocation.h"
-#include "anhyst/numeric/f32.h"
-#include "generic/allocation_real.h"
-#include "generic/allocation.h"

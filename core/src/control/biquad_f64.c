@@ -5,5 +5,3 @@
 
 #include "anhyst/numeric/f64.h"
 #include "generic/biquad.h"
-#include "anhyst/numeric/f32.h"
-#include "generic/biquad.h"

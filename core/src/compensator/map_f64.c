@@ -3,9 +3,7 @@
 
 #include <stddef.h>
 
-#include "lookup_real.h"
+#include "lookup_f64.h"
 
 #include "anhyst/numeric/f64.h"
-#include "generic/map.h"
-#include "anhyst/numeric/f32.h"
 #include "generic/map.h"

@@ -6,11 +6,8 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "lookup_real.h"
+#include "lookup_f32.h"
 
-#include "anhyst/numeric/f64.h"
-#include "generic/force_controller_real.h"
-#include "generic/force_controller.h"
 #include "anhyst/numeric/f32.h"
 #include "generic/force_controller_real.h"
 #include "generic/force_controller.h"

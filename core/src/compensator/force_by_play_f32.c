@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "anhyst/compensator/force_by_play_real.h"
 
-#include "anhyst/numeric/f64.h"
-#include "generic/force_by_play.h"
 #include "anhyst/numeric/f32.h"
 #include "generic/force_by_play.h"

@@ -5,9 +5,6 @@
 
 #include <stddef.h>
 
-#include "anhyst/numeric/f64.h"
-#include "generic/position_real.h"
-#include "generic/position.h"
 #include "anhyst/numeric/f32.h"
 #include "generic/position_real.h"
 #include "generic/position.h"

@@ -3,7 +3,5 @@
 
 #include <math.h>
 
-#include "anhyst/numeric/f64.h"
-#include "generic/force_corrected.h"
 #include "anhyst/numeric/f32.h"
 #include "generic/force_corrected.h"

@@ -5,5 +5,3 @@
 
 #include "anhyst/numeric/f64.h"
 #include "generic/pidd2.h"
-#include "anhyst/numeric/f32.h"
-#include "generic/pidd2.h"

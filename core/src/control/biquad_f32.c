@@ -1,0 +1,7 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/control/biquad_real.h"
+
+#include <math.h>
+
+#include "anhyst/numeric/f32.h"
+#include "generic/biquad.h"

@@ -1,0 +1,8 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "anhyst/control/wrench.h"
+
+#include <math.h>
+#include <stddef.h>
+
+#include "anhyst/numeric/f32.h"
+#include "generic/wrench.h"
