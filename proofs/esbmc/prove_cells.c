@@ -107,7 +107,7 @@ static cell_path any_path(void)
   along.moved = (int16_t)any_within(0, along.cells + 1);
   along.row = row_of(&along, along.active);
   along.left = any_spot(&along, along.rows);
-  along.frozen = nondet_i32();
+  along.risen = nondet_i32();
   along.rest = any_within(-ONE, ONE - 1);
   along.x = any_within(-ONE, ONE - 1);
   along.low = any_within(-ONE, ONE - 1);
@@ -204,7 +204,7 @@ static int32_t node(const cell_path *along, int segment)
 static int is_candidate(const anhyst_candidate *at);
 
 #ifdef TRAVEL_BY_CONTRACT
-static int32_t travel(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+static int32_t travel(const int16_t *words, const anhyst_cells_memory *from, const int32_t *plays,
                       const anhyst_arms *arms, int32_t wanted, anhyst_candidate *to)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
@@ -219,13 +219,13 @@ static inline int met_on_segment(const int16_t *words, const anhyst_arms *arms, 
                                  anhyst_candidate *at, int32_t *flux)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
-  SHOW(is_target(&solve) && is_inside(at->memory.level));
-  at->memory.x = any_within(-ONE, ONE - 1);
+  SHOW(is_target(&solve) && is_inside(at->memory.cells.joined));
+  at->memory.cells.x = any_within(-ONE, ONE - 1);
   *flux = nondet_i32();
   return any_within(NOT_MET, BEYOND);
 }
 
-static int32_t go_beyond(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+static int32_t go_beyond(const int16_t *words, const anhyst_cells_memory *from, const int32_t *plays,
                          const anhyst_arms *arms, int32_t wanted, anhyst_candidate *at, int met)
 {
   const equation solve = {words[ANHYST_WORD_CELLS_AIR], arms, wanted};
@@ -335,22 +335,22 @@ static void prove_go(void)
   SHOW(is_path(&along) && along.x >= low && along.x <= high);
 }
 
-static int is_memory(const anhyst_memory *to)
+static int is_memory(const anhyst_cells_memory *to)
 {
-  return is_inside(to->x) && is_inside(to->y) && to->p >= -ANHYST_CELLS - 1 &&
-         to->p <= ANHYST_CELLS + 1;
+  return is_inside(to->x) && is_inside(to->rest) && to->active >= -ANHYST_CELLS - 1 &&
+         to->active <= ANHYST_CELLS + 1;
 }
 
-static anhyst_memory any_memory(void)
+static anhyst_cells_memory any_memory(void)
 {
-  const anhyst_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_cells_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   return any;
 }
 
 /* What a step leaves that a candidate is taken for. */
 static int is_candidate(const anhyst_candidate *at)
 {
-  return is_memory(&at->memory) && is_inside(at->m) && at->flux >= -ONE && at->flux <= ONE &&
+  return is_memory(&at->memory.cells) && is_inside(at->m) && at->flux >= -ONE && at->flux <= ONE &&
          at->m_slope >= 0 && at->fine >= 2U && at->fine <= 13U;
 }
 
@@ -361,12 +361,12 @@ static void prove_slid(void)
   const anhyst_arms arms = any_arms();
   const equation solve = any_equation(&arms);
   anhyst_compensator c;
-  const anhyst_memory memory = {turned(along.x, along.falling), turned(along.rest, along.falling),
-                                along.falling == 0 ? along.active : -along.active, along.frozen,
+  const anhyst_cells_memory memory = {turned(along.x, along.falling), turned(along.rest, along.falling),
+                                along.falling == 0 ? along.active : -along.active, along.risen,
                                 any_within(-ONE, ONE - 1)};
   anhyst_candidate *at = &c.next;
   c.words = block_words;
-  at->memory = memory;
+  at->memory.cells = memory;
   at->m = any_within(along.x, ONE - 1);
   at->flux = any_within(-ONE, ONE);
   at->y_slope = (int16_t)(spot_on(&along, along.row, along.x).at - block_words);
@@ -375,7 +375,7 @@ static void prove_slid(void)
   int32_t flux = 0;
   const int met = met_on_segment(block_words, solve.arms, solve.target, at, &flux);
   if (met != MET) {
-    (void)go_beyond(block_words, &c.memory, c.plays, solve.arms, solve.target, at, met);
+    (void)go_beyond(block_words, &c.memory.cells, c.plays, solve.arms, solve.target, at, met);
   }
   SHOW(is_candidate(at));
 }
@@ -391,14 +391,14 @@ static void prove_field(void)
   c.arms = any_arms();
   c.flux = any_within(-ONE, ONE);
   (void)cells_field(&c);
-  SHOW(is_inside(c.next.memory.level));
+  SHOW(is_inside(c.next.memory.cells.joined));
   (void)cells_flux(&c, nondet_i32());
 }
 
 static void prove_keep(void)
 {
   (void)any_path();
-  const anhyst_memory from = any_memory();
+  const anhyst_cells_memory from = any_memory();
   anhyst_cells_keep(block_words, &from, rested);
 }
 

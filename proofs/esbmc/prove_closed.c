@@ -15,15 +15,15 @@
 #define WITHIN_ONE(a) ((a) >= -ANHYST_Q30_ONE && (a) <= ANHYST_Q30_ONE)
 
 /* a: flux, as far as the compensator lets it; b: bounded state; c: distance or its mirror. */
-static int is_memory(const anhyst_memory *memory)
+static int is_memory(const anhyst_simplified_memory *memory)
 {
-  return memory->x >= -ANHYST_Q30_ONE / 2 * 3 && memory->x <= ANHYST_Q30_ONE / 2 * 3 &&
-         WITHIN_ONE(memory->y) && memory->p >= -ANHYST_Q31_MAX;
+  return memory->flux >= -ANHYST_Q30_ONE / 2 * 3 && memory->flux <= ANHYST_Q30_ONE / 2 * 3 &&
+         WITHIN_ONE(memory->u) && memory->z >= -ANHYST_Q31_MAX;
 }
 
-static anhyst_memory any_memory(void)
+static anhyst_simplified_memory any_memory(void)
 {
-  const anhyst_memory memory = {nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_simplified_memory memory = {nondet_i32(), nondet_i32(), nondet_i32()};
   ASSUME(is_memory(&memory));
   return memory;
 }
@@ -46,13 +46,13 @@ static inline int32_t anhyst_lag_slope(const int16_t *words, int32_t p)
 }
 #endif
 
-static void any_advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
+static void any_advance(const int16_t *words, anhyst_simplified_memory *start, int32_t way, anhyst_simplified_memory *to)
 {
   SHOW(way >= 0 && is_memory(start));
-  start->p = any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX);
-  to->x = start->x;
-  to->y = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
-  to->p = any_within(0, ANHYST_Q31_MAX);
+  start->z = any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX);
+  to->flux = start->flux;
+  to->u = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  to->z = any_within(0, ANHYST_Q31_MAX);
 }
 
 /* ---- proofs ---- */
@@ -78,10 +78,10 @@ static void prove_field(void)
   anhyst_compensator c;
   assume_valid(words);
   c.words = words;
-  c.memory = any_memory();
+  c.memory.simplified = any_memory();
   c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
   (void)anhyst_closed_field(&c, any_advance);
-  SHOW(is_memory(&c.next.memory));
+  SHOW(is_memory(&c.next.memory.simplified));
 }
 
 static void prove_flux(void)
@@ -91,23 +91,24 @@ static void prove_flux(void)
   const anhyst_arms arms = {any_within(-ANHYST_Q30_ONE / 2, ANHYST_Q30_ONE / 2),
                             (int16_t)any_within(0, ANHYST_Q15_MAX),
                             (int16_t)any_within(1, ANHYST_Q15_MAX)};
-  const anhyst_candidate solved = {any_memory(), 0, 0, nondet_i16(), 0, 0, 0};
+  const anhyst_memory there = {.simplified = any_memory()};
+  const anhyst_candidate solved = {there, 0, 0, nondet_i16(), 0, 0, 0};
   assume_valid(words);
   c.words = words;
-  c.memory = any_memory();
+  c.memory.simplified = any_memory();
   c.arms = arms;
   c.next = solved;
   ASSUME(words[ANHYST_WORD_SIMPLE_ITERATIONS] <= 3);
   (void)anhyst_closed_flux(&c, nondet_i32(), any_advance);
-  SHOW(is_memory(&c.next.memory));
+  SHOW(is_memory(&c.next.memory.simplified));
 }
 
 #ifdef EULER
 static void prove_euler(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS];
-  anhyst_memory from = any_memory();
-  anhyst_memory to;
+  anhyst_simplified_memory from = any_memory();
+  anhyst_simplified_memory to;
   ASSUME(euler_is_valid(words));
   euler_advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
   SHOW(is_memory(&to));

@@ -221,8 +221,8 @@ static int slid(const path *along, search find, answer *at)
 #endif
 
 #ifdef REMEMBER_BY_CONTRACT
-static void remember(const path *along, const anhyst_memory *from, int32_t falling,
-                     const answer *at, anhyst_memory *to)
+static void remember(const path *along, const anhyst_full_memory *from, int32_t falling,
+                     const answer *at, anhyst_full_memory *to)
 {
   SHOW(inside(at->x) && inside(at->y) && inside(at->p));
   SHOW(inside(along->turn) && inside(along->level));
@@ -379,8 +379,8 @@ static void prove_remember(void)
 {
   const path along = any_path();
   const answer at = any_answer(&along);
-  const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
-  anhyst_memory to;
+  const anhyst_full_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  anhyst_full_memory to;
   remember(&along, &from, nondet_i16() != 0 ? -1 : 0, &at, &to);
   SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
   SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
@@ -419,23 +419,23 @@ static void prove_carry(void)
   assume_valid(before);
   assume_valid(words);
   anhyst_compensator c;
-  const anhyst_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_full_memory any = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   c.words = before;
-  c.memory = any;
+  c.memory.full = any;
   anhyst_full_carry(&c, words, any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE));
-  SHOW(c.memory.x > -ANHYST_Q30_ONE && c.memory.x < ANHYST_Q30_ONE);
-  SHOW(c.memory.y > -ANHYST_Q30_ONE && c.memory.y < ANHYST_Q30_ONE);
-  SHOW(c.memory.p > -ANHYST_Q30_ONE && c.memory.p < ANHYST_Q30_ONE);
+  SHOW(c.memory.full.x > -ANHYST_Q30_ONE && c.memory.full.x < ANHYST_Q30_ONE);
+  SHOW(c.memory.full.y > -ANHYST_Q30_ONE && c.memory.full.y < ANHYST_Q30_ONE);
+  SHOW(c.memory.full.p > -ANHYST_Q30_ONE && c.memory.full.p < ANHYST_Q30_ONE);
 }
 
 static void prove_kernel(void)
 {
   int16_t words[ANHYST_BLOCK_LEAST_WORDS]; /* any; no table is read */
   assume_valid(words);
-  const anhyst_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
+  const anhyst_full_memory from = {nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32(), nondet_i32()};
   anhyst_compensator c;
   c.words = words;
-  c.memory = from;
+  c.memory.full = from;
 #ifdef FIELD
   c.flux = any_within(-ANHYST_Q30_ONE / 2 * 3, ANHYST_Q30_ONE / 2 * 3);
   (void)full_field(&c);
@@ -456,7 +456,7 @@ static void prove_kernel(void)
   c.arms = arms;
   (void)full_flux(&c, nondet_i32());
 #endif
-  const anhyst_memory to = c.next.memory;
+  const anhyst_full_memory to = c.next.memory.full;
   SHOW(to.x >= -ANHYST_Q30_ONE && to.x < ANHYST_Q30_ONE);
   SHOW(to.y >= -ANHYST_Q30_ONE && to.y < ANHYST_Q30_ONE);
   SHOW(to.p >= -ANHYST_Q30_ONE && to.p < ANHYST_Q30_ONE);

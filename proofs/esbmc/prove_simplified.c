@@ -68,12 +68,12 @@ static void prove_advance(void)
 {
   int16_t words[WORDS];
   any_words(words);
-  anhyst_memory from = {nondet_i32(), any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE),
-                        any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX), 0, 0};
-  anhyst_memory to;
+  anhyst_simplified_memory from = {nondet_i32(), any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE),
+                        any_within(-ANHYST_Q31_MAX, ANHYST_Q31_MAX)};
+  anhyst_simplified_memory to;
   advance(words, &from, any_within(0, ANHYST_Q31_MAX), &to);
-  SHOW(to.x == from.x && to.p >= 0);
-  SHOW(to.y >= -ANHYST_Q30_ONE && to.y <= ANHYST_Q30_ONE);
+  SHOW(to.flux == from.flux && to.z >= 0);
+  SHOW(to.u >= -ANHYST_Q30_ONE && to.u <= ANHYST_Q30_ONE);
 }
 
 static void prove_z_of(void)

@@ -18,12 +18,12 @@ static inline int32_t proof_quotient(int32_t numerator, int32_t denominator)
 
 #include "compensator/solid.c"
 
-int32_t anhyst_cells_meet(const int16_t *words, const anhyst_memory *from, const int32_t *plays,
+int32_t anhyst_cells_meet(const int16_t *words, const anhyst_cells_memory *from, const int32_t *plays,
                           const anhyst_arms *arms, int32_t target, anhyst_candidate *to)
 {
   SHOW(target >= -MOST_TARGET && target <= MOST_TARGET && arms->field_arm >= 0);
   SHOW(arms->flux_arm > -ANHYST_Q15_MAX - 1);
-  to->memory.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
+  to->memory.cells.x = any_within(-ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   to->m_slope = (int16_t)any_within(0, ANHYST_Q15_MAX);
   to->fine = (uint16_t)any_within(2, 13);
   return nondet_i32();

@@ -136,9 +136,9 @@ static void a_current_leads_where_it_must(void)
     const int32_t current = (int32_t)(applied * (double)ANHYST_Q30_ONE);
     const int32_t came = cells_flux(&c, current);
     go_on(&c);
-    const double m_and_air = follow(as_number(c.memory.x));
+    const double m_and_air = follow(as_number(c.memory.cells.x));
     keep_worst(&worst, fabs(m_and_air - as_number(came)));
-    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.x) - applied));
+    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - applied));
     flux = came;
   }
   CHECK_BELOW("flux and current", worst, OFF);
@@ -167,8 +167,8 @@ static void a_flux_beyond_the_limits_of_the_current_leads_to_a_limit(void)
     at_once += fabs(x) > 0.999;
     c.flux_applied = cells_flux(&c, (int32_t)(current * (double)ANHYST_Q30_ONE));
     go_on(&c);
-    const double m_and_air = follow(as_number(c.memory.x));
-    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.x) - current));
+    const double m_and_air = follow(as_number(c.memory.cells.x));
+    keep_worst(&worst, fabs(arm * m_and_air + field_arm * as_number(c.memory.cells.x) - current));
     keep_worst(&worst, current < solved   ? m_and_air - flux
                        : current > solved ? flux - m_and_air
                                           : fabs(flux - m_and_air));

@@ -137,7 +137,7 @@ static void walk(double kappa, double c, double *error_y, double *error_m)
     const double x1 = uniform(&seed, x0, 3.9);
     path along;
     answer at;
-    anhyst_memory from;
+    anhyst_full_memory from;
     from.x = (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE);
     from.y = (int32_t)lrint(y0 * ANHYST_Q30_ONE);
     from.p = from.x;
@@ -191,16 +191,16 @@ static double against_the_air(double kappa, double c, double share, int16_t eval
     const double m1 = magnetised(kappa, c, start, x1);
     const int32_t target = (int32_t)lrint((air * x1 / REACH + iron * m1) / 65536.0 * FULL_Q28);
     anhyst_compensator compensator = {0};
-    const anhyst_memory from = {
+    const anhyst_full_memory from = {
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(start[1] * ANHYST_Q30_ONE),
         (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE), (int32_t)lrint(x0 / REACH * ANHYST_Q30_ONE),
         (int32_t)lrint(start[1] * ANHYST_Q30_ONE)};
     const anhyst_arms arms = {0, iron, air};
     compensator.words = words;
-    compensator.memory = from;
+    compensator.memory.full = from;
     compensator.arms = arms;
     const int32_t flux = full_flux(&compensator, target * 4);
-    const anhyst_memory to = compensator.next.memory;
+    const anhyst_full_memory to = compensator.next.memory.full;
     const double m =
         (flux - anhyst_scale(to.x, words[ANHYST_WORD_FULL_AIR]) * 4) / (FULL_Q28 * 4.0);
     keep_worst(&worst, fabs((double)to.x / ANHYST_Q30_ONE - x1 / REACH));

@@ -56,7 +56,7 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
 
 void anhyst_compensator_demagnetise(anhyst_compensator *c)
 {
-  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  const anhyst_memory demagnetised = {{0, 0, 0, 0, 0}};
   c->memory = demagnetised;
   c->solved = 0;
 }
@@ -80,7 +80,7 @@ void anhyst_compensator_commit_q31(anhyst_compensator *c, int32_t applied, int32
   fake.commits++;
   fake.committed = applied;
   fake.committed_gap = gap;
-  c->memory.x = applied / 2;
+  c->memory.number[0] = applied / 2;
   c->flux_applied = applied / 4;
 }
 

@@ -523,9 +523,9 @@ static void the_memory_is_followed_in_every_state_and_set_by_command(void)
   bench_start();
   bench_ticks(12);
   CHECK(fake.commits == 12);
-  force()->compensator.memory.x = 99;
+  force()->compensator.memory.number[0] = 99;
   CHECK(bench_command(ANHYST_COMMAND_DEMAGNETISED) == LINK_TYPE_ACK);
-  CHECK(force()->compensator.memory.x == 0);
+  CHECK(force()->compensator.memory.number[0] == 0);
 }
 
 static void the_gap_reaches_the_compensator_within_its_range(void)

@@ -81,11 +81,11 @@ static void a_valid_block_is_in_force_from_the_next_tick_and_keeps_the_memory(vo
   bench_run();
   (void)bench_demand(4000);
   bench_ticks(1);
-  const int32_t memory = bench.firmware.control.body->compensator.memory.x;
+  const int32_t memory = bench.firmware.control.body->compensator.memory.number[0];
   CHECK(generation_in_force() == 1);
   CHECK(send_whole(2) == LINK_TYPE_ACK && bench_detail() == 2);
   CHECK(generation_in_force() == 2);
-  CHECK(bench.firmware.control.body->compensator.memory.x == memory && memory != 0);
+  CHECK(bench.firmware.control.body->compensator.memory.number[0] == memory && memory != 0);
   CHECK(app_body_states(bench.firmware.control.body)->state == ANHYST_STATE_RUN);
 }
 

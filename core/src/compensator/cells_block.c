@@ -28,19 +28,19 @@ int32_t anhyst_cells_at_rest(const int16_t *words, const int32_t *plays)
 }
 
 /* Only cell 0 moves. */
-void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_memory *memory)
+void anhyst_cells_start(const int16_t *words, const int32_t *plays, anhyst_cells_memory *memory)
 {
-  memory->y = anhyst_cells_at_rest(words, plays);
-  memory->p = 1;
-  memory->turn = -1;
-  memory->level = memory->x;
+  memory->rest = anhyst_cells_at_rest(words, plays);
+  memory->active = 1;
+  memory->risen = -1;
+  memory->joined = memory->x;
 }
 
-void anhyst_cells_keep(const int16_t *words, const anhyst_memory *from, int32_t *plays)
+void anhyst_cells_keep(const int16_t *words, const anhyst_cells_memory *from, int32_t *plays)
 {
   cell_path along;
   anhyst_cells_rows(&along, words);
-  const int32_t falling = from->p < 0 ? -1 : 0;
+  const int32_t falling = from->active < 0 ? -1 : 0;
   const int32_t x = inside(turned(from->x, falling));
   const int moved = moving_cells(&along, from);
   for (int cell = 1; cell < moved; cell++) {
@@ -164,7 +164,7 @@ int anhyst_cells_is_valid(const int16_t *words)
 }
 
 /* Where the plays of all cells stand, the field for cell 0 and those that there are not. */
-static void stand(const int16_t *words, const anhyst_memory *memory, const int32_t *plays,
+static void stand(const int16_t *words, const anhyst_cells_memory *memory, const int32_t *plays,
                   int32_t *stairs)
 {
   cell_path along;
@@ -213,11 +213,11 @@ static int32_t carried_to(cell_path *along, const int32_t *stairs, int32_t way, 
    this block, so that no demand that stays the same has to be reached over a branch. A play of
    another width stands between those beside it. */
 void anhyst_cells_carry(const int16_t *before, const int16_t *words, int32_t flux,
-                        anhyst_memory *memory, int32_t *plays)
+                        anhyst_cells_memory *memory, int32_t *plays)
 {
   int32_t old[ANHYST_CELLS + 1];
   int32_t stairs[ANHYST_CELLS + 1] = {0};
-  const anhyst_memory none = {0, 0, 0, 0, 0};
+  const anhyst_cells_memory none = {0, 0, 0, 0, 0};
   cell_path along;
   cell_path other;
   stand(before, memory, plays, old);

@@ -23,59 +23,60 @@ int anhyst_closed_is_valid(const int16_t *words)
 void anhyst_closed_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
 {
   (void)words;
-  c->memory.x = flux;
-  c->memory.p = 0;
+  c->memory.simplified.flux = flux;
+  c->memory.simplified.z = 0;
 }
 
 /* The memory in the direction of a path, within its bounds whatever it says. */
-static anhyst_memory in_direction(const anhyst_memory *memory, int falling)
+static anhyst_simplified_memory in_direction(const anhyst_simplified_memory *memory, int falling)
 {
-  const int32_t x = anhyst_sat_q30(memory->x);
-  const int32_t y = anhyst_sat_q30(memory->y);
-  const anhyst_memory same = {x, y, memory->p, 0, 0};
-  const anhyst_memory other = {-x, -y, anhyst_sub_q31(0, memory->p), 0, 0};
+  const int32_t flux = anhyst_sat_q30(memory->flux);
+  const int32_t u = anhyst_sat_q30(memory->u);
+  const anhyst_simplified_memory same = {flux, u, memory->z};
+  const anhyst_simplified_memory other = {-flux, -u, anhyst_sub_q31(0, memory->z)};
   return falling ? other : same;
 }
 
 int32_t anhyst_closed_field(anhyst_compensator *c, anhyst_advance *advance)
 {
-  const int32_t way = anhyst_sub_q31(c->flux, c->memory.x);
+  const int32_t way = anhyst_sub_q31(c->flux, c->memory.simplified.flux);
   const int falling = way < 0;
-  anhyst_memory start = in_direction(&c->memory, falling);
-  anhyst_memory end;
+  anhyst_simplified_memory start = in_direction(&c->memory.simplified, falling);
+  anhyst_simplified_memory end;
   anhyst_candidate *to = &c->next;
   advance(c->words, &start, anhyst_abs_q31(way), &end);
-  to->memory = in_direction(&end, falling);
-  to->memory.x = c->flux;
-  to->m = start.p;
+  to->memory.simplified = in_direction(&end, falling);
+  to->memory.simplified.flux = c->flux;
+  to->m = start.z;
   to->way = falling ? -1 : 1;
-  return to->memory.y;
+  return to->memory.simplified.u;
 }
 
-static int32_t current_at(const anhyst_memory *at, const anhyst_arms *arms)
+static int32_t current_at(const anhyst_simplified_memory *at, const anhyst_arms *arms)
 {
-  return anhyst_scale(at->x, arms->flux_arm) + anhyst_scale(at->y, arms->field_arm);
+  return anhyst_scale(at->flux, arms->flux_arm) + anhyst_scale(at->u, arms->field_arm);
 }
 
 /* flux_arm*flux + field_arm*u = target on a rising path, from *to, which is a place on it. In the
    direction of travel the sum is a concave function of the flux, so Newton's steps from before the
    solution come nearer without ever passing it, and one from beyond leads before it. */
-static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms *arms,
-                  int32_t target, anhyst_memory *to, anhyst_advance *advance)
+static void reach(const int16_t *words, anhyst_simplified_memory *start, const anhyst_arms *arms,
+                  int32_t target, anhyst_simplified_memory *to, anhyst_advance *advance)
 {
   for (int16_t i = words[ANHYST_WORD_SIMPLE_ITERATIONS]; i > 0; i--) {
     const int32_t missing = anhyst_sub_q31(target, current_at(to, arms));
     const int32_t slope =
-        arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->y) * 64, arms->field_arm);
+        arms->flux_arm + anhyst_scale(anhyst_lag_slope(words, to->u) * 64, arms->field_arm);
     if (missing == 0 || slope <= 0) {
       break; /* as near as the numbers allow */
     }
     const int32_t way = anhyst_quotient(anhyst_abs_q31(missing), slope);
-    const int32_t next = missing > 0 ? anhyst_add_q31(to->x, way) : anhyst_sub_q31(to->x, way);
+    const int32_t next =
+        missing > 0 ? anhyst_add_q31(to->flux, way) : anhyst_sub_q31(to->flux, way);
     const int32_t flux = next < ANHYST_Q30_ONE ? next : ANHYST_Q30_ONE - 1;
-    if (flux > start->x) {
-      advance(words, start, anhyst_sub_q31(flux, start->x), to);
-      to->x = flux;
+    if (flux > start->flux) {
+      advance(words, start, anhyst_sub_q31(flux, start->flux), to);
+      to->flux = flux;
     } else {
       *to = *start;
     }
@@ -87,7 +88,7 @@ static void reach(const int16_t *words, anhyst_memory *start, const anhyst_arms 
 
 int32_t anhyst_closed_flux(anhyst_compensator *c, int32_t current, anhyst_advance *advance)
 {
-  const anhyst_memory *from = &c->memory;
+  const anhyst_simplified_memory *from = &c->memory.simplified;
   const anhyst_arms *arms = &c->arms;
   anhyst_candidate *solved = &c->next;
   const int32_t target =
@@ -95,20 +96,20 @@ int32_t anhyst_closed_flux(anhyst_compensator *c, int32_t current, anhyst_advanc
   const int32_t missing = anhyst_sub_q31(target, current_at(from, arms));
   const int falling = missing < 0;
   if (missing <= STILL && missing >= -STILL) {
-    solved->memory = *from;
-    return from->x;
+    solved->memory.simplified = *from;
+    return from->flux;
   }
-  anhyst_memory start = in_direction(from, falling);
-  anhyst_memory end = start;
+  anhyst_simplified_memory start = in_direction(from, falling);
+  anhyst_simplified_memory end = start;
   if (solved->way == (falling ? -1 : 1)) {
-    start.p = solved->m;
-    end.p = solved->m;
-    const int32_t left = anhyst_sub_q31(target, current_at(&solved->memory, arms));
+    start.z = solved->m;
+    end.z = solved->m;
+    const int32_t left = anhyst_sub_q31(target, current_at(&solved->memory.simplified, arms));
     if (anhyst_abs_q31(left) < anhyst_abs_q31(missing)) {
-      end = in_direction(&solved->memory, falling);
+      end = in_direction(&solved->memory.simplified, falling);
     }
   }
   reach(c->words, &start, arms, falling ? -target : target, &end, advance);
-  solved->memory = in_direction(&end, falling);
-  return solved->memory.x;
+  solved->memory.simplified = in_direction(&end, falling);
+  return solved->memory.simplified.flux;
 }

@@ -44,8 +44,8 @@ void anhyst_closed_carry(anhyst_compensator *c, const int16_t *words, int32_t fl
 
 /* Where a way in flux leads from the start of a rising path; way >= 0. What of the start is not
    known is filled in, so that it is found once for all ways from there. */
-typedef void anhyst_advance(const int16_t *words, anhyst_memory *start, int32_t way,
-                            anhyst_memory *to);
+typedef void anhyst_advance(const int16_t *words, anhyst_simplified_memory *start, int32_t way,
+                            anhyst_simplified_memory *to);
 
 /* The two functions of a kernel, given how it advances. */
 int32_t anhyst_closed_field(anhyst_compensator *c, anhyst_advance *advance);

@@ -133,14 +133,14 @@ anhyst_status anhyst_compensator_init(anhyst_compensator *c, const anhyst_kernel
 /* Forgets what was found last, which says nothing of another memory or block. */
 static void forget(anhyst_compensator *c)
 {
-  const anhyst_candidate none = {{0, 0, 0, 0, 0}, 0, 0, 0, 0, 0, 0};
+  const anhyst_candidate none = {{{0, 0, 0, 0, 0}}, 0, 0, 0, 0, 0, 0};
   c->next = none;
   c->solved = 0;
 }
 
 void anhyst_compensator_demagnetise(anhyst_compensator *c)
 {
-  const anhyst_memory demagnetised = {0, 0, 0, 0, 0};
+  const anhyst_memory demagnetised = {{0, 0, 0, 0, 0}};
   c->memory = demagnetised;
   for (uint16_t i = 0; i < ANHYST_CELLS; i++) {
     c->plays[i] = 0;

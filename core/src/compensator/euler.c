@@ -13,20 +13,19 @@ static int32_t change(int32_t part, int32_t slope)
   return anhyst_shl_q31(anhyst_scale(part, (int16_t)(slope >> beyond)), (uint16_t)(beyond + 6U));
 }
 
-static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
+static void advance(const int16_t *words, anhyst_simplified_memory *start, int32_t way,
+                    anhyst_simplified_memory *to)
 {
   const int16_t substeps = words[ANHYST_WORD_EULER_SUBSTEPS];
   const int32_t part = way / substeps;
-  int32_t u = start->y;
+  int32_t u = start->u;
   for (int16_t i = 0; i < substeps; i++) {
     u = anhyst_add_q31(u, change(part, anhyst_lag_slope(words, u)));
     u = anhyst_clamp(u, -ANHYST_Q30_ONE, ANHYST_Q30_ONE);
   }
-  to->x = start->x;
-  to->turn = 0;
-  to->level = 0;
-  to->y = u;
-  to->p = 0;
+  to->flux = start->flux;
+  to->u = u;
+  to->z = 0;
 }
 
 static int32_t euler_field(anhyst_compensator *c) { return anhyst_closed_field(c, advance); }

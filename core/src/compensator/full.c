@@ -316,8 +316,8 @@ static void set_out(path *along, int32_t falling)
 
 /* What was found on a path, in q30 and in the direction it really had; where the play has not
    moved, it has not turned either. */
-static void remember(const path *along, const anhyst_memory *from, int32_t falling,
-                     const answer *at, anhyst_memory *to)
+static void remember(const path *along, const anhyst_full_memory *from, int32_t falling,
+                     const answer *at, anhyst_full_memory *to)
 {
   const int moved = at->p != along->p;
   to->x = turned(at->x, falling) * 4;
@@ -337,7 +337,7 @@ static void rise_from_start(const path *along, int32_t anhysteretic, int32_t x_r
 static int32_t full_field(anhyst_compensator *c)
 {
   const int16_t *words = c->words;
-  const anhyst_memory *from = &c->memory;
+  const anhyst_full_memory *from = &c->memory.full;
   anhyst_candidate *to = &c->next;
   path along;
   search find = {0, 0, 0, 0, 0, 0};
@@ -360,11 +360,11 @@ static int32_t full_field(anhyst_compensator *c)
     at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
     to->way = falling == 0 ? 1 : -1;
   }
-  remember(&along, from, falling, &at, &to->memory);
+  remember(&along, from, falling, &at, &to->memory.full);
   to->m = turned(at.m, falling);
   to->y_slope = (int16_t)at.y_slope;
   to->m_slope = (int16_t)at.m_slope;
-  return to->memory.x;
+  return to->memory.full.x;
 }
 
 /* flux_arm*flux + field_arm*x at a place of the law: what makes up the current. */
@@ -384,9 +384,9 @@ static void aim(search *find, const answer *at, int32_t missing)
 /* The end of a solved path of the same start and direction. */
 static answer end_of(const path *along, const anhyst_candidate *solved, int32_t falling)
 {
-  const answer at = {above(turned(solved->memory.x >> 2, falling), along->x),
-                     above(turned(solved->memory.y >> 2, falling), along->y),
-                     above(turned(solved->memory.p >> 2, falling), along->p),
+  const answer at = {above(turned(solved->memory.full.x >> 2, falling), along->x),
+                     above(turned(solved->memory.full.y >> 2, falling), along->y),
+                     above(turned(solved->memory.full.p >> 2, falling), along->p),
                      anhyst_sat_q28(turned(solved->m, falling)),
                      solved->y_slope,
                      solved->m_slope};
@@ -407,7 +407,7 @@ static int slid(const path *along, search find, answer *at)
 static int32_t full_flux(anhyst_compensator *c, int32_t current)
 {
   const int16_t *words = c->words;
-  const anhyst_memory *from = &c->memory;
+  const anhyst_full_memory *from = &c->memory.full;
   const anhyst_arms *arms = &c->arms;
   anhyst_candidate *solved = &c->next;
   path along;
@@ -445,8 +445,8 @@ static int32_t full_flux(anhyst_compensator *c, int32_t current)
       at = rise(&along, find, words[ANHYST_WORD_FULL_ITERATIONS], at);
     }
   }
-  remember(&along, from, falling, &at, &solved->memory);
-  const int32_t x = solved->memory.x;
+  remember(&along, from, falling, &at, &solved->memory.full);
+  const int32_t x = solved->memory.full.x;
   const int32_t of_air = anhyst_shl_q31(anhyst_scale(x, words[ANHYST_WORD_FULL_AIR]), 2);
   return anhyst_add_q31(turned(at.m, falling) * 4, of_air);
 }

@@ -103,7 +103,7 @@ static int32_t in_reach(int32_t x, const int16_t *before, const int16_t *words)
 void anhyst_full_carry(anhyst_compensator *c, const int16_t *words, int32_t flux)
 {
   const int16_t *before = c->words;
-  anhyst_memory *memory = &c->memory;
+  anhyst_full_memory *memory = &c->memory.full;
   path along;
   carried from;
   int32_t step;

@@ -85,7 +85,7 @@ static inline table inverse_of(const int16_t *words)
 }
 
 /* A path that starts from a memory, its direction not known yet. */
-static inline void prepare(path *along, const int16_t *words, const anhyst_memory *from)
+static inline void prepare(path *along, const int16_t *words, const anhyst_full_memory *from)
 {
   along->words = words;
   along->curve.at = words + words[ANHYST_WORD_FULL_CURVE];

@@ -75,34 +75,33 @@ static int32_t stretched(int32_t way, int16_t weight, int16_t shift)
   return anhyst_shl_q31(anhyst_scale(way, weight), n);
 }
 
-static void advance(const int16_t *words, anhyst_memory *start, int32_t way, anhyst_memory *to)
+static void advance(const int16_t *words, anhyst_simplified_memory *start, int32_t way,
+                    anhyst_simplified_memory *to)
 {
   int32_t distance =
       stretched(way, words[ANHYST_WORD_SIMPLE_RATE], words[ANHYST_WORD_SIMPLE_RATE_SHIFT]);
   int32_t z = 0;
-  to->x = start->x;
-  to->turn = 0;
-  to->level = 0;
-  to->p = 0;
-  if (start->y < 0) {
+  to->flux = start->flux;
+  to->z = 0;
+  if (start->u < 0) {
     const int32_t held =
         stretched(way, words[ANHYST_WORD_SIMPLE_HOLD], words[ANHYST_WORD_SIMPLE_HOLD_SHIFT]);
-    if (held < -start->y) {
-      to->y = start->y + held;
+    if (held < -start->u) {
+      to->u = start->u + held;
       return;
     }
-    distance -= anhyst_scale(-start->y, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
+    distance -= anhyst_scale(-start->u, words[ANHYST_WORD_SIMPLE_REST]) >> 2;
     distance = distance > 0 ? distance : 0;
   } else {
-    if (start->p <= 0) {
-      start->p = z_of(words, start->y);
+    if (start->z <= 0) {
+      start->z = z_of(words, start->u);
     }
-    z = start->p;
+    z = start->z;
   }
   z = anhyst_add_q31(z, distance);
   const int32_t p = p_of(words, z);
-  to->y = p > start->y ? p : start->y;
-  to->p = z;
+  to->u = p > start->u ? p : start->u;
+  to->z = z;
 }
 
 static int32_t simplified_field(anhyst_compensator *c) { return anhyst_closed_field(c, advance); }

@@ -57,9 +57,9 @@ typedef struct {
   int32_t falls; /* a slope, >= 0 */
 } solid_line;
 
-static const anhyst_memory *memory_of(const anhyst_compensator *c, int16_t at)
+static const anhyst_cells_memory *memory_of(const anhyst_compensator *c, int16_t at)
 {
-  return at > 0 ? &c->deeper[at - 1].memory : &c->memory;
+  return at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
 }
 
 static anhyst_candidate *next_of(anhyst_compensator *c, int16_t at)
@@ -112,7 +112,7 @@ static void take_up(solid_tick *tick, int16_t at, int32_t flux)
 {
   const int32_t own = anhyst_shl_q31(anhyst_scale(flux, (int16_t)(tick->own >> 2)), 2);
   tick->flux[at] = flux;
-  tick->field[at] = anhyst_add_q31(next_of(tick->c, at)->memory.x, own);
+  tick->field[at] = anhyst_add_q31(next_of(tick->c, at)->memory.cells.x, own);
 }
 
 /* The slope of the segment on which it stands. */
@@ -148,8 +148,8 @@ static void set_out(solid_tick *tick, int16_t at, int known, int solved)
     return;
   }
   if (!solved) { /* it can turn where it stands */
-    const int32_t x = there->memory.x;
-    there->memory.level = anhyst_sat_q30(there->memory.p < 0 ? ~x : x);
+    const int32_t x = there->memory.cells.x;
+    there->memory.cells.joined = anhyst_sat_q30(there->memory.cells.active < 0 ? ~x : x);
   }
   take_up(tick, at, anhyst_cells_flux_of(c->words, there));
   tick->stiffness[at] = at > 0 ? c->deeper[at - 1].stiffness : stiffness_of(tick, at);
@@ -410,7 +410,7 @@ static int32_t solid_flux(anhyst_compensator *c, int32_t current)
 /* All layers begin as the surface does. */
 static void solid_start(anhyst_compensator *c)
 {
-  anhyst_cells_start(c->words, c->plays, &c->memory);
+  anhyst_cells_start(c->words, c->plays, &c->memory.cells);
   for (uint16_t i = 0; i < ANHYST_MEMORIES - 1; i++) {
     anhyst_deeper *deeper = &c->deeper[i];
     deeper->memory = c->memory;
@@ -427,7 +427,7 @@ static void solid_keep(anhyst_compensator *c)
 {
   for (int16_t at = (int16_t)(memories_of(c->words) - 1); at >= 0; at--) {
     int32_t *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
-    if (have_turned(memory_of(c, at), &next_of(c, at)->memory)) {
+    if (have_turned(memory_of(c, at), &next_of(c, at)->memory.cells)) {
       anhyst_cells_keep(c->words, memory_of(c, at), plays);
     }
     if (at > 0) {
@@ -445,7 +445,7 @@ static void solid_carry(anhyst_compensator *c, const int16_t *words, int32_t flu
   const int32_t change = anhyst_sub_q31(flux, c->flux_applied);
   for (int16_t at = (int16_t)(memories_of(words) - 1); at >= 0; at--) {
     const int16_t from = at < known ? at : 0;
-    anhyst_memory *memory = at > 0 ? &c->deeper[at - 1].memory : &c->memory;
+    anhyst_cells_memory *memory = at > 0 ? &c->deeper[at - 1].memory.cells : &c->memory.cells;
     int32_t *plays = at > 0 ? c->deeper[at - 1].plays : c->plays;
     anhyst_candidate there;
     const int32_t before =
@@ -454,7 +454,7 @@ static void solid_carry(anhyst_compensator *c, const int16_t *words, int32_t flu
     for (uint16_t cell = 0; cell < ANHYST_CELLS; cell++) {
       plays[cell] = plays_of(c, from)[cell];
     }
-    *memory = there.memory;
+    *memory = there.memory.cells;
     anhyst_cells_carry(c->words, words, anhyst_clamp(now, -ANHYST_Q30_ONE, ANHYST_Q30_ONE), memory,
                        plays);
     if (at > from) {

@@ -89,7 +89,7 @@ public:
   {
     std::vector<int32_t> words;
     const auto put = [&](const anhyst_memory &m, const int32_t *plays) {
-      words.insert(words.end(), {m.x, m.y, m.p, m.turn, m.level});
+      words.insert(words.end(), m.number, m.number + 5);
       if (has_plays()) {
         words.insert(words.end(), plays, plays + ANHYST_CELLS);
       }
@@ -112,7 +112,7 @@ public:
       same_length(each + deeper() * (each + 1), n, "memory");
       const int32_t *at = words.data();
       const auto take = [&at](anhyst_memory &memory, int32_t *plays) {
-        memory = {at[0], at[1], at[2], at[3], at[4]};
+        std::copy(at, at + 5, memory.number);
         std::copy(at + 5, at + each, plays);
         at += each;
       };
@@ -132,7 +132,7 @@ public:
     if (anhyst_abs_q31(w[0]) > ANHYST_Q30_ONE || anhyst_abs_q31(w[1]) > ANHYST_Q30_ONE) {
       throw std::invalid_argument("a memory lies within -1..1 (q30)");
     }
-    state_.memory = {w[0], w[1], w[2], n == 5 ? w[3] : w[2], n == 5 ? w[4] : w[1]};
+    state_.memory = {{w[0], w[1], w[2], n == 5 ? w[3] : w[2], n == 5 ? w[4] : w[1]}};
     state_.solved = 0;
   }
 
