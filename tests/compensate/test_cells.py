@@ -376,3 +376,34 @@ def test_an_iron_whose_cells_never_move_is_refused() -> None:
     arms = Arms(1e-6, np.zeros(1), np.ones(1), np.full(1, 1e-3))
     with refused("no-hysteresis model"):
         cell_rows(still, arms, DemandLimits((0.0, 1.0), (0.0, 3.0)), SIZES)
+
+
+def handed_over(kind: RealKind, words: FloatArray, reach: float) -> FloatArray:
+    """Return what fixed point remembers as floating point counts it."""
+    part = words / 2.0**30
+    if kind == "full":
+        return part * [reach, 1.0, reach, reach, 1.0]
+    return np.concatenate([part[:2] * [reach, 1.0], words[2:4], [0.0], part[5:] * reach])
+
+
+@pytest.mark.parametrize("kind", ["full", "cells"])
+def test_what_fixed_point_remembers_floating_point_goes_on_with(kind: RealKind) -> None:
+    """One that remembers nothing is forty to four hundred times further off."""
+    model = cells() if kind == "cells" else magnet("reluctance", 40.0)
+    of = ranges("reluctance", "play-cells")
+    build = build_cells if kind == "cells" else build_full
+    fixed = FixedTwin(build(model, *of, SIZES))
+    real = build_real(model, kind, *of, SIZES)
+    gap = np.full(40, GAPS[0])
+    apart, forgetful = [], []
+    for seed in range(50):
+        demand = np.random.default_rng(seed).uniform(0.02, 0.7, 80) * of[0].demand
+        fixed = fixed.fresh()
+        fixed.run(demand[:40], gap)
+        goes_on = RealTwin(real, "f64")
+        goes_on.start_from(handed_over(kind, fixed.memory.astype(float), real.numbers["reach"]))
+        stays = fixed.run(demand[40:], gap)
+        apart.append(np.abs(goes_on.run(demand[40:], gap) - stays).max() / of[0].current)
+        knows_nothing = RealTwin(real, "f64").run(demand[40:], gap)
+        forgetful.append(np.abs(knows_nothing - stays).max() / of[0].current)
+    assert max(apart) < 3e-4 < np.median(forgetful) / 15.0

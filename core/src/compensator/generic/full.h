@@ -22,8 +22,9 @@ typedef struct {
   ANHYST_REAL scale;     /* segments for a unit of field */
   ANHYST_REAL short_way; /* a step too short to matter, about what the tables leave unsure */
   ANHYST_REAL long_way;  /* an interval too long for a tangent to be trusted at its ends */
-  ANHYST_REAL departure; /* of the irreversible part */
+  ANHYST_REAL turn;      /* play where it turned */
   ANHYST_REAL level;     /* irreversible part there */
+  ANHYST_REAL departure; /* of the irreversible part */
   ANHYST_REAL branch;    /* A there */
 } path;
 
@@ -135,19 +136,15 @@ static void depart(path *along, answer *at)
   at->p = from->p;
   at->y = from->y;
   at->y_slope = R(0.0);
-  along->departure = from->p;
-  along->level = from->y;
-  if (pull < from->y) {
-    /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y
-       leaves with slope zero. */
-    const ANHYST_REAL crossing = inverse_curve(along->law, from->y);
-    along->departure = crossing > from->p ? crossing : from->p;
-  } else if (from->p + along->law->play - from->x <= along->short_way) { /* play taken up */
-    at->y_slope = pulled(along, pull - from->y);
-  }
-  if (from->turn < from->p) { /* still on the way on which it set out there */
-    along->departure = from->turn;
-    along->level = from->level;
+  const int goes_on = from->turn < from->p; /* on the way that began there */
+  along->turn = goes_on ? from->turn : from->p;
+  along->level = goes_on ? from->level : from->y;
+  /* Held until the anhysteretic has crossed y. Where that is exactly hardly matters, since y leaves
+     with slope zero. */
+  const ANHYST_REAL crossing = inverse_curve(along->law, along->level);
+  along->departure = crossing > along->turn ? crossing : along->turn;
+  if (pull >= from->y && from->p + along->law->play - from->x <= along->short_way) {
+    at->y_slope = pulled(along, pull - from->y); /* the play is taken up */
   }
   along->branch = branch(along, along->departure, &slope);
   at->m = magnetisation(along, at->y, anhysteretic);
@@ -291,12 +288,9 @@ static anhyst_full_memory_x remember(const path *along, const answer *at)
   memory.x = at->x;
   memory.y = at->y;
   memory.p = at->p;
-  if (at->p > along->departure) {
-    memory.turn = along->departure;
+  if (at->p > along->from.p) { /* otherwise the play has not turned either */
+    memory.turn = along->turn;
     memory.level = along->level;
-  } else if (at->p > along->from.p) { /* held: what comes sets out from here */
-    memory.turn = at->p;
-    memory.level = at->y;
   }
   return memory;
 }

@@ -104,8 +104,7 @@ typedef struct {
   ANHYST_REAL x;     /* field */
   ANHYST_REAL y;     /* irreversible magnetisation */
   ANHYST_REAL p;     /* play */
-  ANHYST_REAL turn;  /* play where y departed, which the fixed-point memory finds again from where
-                        the play turned */
+  ANHYST_REAL turn;  /* play where it last turned */
   ANHYST_REAL level; /* y there */
 } anhyst_full_memory_x;
 
