@@ -16,7 +16,7 @@ import pytest
 from anhyst._core import FixedCompensator
 from anhyst.compensate.block import Block, DemandLimits, Scales, TableSizes
 from anhyst.compensate.cells import build_cells, cell_rows, fewer
-from anhyst.compensate.floating import RealIo, build_real
+from anhyst.compensate.floating import RealIo, RealKind, build_real
 from anhyst.compensate.full import build_full
 from anhyst.compensate.scheduled import Arms, cell_weights, flux_unit
 from anhyst.compensate.twin import FixedTwin, Io, RealTwin
