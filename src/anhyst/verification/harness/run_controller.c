@@ -134,9 +134,9 @@ void subject_step(uint32_t *record)
   record[HARNESS_AT_FAULT] = controller.position.levitation.supervisor.fault;
   record[HARNESS_AT_INTEGRAL] = (uint32_t)controller.position.state.integral;
   record[HARNESS_AT_VELOCITY] = (uint32_t)controller.position.state.velocity;
-  record[HARNESS_AT_MEMORY_A] = (uint32_t)controller.magnet[0].compensator.memory.x;
-  record[HARNESS_AT_MEMORY_B] = (uint32_t)controller.magnet[0].compensator.memory.y;
-  record[HARNESS_AT_MEMORY_C] = (uint32_t)controller.magnet[0].compensator.memory.p;
+  record[HARNESS_AT_MEMORY_A] = (uint32_t)controller.magnet[0].compensator.memory.number[0];
+  record[HARNESS_AT_MEMORY_B] = (uint32_t)controller.magnet[0].compensator.memory.number[1];
+  record[HARNESS_AT_MEMORY_C] = (uint32_t)controller.magnet[0].compensator.memory.number[2];
 }
 
 /* Bytes of stack that a tick uses, its return address included. */

@@ -139,9 +139,9 @@ static inline anhyst_status take_parameters(compensator_state *c)
 
 static inline void record_memory(const compensator_state *c, uint32_t *record)
 {
-  record[HARNESS_MEMORY_A] = (uint32_t)c->memory.x;
-  record[HARNESS_MEMORY_B] = (uint32_t)c->memory.y;
-  record[HARNESS_MEMORY_C] = (uint32_t)c->memory.p;
+  record[HARNESS_MEMORY_A] = (uint32_t)c->memory.number[0];
+  record[HARNESS_MEMORY_B] = (uint32_t)c->memory.number[1];
+  record[HARNESS_MEMORY_C] = (uint32_t)c->memory.number[2];
   record[HARNESS_MEMORY_D] = 0;
   record[HARNESS_MEMORY_E] = 0;
 }
