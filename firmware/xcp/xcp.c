@@ -39,6 +39,7 @@ void xcp_hang_up(xcp_slave *x)
 void xcp_start(xcp_slave *x, app *firmware)
 {
   x->firmware = firmware;
+  x->daq.port = firmware->port;
   x->address = 0;
   x->seed = 0;
   x->swapped = 0;
@@ -52,9 +53,9 @@ void xcp_tick(xcp_slave *x)
 
 uint16_t xcp_take(xcp_slave *x, uint8_t *packet, uint16_t most)
 {
-  port_lock();
+  port_lock(x->firmware->port);
   const uint16_t lost = x->daq.lost;
-  port_unlock();
+  port_unlock(x->firmware->port);
   if ((lost != x->reported) && (most >= 2U)) {
     x->reported = lost;
     packet[0] = PACKET_EVENT;

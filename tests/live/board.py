@@ -51,7 +51,7 @@ def running(
 ) -> Iterator[Board]:
     """Let a firmware run by the clock until the test ends."""
     done = threading.Event()
-    with start_host(firmware, link, xcp) as (url, ours, port, _):
+    with start_host(firmware, link, xcp) as (url, ours, port):
         board = Board(url, f"socket://127.0.0.1:{port}", PlantBus(plant, over(ours)), done.set)
 
         def run() -> None:

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a virtual magnet is to a controller of force. */
 #include "boards/actuator.h"
-#include "force/force.h"
 #include "lockstep.h"
 
 /* A virtual plant is trusted to show noise, as a real one does: a code that repeats for 256 ticks
@@ -21,13 +20,10 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static app_body body;
-
 static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 const app_board lockstep_board = {
     .name = ACTUATOR_CALLED,
-    .body = &body,
     .kernel = &ACTUATOR_KERNEL,
     .words = ACTUATOR_PARAMETERS,
     .words_capacity = ACTUATOR_PARAMETERS_WORDS,

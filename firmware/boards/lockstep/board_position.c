@@ -23,13 +23,10 @@ static const app_plan plan = {
     .magnets = ACTUATOR_CONTROLLER_MAGNETS,
 };
 
-static app_body body;
-
 static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
 
 const app_board lockstep_board = {
     .name = ACTUATOR_CALLED,
-    .body = &body,
     .plan = &plan,
     .kernel = &ACTUATOR_KERNEL,
     .words = ACTUATOR_PARAMETERS,
