@@ -207,7 +207,8 @@ void app_poll(app *a)
   }
   if (session->chunk_at == session->chunk_count) {
     session->chunk_at = 0;
-    session->chunk_count = a->port->link_read(a->port->context, session->chunk, (uint16_t)sizeof session->chunk);
+    session->chunk_count =
+        a->port->link_read(a->port->context, session->chunk, (uint16_t)sizeof session->chunk);
   }
   while (session->chunk_at < session->chunk_count) {
     if (link_receive(&session->receiver, session->chunk[session->chunk_at++], &request)) {

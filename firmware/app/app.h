@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The firmware without its hardware: a board includes this, fills a struct port (port/port.h) and
-   gives the memory; it calls app_start once, app_tick once every tick, app_poll in between. All that
-   a controller remembers is in the two it is given, so that a board may have several.
+   gives the memory; it calls app_start once, app_tick once every tick, app_poll in between. All
+   that a controller remembers is in the two it is given, so that a board may have several.
 
      static app firmware;
      static app_body body;

@@ -2,9 +2,9 @@
 /* The port contract: what a board gives the firmware, and what each answer must mean.
 
    A board fills a struct port for each of its controllers, calls app_start once, then app_tick once
-   every tick and app_poll as often as it can in between (firmware/app/app.h). app_tick may interrupt
-   app_poll, never the other way round; a board without interrupts calls them in turn. Controllers
-   share nothing: each has its own ticks.
+   every tick and app_poll as often as it can in between (firmware/app/app.h). app_tick may
+   interrupt app_poll, never the other way round; a board without interrupts calls them in turn.
+   Controllers share nothing: each has its own ticks.
 
    Time. Tick n begins at t_n = n/rate. The board samples all sensors at t_n, calls app_tick, and
    lets the current that app_tick drives begin to flow at t_n+1 and not before, however early

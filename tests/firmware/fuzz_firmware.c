@@ -66,8 +66,8 @@ static uint32_t requests;
 static uint8_t sequence;
 static int locks;
 static xcp_slave *const slave = &firmware.carried; /* spoken to as it is, and by the link */
-static xcp_line serial; /* with checksums, and a slave of its own */
-static uint32_t stamp;  /* of the last sample of list 0 */
+static xcp_line serial;                            /* with checksums, and a slave of its own */
+static uint32_t stamp;                             /* of the last sample of list 0 */
 
 static void require(int holds)
 {

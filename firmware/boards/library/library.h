@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The board that is a shared library: controllers within the program that steps their plants. The
-   bytes of the link are those of the other boards; sample and drive of a tick go as they are, without
-   the check of a bus. Any number of controllers, each in memory of the caller's that nobody else
-   touches; they share nothing, and need not be ended. */
+   bytes of the link are those of the other boards; sample and drive of a tick go as they are,
+   without the check of a bus. Any number of controllers, each in memory of the caller's that nobody
+   else touches; they share nothing, and need not be ended. */
 #ifndef ANHYST_LIBRARY_H
 #define ANHYST_LIBRARY_H
 

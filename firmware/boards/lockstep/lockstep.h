@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "app/app.h"
-#include "boards/body.h"
+#include BOARD_BODY /* force/force.h or position/position.h: what the firmware is built with */
 
 /* A controller and its end of the plant's bus. A board that wants more begins its own struct with
    it: its address is the context of the port. */
@@ -18,8 +18,8 @@ typedef struct {
   app firmware;
   app_body body;
   struct port port;
-  link_plant_sample sample;                /* of the tick that began last */
-  link_plant_drive drive;                  /* what follows from it */
+  link_plant_sample sample;                 /* of the tick that began last */
+  link_plant_drive drive;                   /* what follows from it */
   uint8_t arriving[LINK_SIZE_PLANT_SAMPLE]; /* a record, as far as it has come */
   uint16_t arrived;
 } lockstep;
@@ -36,8 +36,8 @@ void lockstep_start(lockstep *l,
 void lockstep_tick(lockstep *l);
 
 /* Takes a byte from the plant. When it completes a valid record, runs the tick, writes the record
-   of LINK_SIZE_PLANT_DRIVE bytes that is to be sent back, and returns 1; else 0. After a slip of the
-   stream it finds the next valid record by itself. */
+   of LINK_SIZE_PLANT_DRIVE bytes that is to be sent back, and returns 1; else 0. After a slip of
+   the stream it finds the next valid record by itself. */
 int lockstep_receive(lockstep *l, uint8_t byte, uint8_t *answer);
 
 #endif

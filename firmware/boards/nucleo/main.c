@@ -18,8 +18,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include BOARD_BODY /* force/force.h or position/position.h */
+#include "boards/actuator.h"
 #include "app/app.h"
-#include "boards/body.h"
 #include "clocks.h"
 #include "memory.h"
 #include "nucleo.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A firmware with a position controller, as a loop sees it: what the sensors show goes in, what is to
-   flow comes out. All that happens here is that signals in SI units become codes, and back. Targets
-   and commands are given over the firmware's own link: those of the loop do not count. */
+/* A firmware with a position controller, as a loop sees it: what the sensors show goes in, what is
+   to flow comes out. All that happens here is that signals in SI units become codes, and back.
+   Targets and commands are given over the firmware's own link: those of the loop do not count. */
 #ifndef ANHYST_PLANT_BUS_H
 #define ANHYST_PLANT_BUS_H
 

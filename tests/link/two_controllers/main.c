@@ -1,12 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Two controllers on one chip, the Cortex-M3 of an Arm MPS2 (AN385) as QEMU models it: their links are
-   UART0 and UART1. For each a tick passes with every byte that arrives on its own line, so that what
-   it answers does not depend on when the bytes arrive, nor on the other one. Its magnet follows the
-   current at once. */
+/* Two controllers on one chip, the Cortex-M3 of an Arm MPS2 (AN385) as QEMU models it: their links
+   are UART0 and UART1. For each a tick passes with every byte that arrives on its own line, so that
+   what it answers does not depend on when the bytes arrive, nor on the other one. Its magnet
+   follows the current at once. */
 #include <stdint.h>
 
-#include "app/app.h"
-#include "boards/body.h"
 #include "lockstep.h"
 #include "startup.h"
 
