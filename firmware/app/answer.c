@@ -51,11 +51,11 @@ static void say_status(app *a, answer *to)
   status.flags = control->flags;
   app_body_status(control->body, &status);
   status.missed_ticks = control->missed;
+  status.cycles = a->cycles;
   port_unlock(a->port);
   status.generation = app_word_in_force(a, ANHYST_WORD_GENERATION);
   status.bad_frames = a->session.receiver.bad;
   status.lost_frames = a->session.lost;
-  status.cycles = a->port->cycles(a->port->context);
   to->type = LINK_TYPE_STATUS;
   to->length = LINK_SIZE_STATUS;
   link_put_status(to->payload, &status);

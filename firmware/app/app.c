@@ -31,6 +31,7 @@ void app_start(app *a, app_body *body, const app_board *board, const struct port
   }
   app_download_start(&a->download);
   xcp_start(&a->carried, a);
+  a->cycles = 0;
 }
 
 static void keep_signals(app *a, const port_sample *sample)

@@ -51,6 +51,7 @@ struct app {
   app_session session;
   app_download download;
   xcp_slave carried; /* by the link */
+  uint32_t cycles;   /* of the longest tick so far: a board that counts them puts them here */
 };
 
 /* Starts in the state init. Checks the block built in: about 100 instructions a word. */

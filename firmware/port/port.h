@@ -84,9 +84,6 @@ struct port {
      current; may take seconds, if in that time no tick begins. 1, or 0 where the board cannot or
      did not. */
   int (*keep)(void *context, const int16_t *block, uint16_t words);
-
-  /* Cycles of the processor in the longest tick so far; 0 where the board does not count them. */
-  uint32_t (*cycles)(void *context);
 };
 
 static inline void port_lock(const struct port *port) { port->lock(port->context); }

@@ -89,12 +89,6 @@ static int keep(void *context, const int16_t *block, uint16_t words)
   return !b->refuses_to_keep;
 }
 
-static uint32_t cycles(void *context)
-{
-  (void)context;
-  return 4711;
-}
-
 static const struct port port = {.context = &bench,
                                  .sense = sense,
                                  .drive = drive,
@@ -102,8 +96,7 @@ static const struct port port = {.context = &bench,
                                  .link_write = link_write,
                                  .lock = lock,
                                  .unlock = unlock,
-                                 .keep = keep,
-                                 .cycles = cycles};
+                                 .keep = keep};
 
 void bench_restart(void) { app_start(&bench.firmware, &body, &board, &port); }
 

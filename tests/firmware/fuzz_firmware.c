@@ -163,20 +163,13 @@ static int keep(void *context, const int16_t *block, uint16_t words)
   return words % 2U == 0U;
 }
 
-static uint32_t cycles(void *context)
-{
-  (void)context;
-  return 0;
-}
-
 static const struct port port = {.sense = sense,
                                  .drive = put_drive,
                                  .link_read = link_read,
                                  .link_write = link_write,
                                  .lock = keep_tick_out,
                                  .unlock = let_tick_in,
-                                 .keep = keep,
-                                 .cycles = cycles};
+                                 .keep = keep};
 
 static void put_byte(uint8_t byte)
 {

@@ -23,16 +23,4 @@ static const app_plan plan = {
     .magnets = ACTUATOR_CONTROLLER_MAGNETS,
 };
 
-static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
-
-const app_board lockstep_board = {
-    .name = ACTUATOR_CALLED,
-    .plan = &plan,
-    .kernel = &ACTUATOR_KERNEL,
-    .words = ACTUATOR_PARAMETERS,
-    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
-    .scales = scales,
-    .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ACTUATOR_CONTROLLER_RATE_HZ,
-    .limits = &limits,
-};
+const app_board lockstep_board = ACTUATOR_BOARD(ACTUATOR_CONTROLLER_RATE_HZ, &limits, &plan);

@@ -24,18 +24,12 @@ static void drive(void *context, const int32_t *currents, uint32_t state)
 /* app_tick and app_poll are called in turn. */
 static void nothing(void *context) { (void)context; }
 
-/* A process and an emulator forget all when they end, and their cycles say nothing. */
+/* A process and an emulator forget all when they end. */
 static int keep(void *context, const int16_t *block, uint16_t words)
 {
   (void)context;
   (void)block;
   (void)words;
-  return 0;
-}
-
-static uint32_t cycles(void *context)
-{
-  (void)context;
   return 0;
 }
 
@@ -50,8 +44,7 @@ void lockstep_start(lockstep *l,
                             .link_write = link_write,
                             .lock = nothing,
                             .unlock = nothing,
-                            .keep = keep,
-                            .cycles = cycles};
+                            .keep = keep};
   l->port = port;
   l->arrived = 0;
   app_start(&l->firmware, &l->body, &lockstep_board, &l->port);

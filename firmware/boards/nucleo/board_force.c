@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What the magnet on a Nucleo is to a controller of force. */
+#include <stddef.h>
+
 #include "boards/actuator.h"
 #include "nucleo.h"
 #include "port/port.h"
@@ -18,15 +20,4 @@ static const app_limits limits = {
     .heartbeat_ms = 500,
 };
 
-static const int16_t scales[ANHYST_SCALE_WORDS] = ACTUATOR_SCALES;
-
-const app_board nucleo_board = {
-    .name = ACTUATOR_CALLED,
-    .kernel = &ACTUATOR_KERNEL,
-    .words = ACTUATOR_PARAMETERS,
-    .words_capacity = ACTUATOR_PARAMETERS_WORDS,
-    .scales = scales,
-    .firmware = BOARD_FIRMWARE_VERSION,
-    .rate = ACTUATOR_RATE_HZ,
-    .limits = &limits,
-};
+const app_board nucleo_board = ACTUATOR_BOARD(ACTUATOR_RATE_HZ, &limits, NULL);

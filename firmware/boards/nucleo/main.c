@@ -76,7 +76,6 @@ static memory_set set = {
 static app_board in_use;
 static thermal_plan winding_plan;
 static thermal windings[PORT_CURRENTS];
-static uint32_t cycles;
 
 static void sense_position(port_sample *sample)
 {
@@ -174,20 +173,13 @@ static int keep(void *context, const int16_t *block, uint16_t words)
   return kept;
 }
 
-static uint32_t longest_tick(void *context)
-{
-  (void)context;
-  return cycles;
-}
-
 static const struct port port = {.sense = sense,
                                  .drive = drive,
                                  .link_read = link_read,
                                  .link_write = link_write,
                                  .lock = lock,
                                  .unlock = unlock,
-                                 .keep = keep,
-                                 .cycles = longest_tick};
+                                 .keep = keep};
 
 /* The three values are there: computes the tick. One that began meanwhile is missed: what it
    converted is left alone, and the number of the next sample shows it. */
@@ -200,8 +192,8 @@ static void converted(void)
   app_tick(&firmware);
   xcp_line_tick(&xcp);
   const uint32_t took = DWT_CYCCNT - began;
-  if (took > cycles) {
-    cycles = took;
+  if (took > firmware.cycles) {
+    firmware.cycles = took;
   }
   if (TIM5_CNT != tick) {
     ADC_SR(GAP_ADC) = none;

@@ -83,12 +83,6 @@ static int keep(void *context, const int16_t *block, uint16_t words)
   return 0;
 }
 
-static uint32_t cycles(void *context)
-{
-  (void)context;
-  return 0;
-}
-
 void board_panic(void) {}
 
 __attribute__((section(".vectors"), used)) static const startup_vector vectors[] = {
@@ -103,8 +97,7 @@ static void start(controller *c, uint32_t uart)
                             .link_write = link_write,
                             .lock = nothing,
                             .unlock = nothing,
-                            .keep = keep,
-                            .cycles = cycles};
+                            .keep = keep};
   c->port = port;
   c->uart = uart;
   UART_DIVIDER(uart) = UART_FASTEST;
