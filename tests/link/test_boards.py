@@ -14,7 +14,7 @@ from anhyst.link import wire
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build, read_sizes
 from anhyst.link.plant_bus import PlantBus, over
-from anhyst.link.process import run_host, run_library, run_qemu, start_host
+from anhyst.link.process import run_host, run_library, run_qemu
 from anhyst.support.errors import NegativeResult
 from tests.refusals import refused
 
@@ -161,12 +161,12 @@ def test_a_controller_that_hangs_up_is_reported() -> None:
 
 
 def test_records_of_the_bus_are_found_again_after_a_slip(host_firmware: Path) -> None:
-    with start_host(host_firmware) as started:
-        bus = PlantBus(NoisyPlant(), over(started.bus))
-        bus.step(3)
-        started.bus.sendall(b"\1\2\3\4\5")
-        bus.step(3)
-        assert bus.tick == 6
+    with run_host(host_firmware, NoisyPlant()) as board:
+        board.bus.step(3)
+        assert board.wire is not None
+        board.wire.sendall(b"\1\2\3\4\5")
+        board.bus.step(3)
+        assert board.bus.tick == 6
 
 
 def test_a_firmware_in_this_process_does_what_one_of_its_own_does(

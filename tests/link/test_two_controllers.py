@@ -45,7 +45,7 @@ def script(seed: int) -> list[bytes]:
         SettingWriteRequest(Setting.FOLLOW, seed % 2),
         CommandRequest(Command.DEMAGNETISED),
         CommandRequest(Command.RUN),
-        XcpRequest(b"\xff\x00"),  # connect
+        XcpRequest((0xFF, 0)),  # connect
     ]
     for _ in range(60):
         requests += [DemandRequest(random.randrange(1 << 30)), HeartbeatRequest()]

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 from anhyst.link.frames import PlantDrive, PlantSample
 from anhyst.link.plant_bus import Plant, PlantBus, over
@@ -40,23 +39,15 @@ def check_runs_here(board: str) -> None:
 class Running:
     """A firmware that runs."""
 
-    url: str  # its link, or what it is called where that is in this process
+    link: str | LinkPort  # for :class:`anhyst.link.client.ControllerLink`
     bus: PlantBus  # its plant; without :meth:`PlantBus.step` no time passes for it
     xcp: int = 0  # port of this machine on which a master of XCP may come in; 0: there is none
-    own: LinkPort | None = None  # its link where that is in this process
+    wire: socket.socket | None = None  # that the bus runs over; none where it is in this process
 
     @property
-    def link(self) -> str | LinkPort:
-        """For :class:`anhyst.link.client.ControllerLink`."""
-        return self.own or self.url
-
-
-class Started(NamedTuple):
-    """A firmware that runs, with nothing that drives its bus yet."""
-
-    url: str  # as of :class:`Running`
-    bus: socket.socket  # the plant's end of its bus
-    xcp: int
+    def url(self) -> str:
+        """Its link, or what it is called where that is in this process."""
+        return self.link if isinstance(self.link, str) else self.link.url
 
 
 class LibraryBoard:
@@ -126,7 +117,7 @@ def run_library(program: Path, plant: Plant) -> Iterator[Running]:
     """Run a firmware built for the board ``library``."""
     board = LibraryBoard(program)
     try:
-        yield Running(board.url, PlantBus(plant, board.exchange), own=board)
+        yield Running(board, PlantBus(plant, board.exchange))
     finally:
         board.switch_off()
 
@@ -136,13 +127,6 @@ def run_host(
     program: Path, plant: Plant, link: str = HOST_LINK, xcp: int | None = None
 ) -> Iterator[Running]:
     """Run a firmware built for the board ``host``."""
-    with start_host(program, link, xcp) as (url, ours, port):
-        yield Running(url, PlantBus(plant, over(ours)), port)
-
-
-@contextmanager
-def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> Iterator[Started]:
-    """Start a firmware built for the board ``host``, with nothing that drives its bus yet."""
     ours, theirs = socket.socketpair()
     command = [str(Path(program).resolve()), link, f"fd:{theirs.fileno()}"]
     command += [] if xcp is None else ["--xcp", str(xcp)]
@@ -152,7 +136,7 @@ def start_host(program: Path, link: str = HOST_LINK, xcp: int | None = None) -> 
             address = _printed(process, program)
             url = address if link == "pty" else f"socket://127.0.0.1:{address}"
         offered = 0 if xcp is None else int(_printed(process, program))
-        yield Started(url, ours, offered)
+        yield Running(url, PlantBus(plant, over(ours)), offered, ours)
 
 
 def _printed(process: subprocess.Popen[bytes], program: Path) -> str:
@@ -185,7 +169,7 @@ def run_qemu(program: Path, plant: Plant, xcp: bool = False) -> Iterator[Running
     command += ["-echr", _NO_ESCAPE, "-kernel", str(Path(program).resolve())]
     with ours, _started(command, [*listeners, theirs]):
         url = f"socket://127.0.0.1:{ports[0]}"
-        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0)
+        yield Running(url, PlantBus(plant, over(ours)), ports[1] if xcp else 0, ours)
 
 
 def find_qemu() -> str:
