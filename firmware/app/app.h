@@ -58,7 +58,8 @@ struct app {
 void app_start(app *a, app_body *body, const app_board *board, const struct port *port);
 
 /* One tick of the control task: sample in, current out. The same work in every state and for every
-   sample but for what the compensator's commit saves where the solved current was applied. */
+   sample but for what the compensator's commit saves where the solved current was applied, and for
+   the samples that a master of XCP has ordered. */
 void app_tick(app *a);
 
 /* Sends what is left of an answer; when all is sent, takes bytes from the port and answers the
