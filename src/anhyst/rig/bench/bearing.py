@@ -149,13 +149,13 @@ class BearingBench(LockStepBench[BusController]):
         self._open = ExitStack()
         try:
             board = LibraryBoard(firmware)
-            self._open.callback(board.unload)
+            self._open.callback(board.switch_off)
             self._link = self._open.enter_context(ControllerLink(board))
             self._heartbeat = Heartbeat(self._link)
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
             self._settings = ControllerSettings(self._link, position_settings(gains))
-            self._bus = BusController(board.tick, {name: self._scales[name] for name in _FULL})
+            self._bus = BusController(*board.tick, {name: self._scales[name] for name in _FULL})
             self._open.callback(self._bus.end)
             self._loop = PlantLoop(bearing, self._bus, current_loops(rig))
             self.demand(gap)
