@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from anhyst.compensate.flux import FluxCalibration
 from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
 from anhyst.compensate.methods import METHODS, make_compensator
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.sources import FluxCalibration, Operating, Sources
 from anhyst.compensate.surface import fit_surface
 from anhyst.data import History, Loop, Loops
 from anhyst.model.actuator import Model

@@ -8,15 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.current_map import single_valued_map
-from anhyst.compensate.force_controller import ForceController, NumberFormat
-from anhyst.compensate.play_map import (
+from anhyst.compensate.current_map import (
     PlayMap,
     best_radius,
     expected_forces,
     no_steeper,
     one_play,
+    single_valued_map,
 )
+from anhyst.compensate.force_controller import ForceController, NumberFormat
 from anhyst.compensate.sources import Sources
 from anhyst.compensate.surface import fit_surface
 from anhyst.support.numeric import FloatArray

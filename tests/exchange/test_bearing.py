@@ -14,7 +14,7 @@ import pytest
 import anhyst
 from anhyst.control.states import Command, Phase, State
 from anhyst.exchange import stage_part
-from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import Part, model_description
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups

@@ -19,7 +19,7 @@ from anhyst.control.states import Command
 from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
-from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.export import export_fmu
 from anhyst.identification import identify
 from anhyst.laws.registry import LAWS
 from anhyst.link import firmware

@@ -26,7 +26,7 @@ from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.engine.verdict import Interval, no_mean
-from anhyst.support.page.blocks import Items, Note
+from anhyst.support.page import Items, Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")

@@ -12,14 +12,59 @@ from numpy.typing import NDArray
 from anhyst import _core
 from anhyst.compensate.block import Scales
 from anhyst.compensate.current_map import CurrentMap, current_map, table_words
-from anhyst.compensate.flux import FluxGains, design_flux_loop
 from anhyst.compensate.force_controller import REAL, Native, NumberFormat
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse, full_inverse
 from anhyst.compensate.plan import full_scale
-from anhyst.compensate.sources import Sources
+from anhyst.compensate.sources import FluxCalibration, Sources
 from anhyst.compensate.surface import Surface
 from anhyst.support.errors import InputError
-from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, q31
+from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed, q31
+
+
+@dataclass(frozen=True)
+class FluxGains:
+    """How the measured flux density corrects the current."""
+
+    proportional: float  # A/T
+    integral: float  # in a tick, A/T
+    back: float  # share of a current beyond the limits which the integral takes back in a tick
+    # share of a step of the wanted flux density that is expected to show a tick later
+    smoothing: float
+    crossover: float  # of the flux loop, rad/s
+
+    @property
+    def row(self) -> FloatArray:
+        """As ``anhyst_flux_loop`` has them."""
+        return np.array([self.proportional, self.integral, self.back, self.smoothing])
+
+
+def design_flux_loop(
+    calibration: FluxCalibration, surface: Surface, density: FloatArray, force: float, rate: float
+) -> FluxGains:
+    """Design the flux loop.
+
+    The flux follows the current at once but for delay and lag, so an integral alone would close the
+    loop. The proportional part takes the lag away, once; what is left is an integral behind the
+    delay and half a tick, the integral's own. The crossover is half the inverse of these two. That
+    leaves a phase margin of 61 degrees without lag. The proportional part takes the lag of several
+    low-passes for that of one, which costs some: 52 degrees are left behind amplifier and probe of
+    the bundled bearing, 34 where eddy currents of 100 us come on top. The gain is that of the gap
+    where the flux answers most, so that no gap is faster than designed.
+    """
+    tick = 1.0 / rate
+    column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
+    around = slice(column - 1, column + 2)
+    answer = np.ptp(density[:, around], axis=1) / np.ptp(surface.current[:, around], axis=1)
+    crossover = 0.5 / (calibration.delay + 0.5 * tick)
+    integral = crossover / float(answer.max())
+    return FluxGains(
+        proportional=integral * calibration.lag,
+        integral=integral * tick,
+        back=min(1.0, crossover * tick),
+        smoothing=passed(tick / (calibration.delay + calibration.lag)),
+        crossover=crossover,
+    )
+
 
 MOST = 0.05
 """Of the largest current: what a flux loop adds to that of a law at most, so that a probe that fails

@@ -10,7 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from anhyst.compensate.current_map import linearised_map, ratio_map, secant_map, single_valued_map
+from anhyst.compensate.current_map import (
+    linearised_map,
+    one_play,
+    ratio_map,
+    secant_map,
+    single_valued_map,
+)
 from anhyst.compensate.flux_feedback import flux_feedback, fused_inverse
 from anhyst.compensate.force_controller import (
     ForceController,
@@ -23,7 +29,6 @@ from anhyst.compensate.hysteresis_inverse import (
     full_inverse_at_rest,
     simplified_inverse,
 )
-from anhyst.compensate.play_map import one_play
 from anhyst.compensate.sources import Sources
 
 Role = Literal["baseline", "model", "sensor"]

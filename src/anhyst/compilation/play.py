@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from anhyst._core import FixedForceController
+from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
 from anhyst.compensate.plan import CompileRequest, find_limits
-from anhyst.compensate.play_map import PlayMap, one_play
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import check_folder, write_folder

@@ -34,7 +34,7 @@ from anhyst.study.improve import (
 )
 from anhyst.study.prepared import Improvable, PreparedBoard
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.progress.Progress` and what else was given; of a module."""

@@ -28,8 +28,8 @@ from anhyst.dashboard.recorder import header
 from anhyst.dashboard.recording import KEPT_S
 from anhyst.dashboard.session import WATCHES, LiveSession, all_refused
 from anhyst.rig.bench.protocol import Parameter
+from anhyst.support.atomic import plain
 from anhyst.support.errors import InputError
-from anhyst.support.json_text import plain
 
 ASKED_S = 10.0
 """After so long without an answer the desk goes to whoever asked, s."""

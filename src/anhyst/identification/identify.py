@@ -27,8 +27,7 @@ from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed, re
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
-from anhyst.identification.result import IdentifyResult
-from anhyst.identification.run import SEARCHED, SearchRun
+from anhyst.identification.run import SEARCHED, IdentifyResult, SearchRun
 from anhyst.identification.space import IN_SERIES
 from anhyst.identification.uncertainty import assess
 from anhyst.laws.cells import Shape
@@ -46,7 +45,7 @@ from anhyst.model.fit_record import (
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 from anhyst.support.version import running_version
 
 SEARCHES = ("default", "paper")

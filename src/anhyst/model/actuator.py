@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst.data.history import History
-from anhyst.data.look import group_label, length_scale, shades
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
 from anhyst.model.predict import invert, predict
 from anhyst.model.prediction import Prediction
@@ -20,7 +19,7 @@ from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, range_text
+from anhyst.support.result import Result, group_label, length_scale, range_text, shades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -51,10 +51,9 @@ from anhyst.study.prepared import (
 from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
 from anhyst.support.atomic import PathLike, cache_folder, core_folder
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
 from anhyst.support.kinds import NAMES, FileKind, refuse_other
-from anhyst.support.progress import Progress, in_parts
 from anhyst.support.toml_file import take_kind
 
 

@@ -50,8 +50,7 @@ from anhyst.study.tracking.simulate import (
     refuse_unstable,
     settle,
 )
-from anhyst.support.jobs import all_of
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress, all_of
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")

@@ -25,7 +25,7 @@ from anhyst.rig.measurement_table import identify_loops
 from anhyst.rig.stage.file import StageRig
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 _SAME_GAP = 1e-6
 """Of the range: so far may the ends of the measured gaps be inside those of a board."""

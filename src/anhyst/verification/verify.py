@@ -13,8 +13,7 @@ from pathlib import Path
 from anhyst.compilation.toolchain import Missing
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import cores
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress, cores
 from anhyst.verification.bundle import (
     LEVITATION,
     PLAY,

@@ -35,8 +35,7 @@ from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell,
 from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.simulate import Simulation
 from anhyst.study.engine.verdict import Interval, no_mean
-from anhyst.support.page.blocks import Note, PageTable, table
-from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
+from anhyst.support.page import NBSP, NOT_KNOWN, Note, PageTable, number, table
 
 _SHOWN = 0.03  # of a step, s
 _COLUMNS = ("ratio", "single-valued", "full")  # whose forces are shown, beside the controller's own

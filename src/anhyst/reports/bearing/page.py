@@ -34,7 +34,9 @@ from anhyst.reports.bearing.tables import (
 from anhyst.study.bearing.linear import zone
 from anhyst.study.engine.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import (
+from anhyst.support.figures import svg_text
+from anhyst.support.page import (
+    NBSP,
     Block,
     Cell,
     Headline,
@@ -44,11 +46,10 @@ from anhyst.support.page.blocks import (
     Section,
     Text,
     Tile,
+    number,
     render_page,
     table,
 )
-from anhyst.support.page.numbers import NBSP, number
-from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
 _TILES = 4

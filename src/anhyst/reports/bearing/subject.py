@@ -16,8 +16,7 @@ from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.engine.verdict import Interval
-from anhyst.support.page.blocks import Block, Note
-from anhyst.support.page.numbers import NBSP
+from anhyst.support.page import NBSP, Block, Note
 
 Intervals = Mapping[MethodName, Interval]
 """A figure of every variant."""

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.laws.registry import LAWS
 from anhyst.reports.model.subject import ModelSubject
-from anhyst.support.page.blocks import Cell, Headline, Note, PageTable, Tile, table
-from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
-from anhyst.support.pays import LOOPS
+from anhyst.support.page import (
+    MINUS,
+    Cell,
+    Headline,
+    Note,
+    PageTable,
+    Scale,
+    Tile,
+    name_of,
+    number,
+    percent,
+    symbol_of,
+    table,
+)
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
@@ -80,7 +92,7 @@ def verdict(subject: ModelSubject) -> tuple[Note, ...]:
     text = (
         f"The loops are so narrow that the best single-valued curve misses by {scale.show(baseline)} "
         f"only ({percent(baseline / fit.largest_output)} of the largest). This model misses by "
-        f"{scale.show(mine)}: {taken}; {LOOPS}."
+        f"{scale.show(mine)}: {taken}; {WHERE_IT_PAYS['loops']}."
     )
     return (Note("warn", title, text),)
 

@@ -23,7 +23,10 @@ from anhyst.reports.model.figures_over_schedule import (
 )
 from anhyst.reports.model.headline import acceptance
 from anhyst.reports.model.subject import ModelSubject
-from anhyst.support.page.blocks import (
+from anhyst.support.figures import svg_text
+from anhyst.support.page import (
+    GREEK,
+    NBSP,
     Block,
     Cell,
     Items,
@@ -32,18 +35,13 @@ from anhyst.support.page.blocks import (
     Picture,
     Section,
     Text,
-    table,
-)
-from anhyst.support.page.numbers import (
-    GREEK,
-    NBSP,
     number,
     percent,
     scale_of,
+    table,
     with_deviation,
     written,
 )
-from anhyst.support.page.style import svg_text
 
 GAP_MAPS: Mapping[str, str] = MappingProxyType(
     {

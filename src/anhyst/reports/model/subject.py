@@ -18,7 +18,7 @@ from anhyst.model.sources import read_sources
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.numbers import Scale, name_of, scale_for
+from anhyst.support.page import Scale, name_of, scale_for
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.recording import of_magnets
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 
 COLUMNS = (
     "t_s",

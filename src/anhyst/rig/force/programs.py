@@ -23,8 +23,8 @@ from anhyst.model.writer import write_model
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import identify_loops
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 
 Codes = NDArray[np.int64]
 

@@ -24,9 +24,8 @@ from anhyst.study.bearing.linear import Quotient, quotient
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.engine.verdict import Interval, mean_interval
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
 
 WIDTHS = (0.5, 1.0, 2.0)

@@ -33,9 +33,8 @@ from anhyst.rig.recording import RISE, Recording
 from anhyst.study.bearing.metrics import deviation, recovery_time
 from anhyst.study.bearing.responses import position_resolution
 from anhyst.study.engine.verdict import mean_interval
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray, sine, triangle
-from anhyst.support.progress import Progress
 
 _PERIODS = 6  # a piece
 _PIECES = 5  # at least

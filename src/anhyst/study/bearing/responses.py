@@ -25,9 +25,8 @@ from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Zone, zone
 from anhyst.study.bearing.metrics import deviation, effort, step_figures
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.progress import Progress
 
 _PERIODS, _SECONDS = 5, 0.02  # at least, of each frequency
 _SETTLE_PERIODS, _SETTLE_SECONDS = 2, 0.02

@@ -41,10 +41,9 @@ from anhyst.study.bearing.responses import (
     default_seeds,
     sweep,
 )
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, json_text
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress, in_parts
+from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:

@@ -31,8 +31,8 @@ from anhyst.study.excite.excite import (
     place_of,
 )
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.units import QUANTITIES
 
 _DWELL_S = 0.02

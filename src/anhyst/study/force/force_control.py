@@ -32,11 +32,9 @@ from anhyst.study.force.trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.support.atomic import PathLike, atomic_writer, whole_folder
+from anhyst.support.atomic import PathLike, atomic_writer, json_text, whole_folder
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import all_of
-from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress, in_parts
+from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:

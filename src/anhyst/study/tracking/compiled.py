@@ -53,9 +53,9 @@ from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress
 from anhyst.support.kinds import FileKind, kind_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.result import Result
 from anhyst.support.version import running_version
 
