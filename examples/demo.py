@@ -31,7 +31,6 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
@@ -58,6 +57,7 @@ from anhyst.study.engine.verdict import TITLES, Interval, mean_interval, stronge
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.result import dress
 from anhyst.verification import verify

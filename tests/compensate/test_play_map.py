@@ -16,9 +16,10 @@ from anhyst.compensate.current_map import (
     one_play,
     single_valued_map,
 )
-from anhyst.compensate.force_controller import ForceController, NumberFormat
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.sources import Sources
-from anhyst.compensate.surface import fit_surface
+from anhyst.data.surface import fit_surface
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS
 from tests.compensate.test_methods import POINT, RANGE, WIDTH, around, known, roots

@@ -15,7 +15,6 @@ import pytest
 from typer.testing import CliRunner
 
 from anhyst.cli.app import app
-from anhyst.control.states import Command
 from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
@@ -31,6 +30,7 @@ from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.study.bench import prepared_once
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from anhyst._core import allocate
-from anhyst.compensate.force_controller import MethodName
 from anhyst.data.table import read_columns
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.tracking import write_tracking_report
@@ -24,6 +23,7 @@ from anhyst.rig.stage.setpoint import ticks_of
 from anhyst.study.plants import ERRORS
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst.study.tracking.simulate import find_gains
+from anhyst.support.kinds import MethodName
 from tests.study import stages
 
 SLIT = 0.01

@@ -301,7 +301,6 @@ def force_control(
     """
     from anhyst.reports.force import draw
     from anhyst.support.page import table as page_table
-    from anhyst.verification.result import tables
 
     from_loops = len(rig) > 1 or rig[0].suffix != ".toml"
     if from_loops:
@@ -317,7 +316,7 @@ def force_control(
         )
     compiled = result.out / "stroke" / "full" / "controller"
     verified = run_and_write(compiled) if from_loops else None
-    rows = tables(verified) if verified else []
+    rows = verified.tables() if verified else []
     draw(result, [page_table(table.title, table.headings, table.cells) for table in rows])
     for text in result.plant.warnings:
         warn(text)

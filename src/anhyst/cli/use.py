@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from anhyst import Model, ModelDiff, RunSummary
-    from anhyst.model.parameters import Parameter
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")]
 
@@ -161,7 +160,7 @@ def _show_diff(result: ModelDiff, model: Model, other: Model) -> None:
     show(loops, f"all together: mean {result.mean:.4g} {unit}, worst {result.worst:.4g} {unit}")
 
 
-def _text(value: Parameter | str | None) -> str:
+def _text(value: float | tuple[float, ...] | str | None) -> str:
     if isinstance(value, tuple):
         return ", ".join(f"{number:.6g}" for number in value)
     if isinstance(value, float):
@@ -169,7 +168,7 @@ def _text(value: Parameter | str | None) -> str:
     return value or "none"
 
 
-def _relative(first: Parameter | str | None, second: Parameter | str | None) -> str:
+def _relative(first: object, second: object) -> str:
     if isinstance(first, float) and isinstance(second, float) and first:
         return f"{100.0 * (second / first - 1.0):+.3g} %"
     return ""

@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.compensate.block import Scales
 from anhyst.compensate.current_map import CurrentMap, current_map, table_words
-from anhyst.compensate.force_controller import REAL, Native, NumberFormat
+from anhyst.compensate.force_controller import REAL, Native
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse, full_inverse
 from anhyst.compensate.plan import full_scale
 from anhyst.compensate.sources import FluxCalibration, Sources
-from anhyst.compensate.surface import Surface
+from anhyst.data.surface import Surface
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed, q31
 
 

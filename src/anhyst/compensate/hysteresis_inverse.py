@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from anhyst import _core
-from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.block import Block
 from anhyst.compensate.floating import RealBlock, build_real
-from anhyst.compensate.force_controller import Native, NumberFormat
+from anhyst.compensate.force_controller import Native
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.scheduled import full_kind
 from anhyst.compensate.sources import Sources
@@ -17,8 +17,10 @@ from anhyst.data.output_map import is_actuator
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.fit_record import ValidRange
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.kept import kept
+from anhyst.support.kinds import NumberFormat
 
 
 def bearing_model(

@@ -18,18 +18,14 @@ from anhyst.compensate.current_map import (
     single_valued_map,
 )
 from anhyst.compensate.flux_feedback import flux_feedback, fused_inverse
-from anhyst.compensate.force_controller import (
-    ForceController,
-    MethodName,
-    MethodParameters,
-    NumberFormat,
-)
+from anhyst.compensate.force_controller import ForceController, MethodParameters
 from anhyst.compensate.hysteresis_inverse import (
     full_inverse,
     full_inverse_at_rest,
     simplified_inverse,
 )
 from anhyst.compensate.sources import Sources
+from anhyst.support.kinds import MethodName, NumberFormat
 
 Role = Literal["baseline", "model", "sensor"]
 

@@ -14,7 +14,6 @@ from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.words import Names
 from anhyst.compilation.manifest import parameters_bytes
 from anhyst.compilation.parameters import (
     WIDTH,
@@ -46,6 +45,7 @@ from anhyst.compilation.toolchain import (
     single_precision,
 )
 from anhyst.control.fixed_axes import FixedController, feed_rows
+from anhyst.support.block_words import Names
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 

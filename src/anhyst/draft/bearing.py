@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from anhyst.compensate.surface import Tangent
+from anhyst.data.surface import Tangent
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Value
 from anhyst.draft.text import (
     Draft,

@@ -74,6 +74,15 @@ class CandidateFit:
     left_out: float | None = None
     note: str = ""  # ``chosen``, ``passed over``, or nothing
 
+    def text(self) -> str:
+        """Return the candidate in a line."""
+        note = f" ({self.note})" if self.note else ""
+        error = "" if self.left_out is None else f", left out {100.0 * self.left_out:.3g} %"
+        return (
+            f"{self.law}, {self.gap_map}: {self.numbers} numbers, rms {100.0 * self.rms:.3g} %"
+            f"{error}{note}"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class FitFigures:

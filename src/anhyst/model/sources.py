@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,13 +14,6 @@ from anhyst.support.errors import InputError
 
 if TYPE_CHECKING:
     from anhyst.model.actuator import Model
-
-
-def with_read_options(model: Model, options: ReadOptions) -> Model:
-    """Return the model with a note in its provenance of how its measurements were read."""
-    origin = model.provenance
-    settings = dict(origin.settings) | options.as_settings()
-    return replace(model, provenance=replace(origin, settings=settings))
 
 
 def read_sources(model: Model, folder: PathLike = ".") -> Loops:

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.study.engine.verdict import TITLES, Interval, Judgement, Level
 from anhyst.support.figures import FALLING, RISING
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Note, Tone, number
 

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.data.loops import Loops
 from anhyst.data.path import smooth_curve
@@ -30,6 +29,7 @@ from anhyst.rig.recording import Recording
 from anhyst.study.bearing.metrics import SETTLED
 from anhyst.study.engine.verdict import Interval
 from anhyst.support.figures import new_figure, styled
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import number
 

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
@@ -35,6 +34,7 @@ from anhyst.study.bearing.linear import zone
 from anhyst.study.engine.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.figures import svg_text
+from anhyst.support.kinds import MethodName
 from anhyst.support.page import (
     NBSP,
     Block,

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS, MODELS
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing.look import interval_text, ordered
@@ -21,6 +20,7 @@ from anhyst.study.engine.verdict import (
     judge,
     strongest,
 )
+from anhyst.support.kinds import MethodName
 from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, PageTable, number, table
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"

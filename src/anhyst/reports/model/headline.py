@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from anhyst.data.verdict import WHERE_IT_PAYS
-from anhyst.laws.registry import LAWS
 from anhyst.reports.model.subject import ModelSubject
 from anhyst.support.page import (
     MINUS,
@@ -32,7 +31,7 @@ def headline(subject: ModelSubject) -> Headline:
     over = f" over the {subject.over}" if model.varying else ""
     what = (
         f"From {subject.drive} {symbol_of(model.input)} to {subject.answer} "
-        f"{symbol_of(model.output)}{over}: {LAWS[model.law].title}"
+        f"{symbol_of(model.output)}{over}: {model.operator_law.title}"
         + (f", map “{model.gap_map}”." if model.varying else ".")
     )
     notes = [Note("warn", "Note", text[:1].upper() + text[1:]) for text in subject.warnings]

@@ -9,8 +9,7 @@ from types import MappingProxyType
 from markupsafe import Markup
 
 from anhyst.data.read_options import PREFIX
-from anhyst.laws.cells import CellWeights
-from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import CrossValidation, Uncertainty
 from anhyst.reports.model.figures import figure_correlation, figure_reduction
 from anhyst.reports.model.figures_over_schedule import (
@@ -312,19 +311,21 @@ def section_parameters(subject: ModelSubject) -> Section:
             [symbol(bare), Cell(key, code=True), meaning, f"{text}{NBSP}{scale.unit}".strip()]
         )
     blocks: list[Block] = [
-        Text(f"Law: {LAWS[model.law].title}. The parameters mean nothing under another one."),
+        Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
         Text(equations(subject)),
         table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
     ]
     if model.cells is not None:
-        blocks.append(_cells(model.cells))
+        blocks.append(_cells(model))
     if model.uncertainty is not None and model.uncertainty.names:
         blocks += _uncertainty(subject, model.uncertainty)
     return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
 
 
-def _cells(cells: CellWeights) -> Block:
+def _cells(model: Model) -> Block:
     """Show the weights, a row for each threshold."""
+    cells = model.cells
+    assert cells is not None
     rows = [
         [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
         for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing.look import (
@@ -31,6 +30,7 @@ from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.figures import new_figure, styled, svg_text
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.page import (
     NBSP,

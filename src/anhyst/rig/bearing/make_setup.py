@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.compensate.current_map import PlayMap
-from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import MODELS, PROBED, make_compensator
 from anhyst.compensate.sources import FluxCalibration, Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
@@ -27,6 +27,7 @@ from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
 from anhyst.rig.measurement_table import identify_loops, misclosures
 from anhyst.support.errors import CreepWarning, InputError
+from anhyst.support.kinds import MethodName, NumberFormat
 
 
 @dataclass(frozen=True)

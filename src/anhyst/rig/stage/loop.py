@@ -22,7 +22,7 @@ from anhyst._core import (
 )
 from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import PlayMap
-from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.compensate.methods import PROBED, make_compensator
 from anhyst.compensate.sources import Operating, Sources
@@ -73,6 +73,7 @@ from anhyst.rig.stage.file import (
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")

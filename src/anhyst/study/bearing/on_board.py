@@ -13,7 +13,6 @@ import numpy as np
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.control.controller_file import ControllerFile
-from anhyst.control.states import State
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
@@ -28,6 +27,7 @@ from anhyst.support.atomic import PathLike, atomic_writer, json_text
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import State
 
 QEMU = "qemu-mps2"
 _AIR_M = 5e-6

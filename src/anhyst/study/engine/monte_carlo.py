@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.bearing.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
@@ -24,7 +23,7 @@ from anhyst.support.atomic import PathLike, plain
 from anhyst.support.errors import Interrupted, NegativeResult
 from anhyst.support.jobs import Progress, each
 from anhyst.support.kept import ResultsFile
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
 
