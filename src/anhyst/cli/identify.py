@@ -263,8 +263,8 @@ def _show(result: IdentifyResult, out: Path) -> None:
             )
             lines.append(
                 f"expected {where}: "
-                f"{100.0 * expected.error:.3g} % ({100.0 * expected.low:.2g} to "
-                f"{100.0 * expected.high:.2g} %)"
+                f"{100.0 * expected.error:.3g} % ({100.0 * expected.interval[0]:.2g} to "
+                f"{100.0 * expected.interval[1]:.2g} %)"
             )
     lines += [
         f"reduction: {step.frozen} made common to all nodes, mean deviation "

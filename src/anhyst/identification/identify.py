@@ -311,7 +311,7 @@ def _creeping(loops: Loops) -> _Outcome:
     end = fit_creeping(loops)
     return _Outcome(
         end.model,
-        Uncertainty(statements=tuple(filter(None, [end.statement]))),
+        Uncertainty((), (), (), statements=tuple(filter(None, [end.statement]))),
         end.numbers,
         end.tried,
         "nothing is scheduled",

@@ -278,15 +278,15 @@ def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
     if validation.left_out == "block":
         return (
             f"Expected at other samples of such loops: mean deviation {percent(validation.error)} of the "
-            f"largest {subject.answer}, in nine of ten cases {percent(validation.low)} to "
-            f"{percent(validation.high)}. Found ({each}) where blocks of samples were left out of the fit "
+            f"largest {subject.answer}, in nine of ten cases {percent(validation.interval[0])} to "
+            f"{percent(validation.interval[1])}. Found ({each}) where blocks of samples were left out of the fit "
             "and of the choice of the law; it says nothing of loops of other sizes."
         )
     return (
         f"Expected at a {subject.over} between those measured: mean deviation "
         f"{percent(validation.error)} of the largest {subject.answer}, in nine of ten cases "
-        f"{percent(validation.low)} to {percent(validation.high)}. Found ({each}) where the {subject.over} "
-        "was left out of the fit, of the choice of the map and of the decision about offsets; "
+        f"{percent(validation.interval[0])} to {percent(validation.interval[1])}. Found ({each}) where "
+        f"the {subject.over} was left out of the fit, of the choice of the map and of the decision about offsets; "
         "noise of the sensor is taken off."
     )
 
