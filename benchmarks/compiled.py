@@ -25,9 +25,9 @@ from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
+from anhyst.verification.compare import Workshop
 from anhyst.verification.protocol import COMPENSATOR, ON_GRID, START, VECTORS, WINDOW, Request
 from anhyst.verification.targets import cortex_m
-from anhyst.verification.workshop import Workshop
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"

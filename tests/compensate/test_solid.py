@@ -11,7 +11,7 @@ from anhyst import _core
 from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.floating import RealBlock, RealIo, build_real
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.hysteresis_inverse import full_inverse
+from anhyst.compensate.methods import full_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.twin import FixedTwin, RealTwin

@@ -20,7 +20,7 @@ from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
 from anhyst.exchange.export import export_fmu
 from anhyst.identification import identify
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.link import firmware
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model

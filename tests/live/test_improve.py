@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.dashboard.improver import Improver, Job
 from anhyst.dashboard.orders import perform
 from anhyst.dashboard.session import LiveSession

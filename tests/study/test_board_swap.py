@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.control.controller_file import ControllerFile, write_controller
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.loop import Setup, position_control

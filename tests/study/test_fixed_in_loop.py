@@ -13,7 +13,7 @@ import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.recording import (

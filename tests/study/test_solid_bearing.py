@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.board import BearingPlant, firmware_run

@@ -24,7 +24,7 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, plain_map
-from anhyst.compensate.hysteresis_inverse import bearing_model
+from anhyst.compensate.methods import bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.compilation.parameters import table_source
 from anhyst.control.controller_file import (

@@ -13,7 +13,7 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import parameters_bytes
 from anhyst.compilation.parameters import (
     WIDTH,

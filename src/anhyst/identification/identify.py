@@ -30,8 +30,8 @@ from anhyst.identification.rate import fit_rate, without_rate
 from anhyst.identification.run import SEARCHED, IdentifyResult, SearchRun
 from anhyst.identification.space import IN_SERIES
 from anhyst.identification.uncertainty import assess
+from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import (
@@ -75,7 +75,7 @@ def identify(
     loops : Loops
         Loops at constant scheduling values; all are fitted together.
     law : str
-        One of :data:`anhyst.laws.registry.LAWS`, or ``auto``: the law of Jiles and Atherton, and
+        One of :data:`anhyst.laws.LAWS`, or ``auto``: the law of Jiles and Atherton, and
         play cells where they are certain to predict better.
     gap_map : str
         ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a

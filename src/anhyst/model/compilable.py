@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from anhyst._core import AnyIron
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from anhyst.data.history import History
+from anhyst.laws import LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
-from anhyst.laws.registry import LAWS, law_of
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord

@@ -8,8 +8,8 @@ from pydantic import AfterValidator, FiniteFloat, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
 from anhyst.data.output_map import output_map
+from anhyst.laws import LAWS
 from anhyst.laws.law import Law
-from anhyst.laws.registry import LAWS
 from anhyst.model.fit_record import (
     FitFigures,
     Provenance,

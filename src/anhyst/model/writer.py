@@ -11,8 +11,8 @@ from typing import Any, cast, get_type_hints
 
 import numpy as np
 
+from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
-from anhyst.laws.registry import LAWS
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, Provenance, Uncertainty, Whole, of_output
 from anhyst.model.reader import read_as

@@ -17,7 +17,7 @@ from anhyst.data.verdict import closings, largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
 from anhyst.identification.run import IdentifyTable, whole_search
-from anhyst.laws.registry import LAWS, OWN
+from anhyst.laws import LAWS, OWN
 from anhyst.model.actuator import Model
 from anhyst.rig.old_files import rig_error
 from anhyst.support.errors import InputError

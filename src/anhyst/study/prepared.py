@@ -7,7 +7,7 @@ from pathlib import Path
 
 from anhyst.compensate.block import Block, DemandLimits, Kind
 from anhyst.compensate.current_map import fit_ratio
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse, bearing_model
+from anhyst.compensate.methods import HysteresisInverse, bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
 from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops

@@ -23,8 +23,7 @@ from anhyst._core import (
 from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import PlayMap
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.methods import PROBED, make_compensator
+from anhyst.compensate.methods import PROBED, HysteresisInverse, make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from anhyst._core import allocate
-from anhyst.compensate.flux_feedback import FluxFeedback, FusedInverse
-from anhyst.compensate.methods import PROBED
+from anhyst.compensate.methods import PROBED, FluxFeedback, FusedInverse
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
