@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import (
     POSITION_MAGNETS,
+    FixedAxes,
     FixedTracking,
     LoopController,
     PlantLoop,
@@ -448,7 +449,9 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     }
 
 
-def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
+def axes_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> TrackingAxes | FixedAxes:
     """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
     magnets = [one.native for one in drives or setup.fresh()]
     if setup.law == "fixed":
@@ -458,12 +461,8 @@ def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
-    controller = made(
-        magnets,
-        wrench_layout(setup.rig.settings, kind, idle),
-        axes_rows(setup),
-        settings,
-    )
+    layout = wrench_layout(setup.rig.settings, kind, idle)
+    controller = made(magnets, layout, axes_rows(setup), settings)
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller
