@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 from anhyst.data.loops import Loops, Source
 from anhyst.data.verdict import largest_output
 from anhyst.support.numeric import FloatArray
-from anhyst.support.toml_file import LIST, Record
+from anhyst.support.toml_file import LIST, FileRecord
 
 OF_OUTPUT = object()
 """Beside the type of a field that is in units of the output: its key in the file carries them."""
@@ -35,7 +35,7 @@ Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], LIST]
 """Numbers that may be infinite."""
 
 
-def of_output(record: type[Record]) -> list[str]:
+def of_output(record: type[FileRecord]) -> list[str]:
     """Return the fields of a record that are in units of the output."""
     hints = get_type_hints(record, include_extras=True)
     return [name for name, hint in hints.items() if OF_OUTPUT in getattr(hint, "__metadata__", ())]
@@ -61,7 +61,7 @@ CHOSEN = "chosen"
 
 
 @dataclass(frozen=True, slots=True)
-class ValidRange(Record):
+class ValidRange(FileRecord):
     """Where the model was seen to hold; outside it computes, but every sample is flagged."""
 
     input: Range  # smallest and largest measured value, SI
@@ -71,7 +71,7 @@ class ValidRange(Record):
 
 
 @dataclass(frozen=True, slots=True)
-class LoopFit(Record):
+class LoopFit(FileRecord):
     """How far model and measurement are apart on one loop; deviations in units of the output."""
 
     label: str  # label of the loop in its file
@@ -85,7 +85,7 @@ class LoopFit(Record):
 
 
 @dataclass(frozen=True, slots=True)
-class CrossValidation(Record):
+class CrossValidation(FileRecord):
     """What to expect at a scheduling value between those measured, or at other samples of few loops."""
 
     # mean absolute deviation in parts of the largest output, mean over values that were left out of
@@ -98,7 +98,7 @@ class CrossValidation(Record):
 
 
 @dataclass(frozen=True, slots=True)
-class CandidateFit(Record):
+class CandidateFit(FileRecord):
     """One law that was fitted and compared with others."""
 
     law: str  # what it is; the law in words
@@ -123,7 +123,7 @@ class CandidateFit(Record):
 
 
 @dataclass(frozen=True, slots=True)
-class FitFigures(Record):
+class FitFigures(FileRecord):
     """How far model and measurement are apart over all loops."""
 
     # largest absolute output of all loops (of a displacement: largest range), SI; relative figures
@@ -192,7 +192,7 @@ def fit_figures(
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertainty(Record):
+class Uncertainty(FileRecord):
     """What the data say about each fitted quantity, and what they cannot say."""
 
     # the fitted quantities, with a node in brackets where there is one for each
@@ -205,7 +205,7 @@ class Uncertainty(Record):
 
 
 @dataclass(frozen=True, slots=True)
-class ReductionStep(Record):
+class ReductionStep(FileRecord):
     """One round of the reduction: a parameter replaced by its mean over the gaps (II.D)."""
 
     frozen: str  # the parameter that was frozen
@@ -216,7 +216,7 @@ class ReductionStep(Record):
 
 
 @dataclass(frozen=True, slots=True)
-class Provenance(Record):
+class Provenance(FileRecord):
     """Where a model came from."""
 
     version: str = ""  # version of anhyst that wrote the model

@@ -20,7 +20,7 @@ from anhyst.model.record import ActuatorRecord
 from anhyst.model.schema import FORMAT, VERSION, Names, column, section_names
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
-from anhyst.support.toml_file import Record
+from anhyst.support.toml_file import FileRecord
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
 
@@ -189,7 +189,7 @@ def _layers(layers: Layers) -> str:
     return f"{LAYERS}[layers]\n{_keys(table)}"
 
 
-def _record(record: Record, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
+def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
     """Write the keys of a record; left out is what it has by default, and the tables inside it.
 
     Deviations come with what they are of the largest output. A scheduling variable has a name only
@@ -212,8 +212,8 @@ def _record(record: Record, names: Mapping[str, tuple[str, str]] = MappingProxyT
 
 
 def _holds_tables(value: object) -> bool:
-    return isinstance(value, Record) or (
-        isinstance(value, tuple) and any(isinstance(item, Record) for item in value)
+    return isinstance(value, FileRecord) or (
+        isinstance(value, tuple) and any(isinstance(item, FileRecord) for item in value)
     )
 
 

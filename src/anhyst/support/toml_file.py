@@ -62,7 +62,7 @@ class Table(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class Record:
+class FileRecord:
     """A table of a file that is a plain record: pydantic reads it, and nobody else pays for that."""
 
     __slots__ = ()
