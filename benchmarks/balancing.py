@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import changed, draw_plant
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage
@@ -26,6 +25,7 @@ from anhyst.study.tracking.excitation import design, fly
 from anhyst.study.tracking.learner import Learner, fit
 from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from calibration_trials import SCANS, Bench, bench_of, training
 from planar import RIG

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.drift import changed, with_iron
 from anhyst.rig.bearing.file import BearingRig, read_bearing
@@ -24,6 +23,7 @@ from anhyst.rig.sensor_table import GapSensorTable
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.operating import OperatingPoint, find_operating_point
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
+from anhyst.support.kinds import MethodName, NumberFormat
 from rows import ROOT, Row
 
 FOLDER = ROOT / "examples" / "bearing"

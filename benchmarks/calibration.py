@@ -16,7 +16,6 @@ import numpy as np
 
 import balancing
 import levitated
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
@@ -26,6 +25,7 @@ from anhyst.rig.stage.loop import StageSetup, identify_stage, track
 from anhyst.study.tracking.learner import FORGET_S, WORK, Learner
 from anhyst.study.tracking.measures import Measures
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from calibration_trials import (
     COMPILED,
     LEFT_ON,

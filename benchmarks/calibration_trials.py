@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CalibratedMethod
@@ -35,6 +34,7 @@ from anhyst.study.tracking.learner import FORGET_S, WORK, Learner, fit
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.motion import MotionLaw
 from anhyst.study.tracking.simulate import find_gains
+from anhyst.support.kinds import MethodName
 from tracking import RIG
 
 SEED = 31

@@ -17,7 +17,6 @@ from typing import Protocol
 import numpy as np
 
 from anhyst.compensate.current_map import CurrentMap
-from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
@@ -27,6 +26,7 @@ from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
 from anhyst.rig.bearing.scenario import Scenario, Script
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.operating import make_ready
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
 from baseline_bearing import ByNumba, ByScipy, Control, LevitationRun, Method, Plant
 from rows import ROOT, Row

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.block import DemandLimits, Scales, TableSizes
+from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.plan import CompileRequest, find_limits, find_scales
 from anhyst.compensate.scheduled import nodes
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
@@ -21,12 +21,13 @@ from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.writer import write_model
+from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.verification import Verification, verify
 from anhyst.verification.bundle import read_bundle
+from anhyst.verification.compare import Workshop
 from anhyst.verification.protocol import COMPENSATOR, ON_GRID, START, VECTORS, WINDOW, Request
 from anhyst.verification.targets import cortex_m
-from anhyst.verification.workshop import Workshop
 from rows import ROOT, Row, Stopwatch
 
 LOOPS = ROOT / "examples" / "electromagnet" / "loops.csv"

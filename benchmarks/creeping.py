@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.stage.file import StageRig, read_stage
@@ -23,6 +22,7 @@ from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import find_gains
 from anhyst.support.errors import CreepWarning
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from rows import Row
 from tracking import RIG, with_iron
 

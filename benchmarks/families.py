@@ -14,7 +14,6 @@ import numpy as np
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
@@ -32,6 +31,7 @@ from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import BASELINES, STANDSTILLS, Benefit, benefit
 from anhyst.study.bearing.responses import StepCell, compare, default_seeds
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from bearing import HEIGHTS, quiet, read
 from rows import Row, Stopwatch
 from virtual import irons

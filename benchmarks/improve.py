@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.control.states import Command, State
 from anhyst.dashboard.drift import SAMPLES_HZ, BenchWatch
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.orders import perform
@@ -25,6 +24,7 @@ from anhyst.rig.force.programs import prepare
 from anhyst.study.bench import prepare_bench
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, State
 from rows import ROOT, Row
 
 SOLENOID = ROOT / "examples" / "solenoid"

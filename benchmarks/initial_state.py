@@ -16,13 +16,14 @@ from itertools import pairwise, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, Scales, TableSizes
+from anhyst.compensate.block import Block, Conditioning, DemandLimits, Kind, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import build_simplified, fit_closed_form
 from anhyst.compensate.twin import FixedTwin
 from anhyst.data import read_loops
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
+from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from rows import ROOT, Row

@@ -40,8 +40,8 @@ from anhyst.identification.objective import CellResponder
 from anhyst.identification.response import Local, Responder, ResponseForm
 from anhyst.identification.space import CoordinateSpace
 from anhyst.identification.uncertainty import OFFSETS
+from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.compilable import obstacle
 from anhyst.support.atomic import atomic_writer
 from anhyst.support.errors import InputError, NegativeResult, NoResponseError

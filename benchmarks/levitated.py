@@ -22,7 +22,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
@@ -33,6 +32,7 @@ from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import Ready, make_ready, read_files
 from anhyst.study.plants import BearingWork
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 from tracking import IRONS
 

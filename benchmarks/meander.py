@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst._core import PlantLoop
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.recording import Recording, column
@@ -24,6 +23,7 @@ from anhyst.rig.stage.loop import (
     of_axes,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, strayed
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from planar import RIG
 from rows import Row

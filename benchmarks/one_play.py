@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from tests.foreign.magnets import MAGNETS, ForeignMagnet
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.play import Answer, CycleErrors, cycle_errors, rms, worst
@@ -23,6 +22,7 @@ from anhyst.data.reading import read_loops
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.rig.bearing.make_setup import identify_magnet
 from anhyst.rig.bearing.plant import static_map
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 BEARING = Path(__file__).resolve().parent.parent / "examples" / "bearing"

@@ -19,11 +19,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.dashboard.verb import listen_on, make_server, settle
 from anhyst.study.bench import open_bench
+from anhyst.support.states import Command
 from rows import ROOT, Row
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 from tests.study.test_losses import laid
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
 from anhyst.rig.case_table import LossCase
@@ -32,6 +31,7 @@ from anhyst.study.tracking.simulate import (
     find_gains,
 )
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 from tracking import with_iron
 

@@ -110,7 +110,7 @@ def measure(one: Draw) -> Tried:
                 "rms": float(np.sqrt(np.mean(every * every))),
             }
     if promised := model.fit.cross_validation:
-        found["promised"] = [promised.low, promised.high]
+        found["promised"] = list(promised.interval)
     return found
 
 

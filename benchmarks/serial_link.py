@@ -12,7 +12,6 @@ from random import Random
 
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
-from anhyst.control.states import Command, State
 from anhyst.data.reading import read_loops
 from anhyst.identification import identify
 from anhyst.link.client import ControllerLink
@@ -22,6 +21,7 @@ from anhyst.link.plant_bus import Reading
 from anhyst.link.process import Running, run_host, run_qemu
 from anhyst.link.wire import encode
 from anhyst.model.writer import write_model
+from anhyst.support.states import Command, State
 from rows import ROOT, Row
 
 COMMANDS = int(os.environ.get("ANHYST_LINK_COMMANDS", "1000000"))

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import Io, twin_of
 from anhyst.data import Loop
@@ -33,6 +32,7 @@ from anhyst.study.bearing.operating import read_files
 from anhyst.study.bearing.responses import StepCell, compare
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains
+from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 from solid_magnets import COUNT, RINGS_FROM, SPEEDS, SolidMagnet, solid_magnet
 from tracking import IRONS, RIG, with_iron

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic import TypeAdapter
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.bearing.measuring import measure_loops
@@ -22,6 +21,7 @@ from anhyst.rig.stage.file import StageRig, read_stage
 from anhyst.rig.stage.loop import identify_stage, make_stage, track
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
+from anhyst.support.kinds import MethodName
 from rows import ROOT, Row
 
 RIG = ROOT / "examples" / "stage" / "rig.toml"

@@ -31,12 +31,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
 from anhyst.data.reading import read_loops
-from anhyst.data.verdict import monotone_fit, single_valued
+from anhyst.data.verdict import WHERE_IT_PAYS, monotone_fit, single_valued
 from anhyst.identification import identify
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
@@ -58,8 +57,8 @@ from anhyst.study.engine.verdict import TITLES, Interval, mean_interval, stronge
 from anhyst.study.tracking.measures import Measures, measure
 from anhyst.study.tracking.simulate import find_gains, make_variants
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.pays import FEEDBACK
 from anhyst.support.result import dress
 from anhyst.verification import verify
 
@@ -307,7 +306,11 @@ def bearing(out: Path) -> Piece:
         ax.set(title=title, xlabel="time [ms]", ylabel="gap [mm]")
 
     judged = judge_steps(steps, "full")
-    remark = "" if judged.level == "yes" else f"bearing: {TITLES[judged.level].lower()}; {FEEDBACK}"
+    remark = (
+        ""
+        if judged.level == "yes"
+        else f"bearing: {TITLES[judged.level].lower()}; {WHERE_IT_PAYS['feedback']}"
+    )
     return Piece([line], draw, remark)
 
 

@@ -38,16 +38,8 @@ from anhyst.identification.paper_search import spline_model_at
 from anhyst.model.actuator import Model
 from anhyst.reports.model.figures import figure_reduction
 from anhyst.support.errors import InputError
+from anhyst.support.figures import ALARM, FALLING, MEASURED, RISING, new_figure, styled, write_png
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.style import (
-    ALARM,
-    FALLING,
-    MEASURED,
-    RISING,
-    new_figure,
-    styled,
-    write_png,
-)
 
 Array = FloatArray
 Answer = Callable[[Array, float], Array]

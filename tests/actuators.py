@@ -7,11 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import Block, DemandLimits, Kind, Scales, TableSizes
+from anhyst.compensate.block import Block, DemandLimits, Kind, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap, Parameter
+from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from anhyst.data.reading import read_loops
     from anhyst.draft.drafting import Drafted, example_files, init
     from anhyst.exchange.convert import convert
-    from anhyst.exchange.verb import export
+    from anhyst.exchange.export import export
     from anhyst.identification.identify import identify
-    from anhyst.identification.result import IdentifyResult
+    from anhyst.identification.run import IdentifyResult
     from anhyst.link.xcp_bridge import xcp
     from anhyst.model.actuator import Model
     from anhyst.model.diff import ModelDiff, diff
@@ -139,7 +139,7 @@ _PLACES = {
     "Excitation": "study.excite.excite",
     "Fleet": "study.fleet.fleet",
     "ForceControl": "study.force.force_control",
-    "IdentifyResult": "identification.result",
+    "IdentifyResult": "identification.run",
     "InputError": "support.errors",
     "Inspection": "data.inspection",
     "Loop": "data.loops",
@@ -163,7 +163,7 @@ _PLACES = {
     "example_files": "draft.drafting",
     "excite": "reports.measuring:excite_rig",
     "excite_to_calibrate": "study.tracking.excitation",
-    "export": "exchange.verb",
+    "export": "exchange.export",
     "fleet": "study.fleet.fleet:judge_fleet",
     "force_control": "study.force.force_control",
     "identify": "identification.identify",

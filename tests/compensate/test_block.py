@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate import layout
 from anhyst.compensate.block import Block, Kind
-from anhyst.compensate.layout import WORDS
+from anhyst.support import block_layout as layout
+from anhyst.support.block_layout import WORDS
 from tests.actuators import compiled
 
 KINDS: tuple[Kind, ...] = ("full", "simplified", "euler")

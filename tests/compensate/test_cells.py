@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Block, DemandLimits, Scales, TableSizes
+from anhyst.compensate.block import Block, DemandLimits, TableSizes
 from anhyst.compensate.cells import build_cells, cell_rows, fewer
 from anhyst.compensate.floating import RealIo, RealKind, build_real
 from anhyst.compensate.full import build_full
@@ -23,6 +23,7 @@ from anhyst.compensate.twin import FixedTwin, Io, RealTwin
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.parameters import GapMap
+from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0
 from tests.actuators import GAPS, magnet

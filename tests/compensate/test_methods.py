@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from anhyst.compensate.flux import FluxCalibration
-from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import METHODS, make_compensator
-from anhyst.compensate.sources import Operating, Sources
-from anhyst.compensate.surface import fit_surface
+from anhyst.compensate.sources import FluxCalibration, Operating, Sources
 from anhyst.data import History, Loop, Loops
+from anhyst.data.surface import fit_surface
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import ValidRange
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.actuators import GAPS, magnet, triangles

@@ -8,17 +8,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.current_map import single_valued_map
-from anhyst.compensate.force_controller import ForceController, NumberFormat
-from anhyst.compensate.play_map import (
+from anhyst.compensate.current_map import (
     PlayMap,
     best_radius,
     expected_forces,
     no_steeper,
     one_play,
+    single_valued_map,
 )
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.sources import Sources
-from anhyst.compensate.surface import fit_surface
+from anhyst.data.surface import fit_surface
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from tests.actuators import GAPS
 from tests.compensate.test_methods import POINT, RANGE, WIDTH, around, known, roots

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from anhyst._core import Compensator, Parameters
-from anhyst.compensate.block import DemandLimits, Scales, TableSizes
+from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.floating import COLUMNS, RealBlock, RealIo, RealKind, build_real
 from anhyst.compensate.twin import FixedTwin, RealTwin
-from anhyst.compensate.words import Names
 from anhyst.compilation.parameters import c_parameters, literal
 from anhyst.compilation.toolchain import SINGLE
 from anhyst.model.compilable import least_slope
 from anhyst.model.parameters import GapMap
 from anhyst.support.atomic import core_folder
+from anhyst.support.block_words import Names, Scales
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (
     CURRENTS,

@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from anhyst import _core
-from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
+from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.floating import RealBlock, RealIo, build_real
-from anhyst.compensate.force_controller import ForceController, NumberFormat
-from anhyst.compensate.hysteresis_inverse import full_inverse
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import full_inverse
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compensate.twin import FixedTwin, RealTwin
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange
+from anhyst.support.block_words import Scales
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused

@@ -17,7 +17,6 @@ import pytest
 
 from anhyst.cli.app import main
 from anhyst.compensate.block import Block
-from anhyst.compensate.layout import BODY
 from anhyst.compensate.measure import against_demand, paths, run_with_losses
 from anhyst.compensate.plan import CompileRequest, full_scale
 from anhyst.compensate.twin import twin_of
@@ -26,6 +25,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, ValidRange
 from anhyst.model.writer import write_model
 from anhyst.support.atomic import core_folder
+from anhyst.support.block_layout import BODY
 from anhyst.support.errors import NegativeResult
 from tests.actuators import GAPS, magnet, ring
 from tests.core.test_c_core import tool

@@ -14,7 +14,6 @@ import pytest
 
 import anhyst
 from anhyst.cli.app import main
-from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.stage.loop import (
     Feedforward,
@@ -32,6 +31,7 @@ from anhyst.study.tracking.compiled import (
     compiled_rig,
     write_stage,
 )
+from anhyst.support.kinds import MethodName, NumberFormat
 from tests.compilation.test_controller import WARNINGS, played
 from tests.core.test_c_core import tool
 from tests.refusals import refused

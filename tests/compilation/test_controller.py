@@ -18,7 +18,6 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import Compiled, compile_model
 from anhyst.compilation.vectors import INPUTS, LEVITATION_COLUMNS
 from anhyst.control.controller_file import read_controller
-from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.data.reading import read_loops
 from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
@@ -26,6 +25,7 @@ from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.recording import Recording
+from anhyst.support.states import Command, Flag, Phase, State
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 from tests.core.test_c_core import tool
 from tests.refusals import says

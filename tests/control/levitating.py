@@ -16,8 +16,6 @@ from anhyst._core import (
     Position,
     PositionF32,
 )
-from anhyst.compensate.block import Scales
-from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control import (
     Levitation,
     Pidd2,
@@ -26,8 +24,10 @@ from anhyst.control import (
     ReferenceConverter,
     design,
 )
-from anhyst.control.states import Command, Phase, State
+from anhyst.support.block_words import Scales
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Phase, State
 
 RATE = 20e3
 MASS, LOAD = 2.0, 150.0

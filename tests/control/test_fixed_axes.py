@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from anhyst._core import FixedWrench, TrackingAxes, WrenchLayout
+from anhyst._core import FixedAxes, FixedWrench, TrackingAxes, WrenchLayout
 from anhyst.compensate.force_controller import ForceController
 from anhyst.control.fixed_axes import (
     Drives,
@@ -196,7 +196,7 @@ def body(one: Drives, rng: np.random.Generator) -> Body:
     return Body(rows, one, given | watched)
 
 
-def controllers(made: Body) -> tuple[FixedController, TrackingAxes, TrackingAxes]:
+def controllers(made: Body) -> tuple[FixedController, FixedAxes, TrackingAxes]:
     force, _ = magnet()
     fixed = fixed_axes(made.rows, made.drives, made.settings)
     drives, count = made.drives, len(made.drives.pull)

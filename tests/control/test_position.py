@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import NumberFormat
-from anhyst.control.states import Command, Fault, Flag, Phase, State
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command, Fault, Flag, Phase, State
 from tests.control.levitating import (
     CONTROL,
     FORMATS,

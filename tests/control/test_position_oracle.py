@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import FixedForceController, FixedPosition
 from anhyst.control import PositionControl
-from anhyst.control.states import Command, Phase, State
+from anhyst.support.states import Command, Phase, State
 from tests.control.levitating import (
     CONTROL,
     PAIR,

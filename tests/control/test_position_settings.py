@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedForceController, FixedPosition, ForceController, Position
-from anhyst.compensate.block import Scales
 from anhyst.compensate.floating import build_real
-from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control import PositionControl, ReferenceConverter
-from anhyst.control.states import Command, Phase, State
+from anhyst.support.block_words import Scales
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command, Phase, State
 from tests.actuators import CURRENTS, compiled, magnet, ranges
 from tests.control.levitating import CONTROL, FORMATS, PAIR, REST, TARGET, make_drive, path, place
 from tests.refusals import refused

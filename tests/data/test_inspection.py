@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 from anhyst.data import History, Loop, Loops
 from anhyst.data.inspection import inspect, plot_inspection
 from anhyst.data.start import propose_histories
-from anhyst.data.verdict import closings, judge, monotone_fit
+from anhyst.data.verdict import WHERE_IT_PAYS, closings, judge, monotone_fit
 from anhyst.support.numeric import FloatArray
-from anhyst.support.pays import LOOPS
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
 
@@ -86,7 +85,7 @@ def test_loops_lost_in_noise_are_not_worth_a_model() -> None:
     assert not verdict.worthwhile
     assert verdict.gain < 0.3
     assert "is not worth it" in verdict.sentences[-2]
-    assert verdict.sentences[-1].lower() == f"{LOOPS}.".lower()
+    assert verdict.sentences[-1].lower() == f"{WHERE_IT_PAYS['loops']}.".lower()
 
 
 def test_width_of_even_force_is_found_with_both_signs_of_current() -> None:

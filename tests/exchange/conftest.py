@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst.exchange.fmu_file import Of, export_fmu
+from anhyst.exchange.export import Of, export_fmu
 from anhyst.exchange.part import FmiVersion
 from anhyst.model.writer import model_text
 from tests.exchange.slave import HERE, RATE

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from anhyst.exchange.fmu_file import PLATFORMS
+from anhyst.exchange.export import PLATFORMS
 from anhyst.support.numeric import FloatArray
 
 fmpy = pytest.importorskip("fmpy")

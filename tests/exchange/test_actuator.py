@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import FmiVersion
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import ValidRange

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 import anhyst
-from anhyst.control.states import Command, Phase, State
 from anhyst.exchange import stage_part
-from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.export import export_fmu
 from anhyst.exchange.part import Part, model_description
 from anhyst.rig.bearing.loop import SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
@@ -34,6 +33,7 @@ from anhyst.rig.stage.loop import (
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.study.bearing.operating import make_ready, read_files
+from anhyst.support.states import Command, Phase, State
 from tests.cli.command import quick as run
 from tests.exchange.slave import HERE, fmpy, needs_binary, slave
 from tests.once import made_once

@@ -17,9 +17,8 @@ import anhyst
 from anhyst.compensate.block import Block
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import FixedTwin
-from anhyst.exchange.fmu_file import Of, export_fmu
+from anhyst.exchange.export import Of, export_fmu, export_tables
 from anhyst.exchange.part import FmiVersion
-from anhyst.exchange.verb import export_tables
 from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick as run
 from tests.core.test_c_core import tool

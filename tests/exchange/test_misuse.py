@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import anhyst
-from anhyst.exchange.fmu_file import Of
+from anhyst.exchange.export import Of
 from anhyst.exchange.part import FmiVersion
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import Slave, fmi2, needs_binary, slave

@@ -12,8 +12,7 @@ import pytest
 
 import anhyst
 from anhyst.exchange import stage_part
-from anhyst.exchange.fmu_file import SAME_BITS, export_fmu
-from anhyst.exchange.verb import export_sfunction
+from anhyst.exchange.export import SAME_BITS, export_fmu, export_sfunction
 from anhyst.support.numeric import FloatArray
 from tests.cli.command import quick as run
 from tests.core.test_c_core import quietly, tool

@@ -12,7 +12,7 @@ import pytest
 
 import anhyst
 from anhyst.exchange import stage_part
-from anhyst.exchange.fmu_file import Of, compile_all, export_fmu
+from anhyst.exchange.export import Of, compile_all, export_fmu
 from tests.core.test_c_core import quietly, tool
 from tests.exchange.conftest import Fmu
 from tests.exchange.slave import RATE, fmpy, needs_binary, slave

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.compilation.play import CycleErrors, cycle_errors, rms
 from anhyst.data.reading import read_loops
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from tests.foreign.magnets import MAGNETS
 

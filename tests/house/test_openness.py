@@ -15,13 +15,12 @@ import pytest
 from typer.testing import CliRunner
 
 from anhyst.cli.app import app
-from anhyst.control.states import Command
 from anhyst.dashboard.verb import opened
 from anhyst.data import read_loops
 from anhyst.data.formats import FORMATS
-from anhyst.exchange.fmu_file import export_fmu
+from anhyst.exchange.export import export_fmu
 from anhyst.identification import identify
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.link import firmware
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
@@ -31,6 +30,7 @@ from anhyst.rig.stage.file import read_stage
 from anhyst.rig.stage.loop import identify_stage
 from anhyst.study.bench import prepared_once
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst.support.units import QUANTITIES
 from tests.docs.blocks import ROOT, blocks
 from tests.docs.places import fill, shell

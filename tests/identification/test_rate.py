@@ -12,7 +12,7 @@ from anhyst.data import Loop, Loops
 from anhyst.data.speeds import rate_line, speeds_of, with_spread_times
 from anhyst.identification import identify
 from anhyst.identification.rate import fit_rate
-from anhyst.identification.result import IdentifyResult
+from anhyst.identification.run import IdentifyResult
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
 from anhyst.model.fit_record import ValidRange

@@ -21,7 +21,7 @@ from anhyst.identification.candidates import Contest, Fits, ModelCandidate
 from anhyst.identification.cell_kernel import CellKernel
 from anhyst.identification.cross_validation import Miss, Refit
 from anhyst.identification.default import FoundModel
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import CHOSEN, CandidateFit, FitFigures

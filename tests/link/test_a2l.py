@@ -16,11 +16,11 @@ from pya2l.api.inspect import Project
 from pya2l.api.validate import Validator
 from pyxcp.types import XcpResponseError
 
-from anhyst.control.states import Command, Fault, Phase, State
-from anhyst.control.xcp_map import INPUTS, SETTINGS, SIGNALS
 from anhyst.link.firmware import build
 from anhyst.link.plant_bus import Reading
 from anhyst.link.process import Running, run_host
+from anhyst.support.states import Command, Fault, Phase, State
+from anhyst.support.xcp_map import INPUTS, SETTINGS, SIGNALS
 from tests.once import made_once
 from tests.verification.conftest import Compile, compiled  # noqa: F401 - a fixture
 from tests.verification.test_verify_controller import compile_bearing

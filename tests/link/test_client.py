@@ -7,9 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.states import Command, Fault, Flag, State
 from anhyst.link import frames
-from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import (
     AckAnswer,
@@ -21,6 +19,8 @@ from anhyst.link.frames import (
 )
 from anhyst.link.process import Running, run_host
 from anhyst.link.streaming import Status
+from anhyst.support.block_head import regenerate
+from anhyst.support.states import Command, Fault, Flag, State
 from tests.refusals import refused
 
 from .conftest import RATE

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.states import Command, State
-from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
+from anhyst.support.block_head import regenerate
+from anhyst.support.states import Command, State
 from tests.refusals import refused
 
 from .plant import NoisyPlant

@@ -8,10 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.compensate.layout import MOST_WORDS
-from anhyst.control.states import Command, Fault, State
 from anhyst.link import frames
-from anhyst.link.blocks import regenerate
 from anhyst.link.firmware import build
 from anhyst.link.frames import (
     ANSWERS,
@@ -29,6 +26,9 @@ from anhyst.link.frames import (
     StatusAnswer,
 )
 from anhyst.link.wire import Receiver, encode
+from anhyst.support.block_head import regenerate
+from anhyst.support.block_layout import MOST_WORDS
+from anhyst.support.states import Command, Fault, State
 from tests.once import made_once
 from tests.verification.test_verify_controller import compile_bearing
 

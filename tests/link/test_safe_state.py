@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running
+from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 
 from .conftest import RATE

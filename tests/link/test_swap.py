@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate.block import Scales
 from anhyst.compensate.simplified import build_simplified
-from anhyst.control.states import Command
-from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Reason
 from anhyst.link.process import Running
+from anhyst.support.block_head import regenerate
+from anhyst.support.block_words import Scales
+from anhyst.support.states import Command
 from tests.actuators import SIZES, closed_form, compiled, magnet, ranges
 
 from .conftest import RATE

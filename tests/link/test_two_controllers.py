@@ -10,7 +10,6 @@ from random import Random
 
 import pytest
 
-from anhyst.control.states import Command, State
 from anhyst.link import firmware, process
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import Board, build
@@ -28,6 +27,7 @@ from anhyst.link.frames import (
 from anhyst.link.plant_bus import PlantBus
 from anhyst.link.process import LibraryBoard, find_qemu
 from anhyst.link.wire import encode
+from anhyst.support.states import Command, State
 
 from .plant import NoisyPlant
 

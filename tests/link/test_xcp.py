@@ -17,14 +17,14 @@ import numpy as np
 import pytest
 from pyxcp.types import XcpResponseError
 
-from anhyst.compensate.layout import PLACES
-from anhyst.control.states import Command, Fault, State
-from anhyst.control.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
-from anhyst.link.blocks import regenerate
 from anhyst.link.client import ControllerLink, Refused
 from anhyst.link.frames import Setting
 from anhyst.link.process import Running, run_host
 from anhyst.link.wire import framed, key_for
+from anhyst.support.block_head import regenerate
+from anhyst.support.block_layout import PLACES
+from anhyst.support.states import Command, Fault, State
+from anhyst.support.xcp_map import AREAS, PACKET, SETTINGS, SIGNALS
 from tests.actuators import compiled, ranges
 from tests.firmware.build import tool
 

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from pyxcp.types import XcpResponseError
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.process import Running, run_host
+from anhyst.support.states import Command, Fault, State
 from tests.actuators import compiled
 
 from .conftest import RATE

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
 from anhyst.link.process import Running, run_qemu
+from anhyst.support.states import Command, Fault, State
 
 from . import nucleo
 from .conftest import RATE

@@ -11,12 +11,12 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command, State
-from anhyst.control.xcp_map import SIGNALS
 from anhyst.link.client import Refused
 from anhyst.link.frames import Setting
 from anhyst.link.wire import framed
 from anhyst.link.xcp import AnswerLost, XcpLine, XcpMaster
+from anhyst.support.states import Command, State
+from anhyst.support.xcp_map import SIGNALS
 from tests.refusals import refused
 
 from .conftest import RATE

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.control.states import Command
 from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import loops_at, loops_of_rig, prepare
 from anhyst.study.prepared import PreparedForce
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from tests.study.measured_rigs import measured_rig
 from tests.truths import truth
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 
 def forever(progress: Progress) -> Mapping[str, Any]:

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command
 from anhyst.dashboard.verb import opened
-from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.rig.bearing.drift import Drift, changed, drifted_file
 from anhyst.rig.bearing.make_setup import calibrated
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.prepared import PreparedBearing, block_of
 from anhyst.study.tracking.beside import BearingLearner
 from anhyst.study.tracking.learner import Learner
+from anhyst.support.block_head import GENERATION_AT, regenerate
+from anhyst.support.states import Command
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, until
 from tests.refusals import refused

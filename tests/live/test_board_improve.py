@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.control.states import Command, State
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.session import LiveSession
 from anhyst.link.firmware import build
 from anhyst.rig.bench.force import StandPlant
 from anhyst.study.bench import open_board, prepare_board
 from anhyst.study.prepared import PreparedForce
+from anhyst.support.states import Command, State
 from tests.live.board import Board, running
 from tests.live.conftest import wait_for
 from tests.live.test_improve import done, order

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.control.states import Command, Fault, State
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
 from anhyst.link.client import Refused
@@ -24,6 +23,7 @@ from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.force.programs import Program
 from anhyst.study.bench import open_board
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from tests.live.board import Board, running
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import last, press, ready, state_is, until

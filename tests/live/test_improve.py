@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.control.states import Command, State
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.dashboard.improver import Improver, Job
 from anhyst.dashboard.orders import perform
 from anhyst.dashboard.session import LiveSession
-from anhyst.link.blocks import regenerate
 from anhyst.model.parameters import Parameter
 from anhyst.study.prepared import PreparedBearing, PreparedForce, block_of
+from anhyst.support.block_head import regenerate
+from anhyst.support.states import Command, State
 from tests.live.conftest import wait_for
 from tests.live.jobs import dies, forever
 from tests.refusals import refused

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from anhyst.control.states import State
 from anhyst.study.prepared import PreparedForce
+from anhyst.support.states import State
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.dashboard.session import LiveSession
 from anhyst.link.xcp import XcpMaster
 from anhyst.rig.bench.force import ForceBench
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.bench.pace import PacedBench
+from anhyst.support.states import Command, Fault, State
 from tests.live.board import Board
 from tests.live.conftest import Serve, wait_for
 from tests.live.lines import tcp_line

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.dashboard.generator import Generator
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
@@ -21,6 +20,7 @@ from anhyst.rig.bearing.board import BearingPlant
 from anhyst.rig.bench.force import StandPlant
 from anhyst.rig.bench.hardware import HardwareBench
 from anhyst.rig.force.programs import Program
+from anhyst.support.states import Command, Fault, State
 from tests.live.board import Board, running
 from tests.live.conftest import wait_for
 from tests.live.lines import serial_port, tcp_line

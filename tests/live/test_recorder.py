@@ -15,10 +15,10 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from anhyst.cli.app import main
-from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from tests.live.conftest import wait_for
 from tests.refusals import refused
 from tests.study import bearings

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from anhyst.cli.app import main
-from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.recording import KEPT_S, Crossing, Ring, Span, TickRecorder
 from anhyst.data.formats import open_table
@@ -21,6 +20,7 @@ from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.bench.protocol import Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from tests.live.conftest import wait_for
 from tests.live.test_recorder import numbers
 from tests.refusals import refused, says

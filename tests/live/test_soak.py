@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.states import State
 from anhyst.rig.bench.force import ForceBench
+from anhyst.support.states import State
 from tests.live.conftest import Serve, Show
 from tests.live.test_page import last, press, ready, state_is
 from tests.live.test_recorder import numbers

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.control.states import Command
 from anhyst.dashboard.orders import perform
 from anhyst.dashboard.recorder import start_recording
 from anhyst.dashboard.session import LiveSession
@@ -20,6 +19,7 @@ from anhyst.study.tracking.beside import StageLearner
 from anhyst.study.tracking.calibrate import calibrate
 from anhyst.study.tracking.learner import Learner
 from anhyst.study.tracking.motion import Motion
+from anhyst.support.states import Command
 from tests.live.conftest import Serve, Show, wait_for
 from tests.live.test_page import press, ready, state_is, until
 from tests.refusals import refused

@@ -15,6 +15,9 @@ from anhyst.data.loops import Source
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.fit_record import (
+    CHOSEN,
+    CandidateFit,
+    CrossValidation,
     FitFigures,
     LoopFit,
     Provenance,
@@ -48,6 +51,10 @@ COMPLETE = Model(
         loops=(LoopFit("major", 0.3e-3, 200, 80.0, 0.1, 0.15, 0.6),),
         left_out={"scaling": 0.0036, "reluctance": 0.0018},
         monotone=True,
+        cross_validation=CrossValidation(0.0018, (0.0009, 0.0042), (0.0012, 0.0024), "block"),
+        candidates=(CandidateFit("effective-field", "reluctance", 7, 0.0019, 0.0018, CHOSEN),),
+        not_noise=0.0007,
+        left_over="the rest is noise",
     ),
     uncertainty=Uncertainty(
         names=("k", "alpha"),
@@ -201,6 +208,10 @@ def line_of(path: Path, beginning: str) -> int:
         ("^I_A = .*", "I_A = [2]", "I_A", "too-short valid.I_A"),
         ("^std = .*", "std = [1]", "std", "length-differs uncertainty.std"),
         ("^samples.*", "samples = 1.5", "samples", "int-type fit.loop[1].samples"),
+        ("^samples", "sample", "sample", "extra-forbidden fit.loop[1].sample"),
+        ("^interval.*", "interval = [1]", "interval", "too-short fit.cross_validation.interval"),
+        ("^names = .*", "names = 3", "names", "list-type uncertainty.names"),
+        ("^rms_N = .*", "rms_N = nan", "rms_N", "finite-number fit.rms_N"),
     ],
 )
 def test_a_wrong_key_is_named_with_its_line(

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Coordinate
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.gap_map import Curve
 from anhyst.model.parameters import specs_of
 from anhyst.support.errors import InputError

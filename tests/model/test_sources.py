@@ -11,9 +11,8 @@ import pytest
 from anhyst.data.loops import Loops
 from anhyst.data.read_options import ReadOptions
 from anhyst.model.actuator import Model
-from anhyst.model.file import read_model
+from anhyst.model.file import read_model, read_sources
 from anhyst.model.fit_record import Provenance
-from anhyst.model.sources import read_sources, with_read_options
 from anhyst.model.writer import write_model
 from anhyst.support.units import QUANTITIES
 from tests.refusals import refused
@@ -39,7 +38,7 @@ def model_of(loops: Loops, options: ReadOptions) -> Model:
         IRON,
         provenance=Provenance("0.1.0", 1, loops.sources, {"search": "default"}),
     )
-    return with_read_options(model, options)
+    return model.with_read_options(options)
 
 
 def same(one: Loops, other: Loops) -> bool:

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from anhyst.compensate.block import DemandLimits, Scales, TableSizes
+from anhyst.compensate.block import DemandLimits, TableSizes
 from anhyst.compensate.full import build_full
 from anhyst.compensate.twin import FixedTwin
 from anhyst.model.parameters import GapMap
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from tests.actuators import (

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anhyst.compensate.force_controller import NumberFormat
-from anhyst.control.states import Command
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command
 from tests.control.levitating import CONTROL, FORMATS, PAIR, make
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable, read_controller
 from anhyst.reports.bearing import SimulationSubject
 from anhyst.reports.bearing.over_frequency import Response
@@ -26,7 +25,8 @@ from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.engine.verdict import Interval, no_mean
-from anhyst.support.page.blocks import Items, Note
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import Items, Note
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "bearing"
 SHOWN: tuple[MethodName, ...] = ("ratio", "single-valued", "full")

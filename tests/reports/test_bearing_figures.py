@@ -13,7 +13,6 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.data.loops import Loop, Loops
 from anhyst.reports.bearing import SimulationSubject
@@ -41,6 +40,7 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import Recording
 from anhyst.rig.tables import DisturbanceTable
+from anhyst.support.kinds import MethodName
 from anhyst.support.units import QUANTITIES
 from tests.reports import bearing_reports
 from tests.reports.bearing_reports import (

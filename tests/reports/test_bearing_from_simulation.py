@@ -19,7 +19,7 @@ from anhyst.reports.bearing.page import render
 from anhyst.rig.bearing.file import read_bearing
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.engine.verdict import Interval
-from anhyst.support.page.numbers import number
+from anhyst.support.page import number
 from tests.page import Page
 from tests.refusals import says
 from tests.study import bearings

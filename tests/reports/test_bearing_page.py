@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import ControllerTable
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing import SimulationSubject, write_simulation_report
 from anhyst.reports.bearing.look import COLOURS, interval_text
 from anhyst.reports.bearing.page import render
@@ -20,7 +21,6 @@ from anhyst.reports.bearing.subject import grouped
 from anhyst.reports.bearing.tables import difference_text, judge_steps
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.study.engine.verdict import Interval, compare
-from anhyst.support.pays import FEEDBACK
 from tests.page import NAMESPACES, Page
 from tests.reports.bearing_reports import (
     GAP,
@@ -202,7 +202,7 @@ def test_the_verdict_follows_the_strongest_baseline(
     ]
     found = judge_steps(grouped(changed), "full")
     assert found.level == level
-    assert (FEEDBACK in found.text) == (level != "yes")
+    assert (WHERE_IT_PAYS["feedback"] in found.text) == (level != "yes")
     assert "of 'single-valued'" in found.text
     assert (
         judge_steps(grouped(changed), "single-valued").text == found.text

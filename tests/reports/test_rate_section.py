@@ -14,7 +14,7 @@ from anhyst.model.dynamics import GAMMA, Dynamics
 from anhyst.model.fit_record import Uncertainty
 from anhyst.reports.model.sections_fit import rate_corner, section_rate
 from anhyst.reports.model.subject import Evidence, ModelSubject
-from anhyst.support.page.blocks import PageTable, Picture, Text
+from anhyst.support.page import PageTable, Picture, Text
 from tests.identification.test_rate import measured, truth
 
 

@@ -15,7 +15,7 @@ from anhyst.cli import app as cli
 from anhyst.data.history import History
 from anhyst.data.loops import Loops, Source
 from anhyst.data.read_options import ReadOptions
-from anhyst.data.verdict import Level
+from anhyst.data.verdict import WHERE_IT_PAYS, Level
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.parameters import Parameter
@@ -26,8 +26,7 @@ from anhyst.reports.model.headline import headline
 from anhyst.reports.model.page import subject_of
 from anhyst.reports.model.sections_model import section_gap_map
 from anhyst.reports.model.subject import ModelSubject, gather, own_figures
-from anhyst.support.page.style import svg_text, write_png
-from anhyst.support.pays import LOOPS
+from anhyst.support.figures import svg_text, write_png
 from anhyst.support.units import QUANTITIES, Quantity
 from tests.page import NAMESPACES, Page
 from tests.refusals import refused
@@ -354,7 +353,7 @@ def test_the_verdict_is_that_of_the_measurement(
     assert reported.title == title
     assert reported.tone == ("good" if level == "yes" else "warn")
     assert "% of that error away" in reported.text.replace("\xa0", " ")
-    assert (LOOPS in reported.text) == (level != "yes")
+    assert (WHERE_IT_PAYS["loops"] in reported.text) == (level != "yes")
 
 
 @pytest.mark.slow

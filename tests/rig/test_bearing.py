@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import NumberFormat
-from anhyst.control.states import Command
 from anhyst.data.formats.text import write_csv
 from anhyst.model.writer import write_model
 from anhyst.rig.bearing.drift import changed
@@ -22,6 +20,8 @@ from anhyst.rig.bearing.plant import flux_table
 from anhyst.rig.recording import HOVER, READY, Recording
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.study.bearing.operating import find_operating_point
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
 from anhyst.link.plant_bus import Q31
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
@@ -19,6 +18,7 @@ from anhyst.rig.bearing.scenario import Scenario, Script, land_time
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, Phase, State
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP

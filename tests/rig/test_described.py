@@ -10,11 +10,11 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.file import RigFile
 from anhyst.rig.force.file import SolenoidFile
 from anhyst.rig.sensor_table import POSITION_SENSORS
+from anhyst.support.kinds import MethodName
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

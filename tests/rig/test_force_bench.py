@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from anhyst.compensate.surface import fit_ratio
-from anhyst.control.states import Command, Fault, State
+from anhyst.compensate.current_map import fit_ratio
 from anhyst.link.client import Refused
 from anhyst.rig.bench.force import Armature, ForceBench
 from anhyst.rig.case_table import ForceCase
@@ -16,6 +15,7 @@ from anhyst.rig.force.bench import ActuatorBench, run_firmware, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program, loops_at, loops_of_rig
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.rig import forces
 

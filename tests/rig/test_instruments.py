@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.surface import fit_ratio, fit_single_valued
+from anhyst.compensate.current_map import fit_ratio, fit_single_valued
 from anhyst.data import History, Loop, Loops
 from anhyst.rig.case_table import ForceCase, MovingCase
 from anhyst.rig.force.bench import (

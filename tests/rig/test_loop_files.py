@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from anhyst.identification.run import IdentifyTable
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.rig import measurement_table
 from anhyst.rig.measurement_table import identify_loops
 from anhyst.rig.piezo import read_piezo_rig

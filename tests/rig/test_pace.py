@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command
 from anhyst.rig.bench.pace import BEHIND_S, PacedBench
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal, Subscription
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from tests.refusals import refused
 
 RATE = 20000.0

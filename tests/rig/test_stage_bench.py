@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from anhyst._core import Coil, Magnet
-from anhyst.control.states import Command, Fault, State
 from anhyst.rig.bench import stage
 from anhyst.rig.bench.stage import AxesBench, StageBench, StageVariant, bench_of
 from anhyst.rig.parts.magnet import circuit_numbers
@@ -16,6 +15,7 @@ from anhyst.rig.recording import Loss
 from anhyst.rig.stage.file import pull_rows
 from anhyst.rig.stage.loop import Feedforward, make_stage, track
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import planar

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.controller_file import (
     ControllerFile,
     ControllerTable,
@@ -29,6 +28,7 @@ from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import HOVER, Recording
 from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable
 from anhyst.study.bearing.on_board import build_firmware
+from anhyst.support.kinds import MethodName, NumberFormat
 from tests.once import made_once
 from tests.truths import truth
 

@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import StageRig, read_stage
@@ -15,6 +14,7 @@ from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.rig.stage.setpoint import SetPoint, motion_of
 from anhyst.rig.tables import FrameTable
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage
+from anhyst.support.kinds import MethodName
 from tests.study import bearings
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "stage"

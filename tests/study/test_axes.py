@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage import loop
@@ -31,6 +30,7 @@ from anhyst.rig.stage.setpoint import instants, motion_of, ticks_of
 from anhyst.study.tracking.measures import cross_talk, measure, still_axes
 from anhyst.study.tracking.simulate import explore_stage
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from tests.study import bearings, stages
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, changed, draw_plant
 from anhyst.rig.calibration import CENTRE
 from anhyst.rig.recording import Recording
@@ -23,6 +22,7 @@ from anhyst.study.tracking.calibrate import calibrate
 from anhyst.study.tracking.learner import Learner, fit
 from anhyst.study.tracking.measures import cross_talk, measure
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.test_axes import EXAMPLES, PLANAR, planar

@@ -12,7 +12,6 @@ import pytest
 
 from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
-from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_bearing, with_iron
 from anhyst.rig.bearing.file import BearingRig
@@ -26,6 +25,7 @@ from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.study.plants import BearingWork
 from anhyst.study.tracking.bodies import BearingLaw
+from anhyst.support.states import Command
 from tests.study import bearings
 
 WRONG = Drift(pinning=0.2, gap_offset=10e-6)

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from anhyst.control.controller_file import write_controller
-from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
@@ -16,6 +15,7 @@ from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.scenario import DROP, Script, land_time
 from anhyst.study.bearing.board_faults import FaultRuns, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
+from anhyst.support.states import Command, Fault, Phase, State
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.bearings import GAP

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import MethodName
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.control.controller_file import ControllerFile, write_controller
-from anhyst.control.states import Command, Phase, State
-from anhyst.link.blocks import regenerate
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.study.bearing.on_board import build_firmware
+from anhyst.support.block_head import regenerate
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Phase, State
 from tests.once import made_once
 from tests.study import bearings
 from tests.study.bearings import GAP

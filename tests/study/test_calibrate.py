@@ -14,7 +14,6 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from anhyst import Calibration, InputError, calibrate
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.calibration import CalibratedMethod, ParameterName
 from anhyst.rig.recording import Recording
@@ -22,6 +21,7 @@ from anhyst.rig.stage.file import calibration_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, make_stage, track
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.simulate import explore_stage
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused
 from tests.study import bearings, stages

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q31, Reading
 from anhyst.link.process import run_library
@@ -19,6 +18,7 @@ from anhyst.rig.bearing.loop import position_control
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Act, Injection, injections
 from anhyst.support.errors import InputError
+from anhyst.support.states import Command, Fault, State
 from tests.study import bearings
 from tests.study.test_bearing_calibration import WRONG, setup, taught
 

@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.rig.bearing.loop import Setup
 from anhyst.study.bearing import responses
 from anhyst.study.bearing.experiments import (
@@ -18,6 +17,7 @@ from anhyst.study.bearing.experiments import (
     stand_still,
 )
 from anhyst.study.bearing.responses import StepCell, StepResult, StepRun, compare
+from anhyst.support.kinds import MethodName, NumberFormat
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -12,7 +12,6 @@ import pytest
 
 from anhyst._core import Coil
 from anhyst.compensate import holding
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.measure import find_reach
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.compensate.twin import twin_of
@@ -34,6 +33,7 @@ from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import benefit
 from anhyst.study.bearing.responses import compare
 from anhyst.support.errors import CreepWarning
+from anhyst.support.kinds import MethodName
 from tests.plant.irons import generator
 from tests.study import bearings
 from tests.study.bearings import GAP

@@ -13,9 +13,7 @@ import pytest
 
 from anhyst._core import FixedCompensator, FixedController, FixedForceController
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import MethodName
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.control.states import Command
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.recording import (
@@ -28,6 +26,8 @@ from anhyst.rig.recording import (
     SET_DOWN,
     Recording,
 )
+from anhyst.support.kinds import MethodName
+from anhyst.support.states import Command
 from tests.study import bearings
 from tests.study.bearings import GAP
 

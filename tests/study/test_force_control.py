@@ -13,11 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from anhyst.cli.app import main
-from anhyst.cli.force_control import show_force as show_terminal
+from anhyst.cli.rig import show_force as show_terminal
 from anhyst.compensate.block import Block
 from anhyst.compensate.methods import MODELS
 from anhyst.compensate.plan import CompileRequest, make_plan
 from anhyst.data import Loops
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.link.firmware import build
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
@@ -28,7 +29,6 @@ from anhyst.rig.force.file import read_rig
 from anhyst.rig.force.programs import Program, Session, ticks_that_differ
 from anhyst.study.force.force_control import ForceControl, force_control
 from anhyst.study.force.trials import ForceOutcome, judge_stages
-from anhyst.support.pays import FORCE
 from tests.refusals import says
 from tests.truths import truth
 
@@ -179,7 +179,7 @@ def test_the_verdict_follows_the_errors(full: tuple[float, float], level: str) -
     }
     found = judge_stages(summary)
     assert found["level"] == level
-    assert (FORCE in found["text"]) == (level != "yes")
+    assert (WHERE_IT_PAYS["force"] in found["text"]) == (level != "yes")
     assert found["strongest"] == {"end": "single", "moving": "ratio"}
 
 

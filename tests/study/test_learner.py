@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import Drift, changed
 from anhyst.rig.calibration import LearntParameter
 from anhyst.rig.recording import Recording
@@ -20,6 +19,7 @@ from anhyst.study.tracking.learner import FORGET_S, RATE, Learner
 from anhyst.study.tracking.measures import measure
 from anhyst.study.tracking.motion import Motion, MotionLaw
 from anhyst.study.tracking.simulate import explore_stage
+from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings, stages
 from tests.study.stages import WRONG, recorded, training

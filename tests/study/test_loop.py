@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from anhyst._core import FixedPosition, Plant, PlantLoop, Position, PositionF32
-from anhyst.compensate.force_controller import NumberFormat
-from anhyst.control.states import Command
 from anhyst.rig.bearing.loop import Setup, make_position
 from anhyst.rig.bearing.plant import (
     current_loop,
@@ -24,6 +22,8 @@ from anhyst.rig.bearing.scenario import DROP, Scenario, Script
 from anhyst.rig.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import NumberFormat
+from anhyst.support.states import Command
 from tests.study import bearings
 from tests.study.bearings import GAP
 

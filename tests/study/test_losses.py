@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from anhyst._core import PlantLoop
-from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS
@@ -31,6 +30,7 @@ from anhyst.rig.stage.loop import (
 )
 from anhyst.rig.stage.setpoint import motion_of
 from anhyst.study.tracking.losses import Losses, LostMagnet
+from anhyst.support.states import Command, Flag
 from tests.control.test_wrench import LAYOUTS
 from tests.study import bearings
 from tests.study.test_axes import planar

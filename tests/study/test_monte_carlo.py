@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.scheduled import cell_weights
 from anhyst.control.controller_file import ControllerFile, read_controller
 from anhyst.rig.bearing.drift import (
@@ -35,6 +34,7 @@ from anhyst.study.engine import monte_carlo as engine
 from anhyst.study.engine.monte_carlo import MonteCarlo, Plants, fault_of, percentile
 from anhyst.study.plants import bearing_plants
 from anhyst.support.errors import Interrupted
+from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings
 from tests.truths import path_of, truth

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from anhyst.compensate.force_controller import MethodName
-from anhyst.control.states import Command, Phase, State
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.loop import SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import DROP
@@ -20,6 +18,8 @@ from anhyst.study.bearing.experiments import (
     excess_band,
     recover,
 )
+from anhyst.support.kinds import MethodName
+from anhyst.support.states import Command, Phase, State
 from tests.study import bearings
 from tests.study.bearings import GAP
 

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from anhyst.cli.app import main
 from anhyst.compensate.methods import METHODS
 from anhyst.control.position import PositionLimits
-from anhyst.control.states import Command, Flag, Phase, State
 from anhyst.data.table import read_columns
 from anhyst.model.writer import write_model
 from anhyst.reports.bearing import write_simulation_report
@@ -31,6 +30,7 @@ from anhyst.study.bearing import simulate as module
 from anhyst.study.bearing.responses import FIGURES
 from anhyst.study.bearing.simulate import Simulation, simulate
 from anhyst.support.errors import NegativeResult
+from anhyst.support.states import Command, Flag, Phase, State
 from anhyst.support.units import split_header
 from tests.refusals import refused, says
 from tests.study import bearings

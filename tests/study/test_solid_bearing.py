@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import MethodName
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import controller_bytes, state_bytes
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
@@ -25,6 +24,7 @@ from anhyst.rig.magnet_table import SolidTable
 from anhyst.study.bearing.on_board import build_firmware, count_differences
 from anhyst.study.bearing.responses import compare
 from anhyst.study.prepared import PreparedBearing
+from anhyst.support.kinds import MethodName
 from tests.refusals import refused
 from tests.study import bearings
 from tests.study.test_solid_stage import late

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from anhyst._core import allocate
-from anhyst.compensate.force_controller import MethodName
 from anhyst.data.table import read_columns
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.tracking import write_tracking_report
 from anhyst.reports.tracking.page import limits, memoryless, verdict, verdicts
 from anhyst.rig.bearing.drift import Drift, changed, draw_drift
@@ -23,7 +23,7 @@ from anhyst.rig.stage.setpoint import ticks_of
 from anhyst.study.plants import ERRORS
 from anhyst.study.tracking.measures import Measures, cruises, measure, settling
 from anhyst.study.tracking.simulate import find_gains
-from anhyst.support.pays import STAGE
+from anhyst.support.kinds import MethodName
 from tests.study import stages
 
 SLIT = 0.01
@@ -227,7 +227,7 @@ def test_one_sentence_holds_against_the_strongest_baseline_in_each_measure() -> 
     beaten = replace(study, tried=tried)
     found = verdict(beaten)
     assert found.level == "mixed"
-    assert found.text.endswith(STAGE)
+    assert found.text.endswith(WHERE_IT_PAYS["stage"])
     assert "less: peak 0." in found.text
     assert "more: settling to 50 nm more than 0 of 'play'" in found.text
     assert verdicts(beaten)["play"].level == "mixed"

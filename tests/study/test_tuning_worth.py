@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.study.tuning.aims import Figures
 from anhyst.study.tuning.result import worth
-from anhyst.support.pays import FEEDBACK
 
 
 def tuned(variant: str, settling: float, half_width: float = 0.01, *, meets: bool = True) -> Any:
@@ -48,7 +48,7 @@ def test_no_gain_is_reported_as_none(mine: Any, words: str) -> None:
     assert said.startswith("not worth it here: ")
     assert words in said
     assert "('single-valued')" in said
-    assert FEEDBACK in said
+    assert WHERE_IT_PAYS["feedback"] in said
 
 
 def test_where_no_baseline_meets_the_aims_it_is_worth_it() -> None:

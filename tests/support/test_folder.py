@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from anhyst.support.atomic import seen_from, whole_folder, write_texts
-from anhyst.support.json_text import json_text
+from anhyst.support.atomic import json_text, seen_from, whole_folder, write_texts
 from tests.refusals import refused
 
 OLD = {"kept.txt": "old", "sub/other.txt": "old"}

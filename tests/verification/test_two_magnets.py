@@ -12,8 +12,8 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.compilation.toolchain import Build, compile_cortex_m
 from anhyst.model.writer import write_model
+from anhyst.verification.compare import HARNESS
 from anhyst.verification.elf import FLASH, read_image
-from anhyst.verification.workshop import HARNESS
 from tests.actuators import magnet
 from tests.compilation.test_compile import measured
 from tests.core.test_c_core import tool

@@ -13,11 +13,11 @@ from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.verification import TargetResult, verify
 from anhyst.verification.bundle import read_bundle
+from anhyst.verification.compare import Workshop
 from anhyst.verification.protocol import CONTROLLER, RANDOM, START
 from anhyst.verification.protocol import Request as Asked
 from anhyst.verification.result import Verification
 from anhyst.verification.targets import reference
-from anhyst.verification.workshop import Workshop
 from tests.once import made_once
 from tests.refusals import says
 from tests.truths import path_of

@@ -10,9 +10,9 @@ import pytest
 from anhyst.cli.app import main
 from anhyst.verification import TargetResult, verify
 from anhyst.verification.bundle import read_bundle
+from anhyst.verification.compare import Workshop
 from anhyst.verification.protocol import COMPENSATOR, RANDOM, START, Request
 from anhyst.verification.targets import reference
-from anhyst.verification.workshop import Workshop
 from tests.refusals import says
 from tests.verification.conftest import Compile, Seed
 

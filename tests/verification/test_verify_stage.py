@@ -12,8 +12,8 @@ import pytest
 from anhyst.study.tracking.compiled import write_stage
 from anhyst.verification import verify
 from anhyst.verification.bundle import read_bundle
+from anhyst.verification.compare import Workshop
 from anhyst.verification.targets import cortex_m
-from anhyst.verification.workshop import Workshop
 from tests.compilation.test_compile_stage import single
 from tests.refusals import refused
 from tests.verification.conftest import sign

@@ -32,12 +32,12 @@ def wanted() -> dict[Path, str]:
         SOURCE / "link" / "frames.py": frames_module(frames, signals),
         PLANT / "bus_words.h": bus_header(frames["plant"]),
         ROOT / "firmware" / "xcp" / "map.h": map_header(xcp, signals),
-        SOURCE / "control" / "xcp_map.py": map_module(xcp, signals),
+        SOURCE / "support" / "xcp_map.py": map_module(xcp, signals),
         CORE / "control" / "states.h": states_header(controller),
         CORE / "compensator" / "flags.h": flags_header(controller),
-        SOURCE / "control" / "states.py": states_module(controller),
+        SOURCE / "support" / "states.py": states_module(controller),
         CORE / "compensator" / "layout.h": layout_header(block),
-        SOURCE / "compensate" / "layout.py": layout_module(block),
+        SOURCE / "support" / "block_layout.py": layout_module(block),
         PAGE: page_with_tables(PAGE.read_text(encoding="utf-8"), tables),
     }
 

@@ -26,7 +26,7 @@ Made by tools/contract from contract/block.toml: do not edit.
 
 from __future__ import annotations
 
-from anhyst.compensate.words import Word
+from anhyst.support.block_words import Word
 
 '''
 

@@ -36,16 +36,9 @@ class Iron(AnyIron):
     """An iron of a law on the Langevin curve; its state is x/a, M_irr/M_s, p/a."""
 
     def __init__(
-        self,
-        m_s: float,
-        a: float,
-        k: float,
-        c: float,
-        alpha: float,
-        r_d: float = 0.0,
-        law: str = "effective-field",
-        step: str = "exact",
-    ) -> None: ...
+        self, m_s: float, a: float, k: float, c: float, alpha: float, r_d: float = 0.0,
+        law: str = "effective-field", step: str = "exact",
+    ) -> None: ...  # fmt: skip
 
 class CellIron(AnyIron):
     """An iron of play cells; thresholds (n + 1), widths (J), weights (n + 1, J), all A/m.
@@ -55,13 +48,9 @@ class CellIron(AnyIron):
     """
 
     def __init__(
-        self,
-        thresholds: _Array,
-        widths: _Array,
-        weights: _Array,
-        shape: str = "tanh",
-        alpha: float = 0.0,
-    ) -> None: ...
+        self, thresholds: _Array, widths: _Array, weights: _Array,
+        shape: str = "tanh", alpha: float = 0.0,
+    ) -> None: ...  # fmt: skip
     @property
     def steepest(self) -> float:
         """Upper bound of dM/dx over all states, a thousandth above the largest that there is."""
@@ -70,26 +59,15 @@ class Operator:
     """The law in units of its own, M_s = a = 1; ValueError if out of range."""
 
     def __init__(
-        self,
-        kappa: float,
-        c: float,
-        play: float = 0.0,
-        eps: float = 0.0,
-        law: str = "effective-field",
-        step: str = "exact",
-    ) -> None: ...
+        self, kappa: float, c: float, play: float = 0.0, eps: float = 0.0,
+        law: str = "effective-field", step: str = "exact",
+    ) -> None: ...  # fmt: skip
     def run(self, omega: _Array, r: _Array, state: _Array) -> _Path:
         """Follow x + omega*m(x) = r; return x, m, state after, status, index."""
     def sensitivity(
-        self,
-        omega: _Array,
-        r: _Array,
-        omega_t: _Array,
-        r_t: _Array,
-        law_t: _Array,
-        state: _Array,
-        state_t: _Array,
-    ) -> tuple[_Array, _Array, _Array, _Array, _Array, _Array, int, int]:
+        self, omega: _Array, r: _Array, omega_t: _Array, r_t: _Array,
+        law_t: _Array, state: _Array, state_t: _Array,
+    ) -> tuple[_Array, _Array, _Array, _Array, _Array, _Array, int, int]:  # fmt: skip
         """Follow the path and d tangents of it.
 
         omega_t, r_t: (n, d); law_t: (d, 3), by kappa, c and play; state_t: (d, 3).
@@ -100,13 +78,9 @@ class CellOperator:
     """Play cells by their equation alone, A/m; arguments as those of `CellIron`."""
 
     def __init__(
-        self,
-        thresholds: _Array,
-        widths: _Array,
-        weights: _Array,
-        shape: str = "tanh",
-        aim: float = 1e-12,
-    ) -> None:
+        self, thresholds: _Array, widths: _Array, weights: _Array,
+        shape: str = "tanh", aim: float = 1e-12,
+    ) -> None:  # fmt: skip
         """Lay tables whose error is `aim`, of the saturation."""
     @property
     def steepest(self) -> float:
@@ -538,22 +512,36 @@ class WrenchLayout:
     def share(self, wrench: Sequence[float]) -> tuple[list[float], bool]:
         """Return the forces, N, for a wrench, N and N m, and whether they make it."""
 
-class TrackingAxes(LoopController):
+class _Axes(LoopController):
+    # currents, wrench, flags, what is lost bit by bit, state as in axes.h; heads off target, m
+    def tick(
+        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals, command: int = 0
+    ) -> tuple[list[float], list[float], int, int, int]: ...
+
+class TrackingAxes(_Axes):
     """PIDs of several axes and allocation, core/include/anhyst/control/axes.h: rows as there."""
 
     def __init__(
         self, magnets: list[_Drive], layout: WrenchLayout, rows: _Rows, settings: _Numbers
     ) -> None: ...
     def correct(self, rows: _Array) -> None: ...  # an anhyst_correction a magnet
-    # currents, wrench, flags, what is lost bit by bit, state as in axes.h; heads off target, m
-    def tick(
-        self, head: _Reals, forward: _Reals, gap: _Reals, read: _Reals, command: int = 0
-    ) -> tuple[list[float], list[float], int, int, int]: ...
 
 class TrackingAxesF32(TrackingAxes): ...  # in single precision, its magnets too
 
-FixedWrench: type[Any]  # a WrenchLayout in fixed point
-FixedAxes: type[Any]  # TrackingAxes in fixed point: words and codes
+class FixedWrench:
+    """A WrenchLayout in fixed point: tables and numbers of ``control.fixed_axes``, signals as codes."""
+
+    def __init__(self, words: _Rows, settings: Mapping[str, int]) -> None: ...
+    def lose(self, drive: int) -> None: ...  # from 0 on
+    def share(self, wrench: Sequence[int]) -> tuple[list[int], bool]: ...
+
+class FixedAxes(_Axes):
+    """TrackingAxes in fixed point, `tick` in codes; `scales`: full scales of the signals in a loop."""
+
+    def __init__(
+        self, magnets: list[_Drive], words: _Rows, settings: Mapping[str, int],
+        scales: Mapping[str, float | list[float]],
+    ) -> None: ...  # fmt: skip
 
 class PiezoMotion:
     """A piezo stack that pushes a stage, plant/include/anhyst_plant/piezo.h."""

@@ -15,17 +15,13 @@ import typer
 
 from anhyst.cli.compile import compile_, verify
 from anhyst.cli.console import one_line, say_error, warn
-from anhyst.cli.excite import excite
-from anhyst.cli.export import convert, export, xcp
-from anhyst.cli.fleet import fleet
-from anhyst.cli.force_control import force_control
 from anhyst.cli.identify import identify
-from anhyst.cli.init import init
-from anhyst.cli.inspect import inspect
-from anhyst.cli.live import live
+from anhyst.cli.live import live, watch, xcp
+from anhyst.cli.measurements import convert, fleet, inspect
+from anhyst.cli.rig import excite, force_control, init
 from anhyst.cli.simulate import simulate
 from anhyst.cli.tune import calibrate, tune
-from anhyst.cli.use import diff, invert, predict, report, watch
+from anhyst.cli.use import diff, export, invert, predict, report
 from anhyst.support.errors import (
     CreepWarning,
     InputError,

@@ -253,11 +253,9 @@ def verify(
 
 def run_and_write(folder: Path, on: str | None = None) -> Verification:
     """Verify a folder and write the outcome into it."""
-    from anhyst.verification.result import write_report
-
     with progress_bar("verifying") as progress:
         verification = anhyst.verify(folder, on, progress=progress)
-    write_report(verification, folder)
+    verification.write_report(folder)
     return verification
 
 
@@ -271,9 +269,7 @@ def refuse_difference(folder: Path, verification: Verification) -> None:
 
 def show_tables(verification: Verification) -> None:
     """Print where bits are the same, and what a step costs."""
-    from anhyst.verification.result import tables
-
-    for rows in tables(verification):
+    for rows in verification.tables():
         shown = table(rows.title, rows.headings)
         for cells in rows.cells:
             shown.add_row(*cells)

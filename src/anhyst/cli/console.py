@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
-from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress
+from anhyst.support.atomic import json_text
+from anhyst.support.jobs import Progress
 
 if TYPE_CHECKING:
     from rich.table import Table

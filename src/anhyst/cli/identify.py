@@ -24,12 +24,11 @@ from anhyst.cli.options import (
     Sidecar,
     read_options,
 )
-from anhyst.laws.registry import LAWS
+from anhyst.laws import LAWS
 from anhyst.support.errors import Interrupted, NegativeResult
 
 if TYPE_CHECKING:
     from anhyst import IdentifyResult, Model
-    from anhyst.model.fit_record import CandidateFit
 
 
 class GapMapChoice(StrEnum):
@@ -162,10 +161,6 @@ def identify(
     options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
     with progress_bar("reading") as progress:
         measured = options.read(loops, progress)
-    # Only now: these take longer to import than it takes to refuse a bad file.
-    from anhyst.model.sources import with_read_options
-    from anhyst.model.writer import write_model
-
     checkpoint = _checkpoint(out) if search is SearchChoice.PAPER else None
     with _stoppable(checkpoint), progress_bar("searching") as progress:
         result = anhyst.identify(
@@ -181,7 +176,7 @@ def identify(
             progress=progress,
             checkpoint=checkpoint,
         )
-    write_model(with_read_options(result.model, options), out)
+    result.model.with_read_options(options).save(out)
     _report(result, out, checkpoint, as_json)
 
 
@@ -259,7 +254,7 @@ def _show(result: IdentifyResult, out: Path) -> None:
             f"cross-validation error with gap map {name}: {100.0 * error:.3g} %"
             for name, error in fit.left_out.items()
         ]
-        lines += [_candidate(candidate) for candidate in fit.candidates]
+        lines += [candidate.text() for candidate in fit.candidates]
         if expected := fit.cross_validation:
             where = (
                 "between the measured values, choice of the map and all"
@@ -268,8 +263,8 @@ def _show(result: IdentifyResult, out: Path) -> None:
             )
             lines.append(
                 f"expected {where}: "
-                f"{100.0 * expected.error:.3g} % ({100.0 * expected.low:.2g} to "
-                f"{100.0 * expected.high:.2g} %)"
+                f"{100.0 * expected.error:.3g} % ({100.0 * expected.interval[0]:.2g} to "
+                f"{100.0 * expected.interval[1]:.2g} %)"
             )
     lines += [
         f"reduction: {step.frozen} made common to all nodes, mean deviation "
@@ -286,15 +281,6 @@ def _show(result: IdentifyResult, out: Path) -> None:
     if model.uncertainty is not None:
         lines += [f"note: {text}" for text in model.uncertainty.statements]
     show(*lines)
-
-
-def _candidate(fit: CandidateFit) -> str:
-    """Show a law that was compared."""
-    note = f" ({fit.note})" if fit.note else ""
-    error = "" if fit.left_out is None else f", left out {100.0 * fit.left_out:.3g} %"
-    return (
-        f"{fit.law}, {fit.gap_map}: {fit.numbers} numbers, rms {100.0 * fit.rms:.3g} %{error}{note}"
-    )
 
 
 def _offsets(model: Model) -> list[str]:

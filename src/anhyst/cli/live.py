@@ -1,4 +1,4 @@
-"""The verb ``live``."""
+"""The verbs ``live``, ``watch`` and ``xcp``: what goes on while a rig runs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Annotated
 import typer
 
 import anhyst
-from anhyst.cli.console import progress_bar, show
-from anhyst.cli.options import of_its_kind
-from anhyst.support.errors import InputError
+from anhyst.cli.console import print_json, progress_bar, show
+from anhyst.cli.options import AsJson, ModelPath, of_its_kind
+from anhyst.support.errors import InputError, NegativeResult
 
 _PACKAGES = ("orjson", "starlette", "uvicorn", "websockets")
 
@@ -112,3 +112,74 @@ def live(
         )
     if recording is not None:
         show(f"written: {recording.path}, {recording.rows} ticks")
+
+
+def watch(
+    model: ModelPath,
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING", help="CSV of one run: t_s, I_A, F_N and gap_m, which may move."
+        ),
+    ],
+    least: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Smallest drift worth an alarm. [default: a thousandth of the model's largest "
+            "force]",
+            show_default=False,
+        ),
+    ] = None,
+    run_length: Annotated[
+        float, typer.Option(metavar="CYCLES", min=100, help="Mean run to a false alarm.")
+    ] = 1e5,
+    as_json: AsJson = False,
+) -> None:
+    """Say whether a model still fits its magnet, or since when it has drifted and by how much.
+
+    The first cycles of the current in the recording show what the model leaves while it fits; every
+    later cycle is held against them. Exit code 1 where the model has drifted.
+
+    Example: anhyst watch model.toml monday.csv
+    """
+    result = anhyst.watch(model, recording, least=least, run_length=run_length)
+    if as_json:
+        print_json(result.as_dict())
+    if result.finding.drifted is not None:
+        raise NegativeResult(str(result), code="drifted")
+    if result.finding.learning:
+        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
+    if not as_json:
+        show(str(result))
+
+
+def xcp(
+    port: Annotated[
+        str,
+        typer.Argument(
+            metavar="PORT",
+            help="Link of a controller: /dev/ttyACM0, COM3 or socket://HOST:PORT.",
+            callback=of_its_kind,
+        ),
+    ],
+    listen: Annotated[
+        int,
+        typer.Option(
+            metavar="NUMBER",
+            min=0,
+            max=65535,
+            help="Port of this machine for the tool; 0 takes a free one.",
+        ),
+    ] = 5555,
+) -> None:
+    """Offer XCP on TCP for a controller on a serial port, to CANape, INCA or pyxcp.
+
+    XCP goes through the controller's own link, so that one cable is enough. One tool at a time; its
+    limits, its key and its heartbeat are the firmware's. Ctrl-C ends it.
+
+    Example: anhyst xcp /dev/ttyACM0
+    """
+    anhyst.xcp(
+        port, listen, started=lambda taken: show(f"XCP on TCP: 127.0.0.1:{taken}  ctrl-C ends it")
+    )

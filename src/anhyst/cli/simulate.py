@@ -9,8 +9,8 @@ import typer
 
 import anhyst
 from anhyst.cli.console import print_json, progress_bar, show, table, warn
-from anhyst.cli.force_control import show_force
 from anhyst.cli.options import AsJson, BoardChoice, Scheduler, of_its_kind
+from anhyst.cli.rig import show_force
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -1,8 +1,9 @@
-"""The verbs ``predict``, ``invert``, ``diff``, ``report`` and ``watch``: what reads a model."""
+"""The verbs ``predict``, ``invert``, ``diff``, ``report`` and ``export``: what reads a model."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,13 +12,11 @@ import typer
 import anhyst
 from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
 from anhyst.cli.options import AsJson, Columns, ModelPath, RunHistory, of_its_kind, read_options
-from anhyst.support.errors import InputError, NegativeResult
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from anhyst import Model, ModelDiff, RunSummary
-    from anhyst.model.parameters import Parameter
 
 Out = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="CSV file to write.")]
 
@@ -161,7 +160,7 @@ def _show_diff(result: ModelDiff, model: Model, other: Model) -> None:
     show(loops, f"all together: mean {result.mean:.4g} {unit}, worst {result.worst:.4g} {unit}")
 
 
-def _text(value: Parameter | str | None) -> str:
+def _text(value: float | tuple[float, ...] | str | None) -> str:
     if isinstance(value, tuple):
         return ", ".join(f"{number:.6g}" for number in value)
     if isinstance(value, float):
@@ -169,7 +168,7 @@ def _text(value: Parameter | str | None) -> str:
     return value or "none"
 
 
-def _relative(first: Parameter | str | None, second: Parameter | str | None) -> str:
+def _relative(first: object, second: object) -> str:
     if isinstance(first, float) and isinstance(second, float) and first:
         return f"{100.0 * (second / first - 1.0):+.3g} %"
     return ""
@@ -203,41 +202,114 @@ def report(
         show(f"{out} written")
 
 
-def watch(
+class ExportChoice(StrEnum):
+    """What a model is exported as."""
+
+    FMU = "fmu"
+    SIMULINK = "simulink"
+    LUT = "lut"
+
+
+class FmiChoice(StrEnum):
+    """Versions of the standard."""
+
+    SECOND = "2.0"
+    THIRD = "3.0"
+
+
+class OfChoice(StrEnum):
+    """What of a model is exported."""
+
+    COMPENSATOR = "compensator"
+    ACTUATOR = "actuator"
+
+
+class ExportKind(StrEnum):
+    """Kinds of compensator."""
+
+    FULL = "full"
+    SIMPLIFIED = "simplified"
+
+
+def export(
     model: ModelPath,
-    recording: Annotated[
+    out: Annotated[
         Path,
-        typer.Argument(
-            metavar="RECORDING", help="CSV of one run: t_s, I_A, F_N and gap_m, which may move."
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="'.fmu', a folder for Simulink, '.csv' or '.json'."
         ),
     ],
-    least: Annotated[
-        float | None,
+    as_: Annotated[
+        ExportChoice,
         typer.Option(
-            metavar="N",
-            help="Smallest drift worth an alarm. [default: a thousandth of the model's largest "
-            "force]",
+            "--as",
+            help="'fmu': for co-simulation; 'simulink': a C S-function; 'lut': settled loops over "
+            "the gap as tables.",
+        ),
+    ] = ExportChoice.FMU,
+    of: Annotated[
+        OfChoice | None,
+        typer.Option(
+            help="Of a model: 'compensator', demand in, current out; 'actuator', current in, force "
+            "out. [default: compensator]",
             show_default=False,
         ),
     ] = None,
-    run_length: Annotated[
-        float, typer.Option(metavar="CYCLES", min=100, help="Mean run to a false alarm.")
-    ] = 1e5,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ", min=1.0, help="Of a compensator: ticks a second.", show_default=False
+        ),
+    ] = None,
+    kind: Annotated[
+        ExportKind | None,
+        typer.Option(help="Of a compensator. [default: full]", show_default=False),
+    ] = None,
+    fmi: Annotated[FmiChoice, typer.Option(help="Version of the standard.")] = FmiChoice.SECOND,
+    platforms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Of an FMU: x86_64-linux, aarch64-linux, x86_64-windows, x86_64-darwin, "
+            "aarch64-darwin. [default: all]",
+            show_default=False,
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say whether a model still fits its magnet, or since when it has drifted and by how much.
+    """Export a model for other tools: its compensator or the actuator as FMU or S-function; tables.
 
-    The first cycles of the current in the recording show what the model leaves while it fits; every
-    later cycle is held against them. Exit code 1 where the model has drifted.
+    A compensator computes what the compiled fixed-point C computes on a controller, an actuator
+    what the model does; the rig file of a bearing or a stage gives plant and controller in one. An
+    FMU holds the sources, and binaries for Linux, Windows and macOS (extra 'verify'). Simulink, Amesim,
+    Dymola, OpenModelica and fmpy read it. An S-function is C that MATLAB compiles with the script
+    beside it. For C alone: anhyst compile.
 
-    Example: anhyst watch model.toml monday.csv
+    Example: anhyst export model.toml --as fmu --rate 20000 --out magnet.fmu
+
+    Example: anhyst export model.toml --as fmu --of actuator --out actuator.fmu
+
+    Example: anhyst export rig.toml --as fmu --out bearing.fmu
+
+    Example: anhyst export examples/stage/rig.toml --as fmu --out stage.fmu
+
+    Example: anhyst export model.toml --as simulink --rate 20000 --out simulink
+
+    Example: anhyst export model.toml --as lut --out magnet.csv
     """
-    result = anhyst.watch(model, recording, least=least, run_length=run_length)
+    with progress_bar(as_.value) as progress:
+        done = anhyst.export(
+            model,
+            out,
+            as_=as_.value,
+            of=of.value if of else None,
+            rate=rate,
+            kind=kind.value if kind else None,
+            fmi=fmi.value,
+            platforms=None if platforms is None else platforms.split(","),
+            progress=progress,
+        )
     if as_json:
-        print_json(result.as_dict())
-    if result.finding.drifted is not None:
-        raise NegativeResult(str(result), code="drifted")
-    if result.finding.learning:
-        raise InputError(f"{recording}: too short to say: {result}; record more", code="too-short")
-    if not as_json:
-        show(str(result))
+        print_json(done.as_dict())
+    else:
+        show(f"written: {out}")

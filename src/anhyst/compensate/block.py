@@ -1,6 +1,6 @@
 """A parameter block: what a compensator knows of its actuator, as one row of 16-bit words.
 
-Where what stands in it is in :mod:`anhyst.compensate.layout`.
+Where what stands in it is in :mod:`anhyst.support.block_layout`.
 """
 
 from __future__ import annotations
@@ -13,23 +13,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.layout import KINDS, LAYOUT, LEAST_WORDS, MAGIC, MOST_WORDS, PLACES, WORDS
-from anhyst.compensate.words import Names, Word, WordUnit
+from anhyst.support.block_layout import KINDS, LAYOUT, LEAST_WORDS, MAGIC, MOST_WORDS, PLACES, WORDS
+from anhyst.support.block_words import Names, Scales, Word, WordUnit
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 Kind = Literal["full", "simplified", "euler", "cells"]
-
-
-@dataclass(frozen=True)
-class Scales:
-    """What the fractions 0 and 1.0 of the signals mean, SI."""
-
-    demand: float  # output and drive at 1.0, in units of the model's output and input
-    current: float
-    # Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
-    gap_low: float
-    gap_high: float
 
 
 @dataclass(frozen=True)

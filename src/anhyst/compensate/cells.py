@@ -14,7 +14,6 @@ from anhyst.compensate.block import (
     Conditioning,
     DemandLimits,
     Packer,
-    Scales,
     TableSizes,
     as_word,
     mantissa,
@@ -34,6 +33,7 @@ from anhyst.compensate.scheduled import (
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model
 from anhyst.model.dynamics import Layers
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from anhyst._core import Parameters, ParametersF32
-from anhyst.compensate.block import Conditioning, DemandLimits, Scales, TableSizes
+from anhyst.compensate.block import Conditioning, DemandLimits, TableSizes
 from anhyst.compensate.cells import cell_rows
 from anhyst.compensate.full import full_tables, normal
 from anhyst.compensate.scheduled import (
@@ -29,6 +29,7 @@ from anhyst.compensate.scheduled import (
 )
 from anhyst.compensate.simplified import ClosedForm, curve, distances, fit_closed_form
 from anhyst.model.actuator import Model
+from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 
 RealKind = Literal["full", "simplified", "cells"]

@@ -7,31 +7,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst import _core
-from anhyst.compensate.block import Scales
+from anhyst.support.block_words import Scales
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray, q31
-
-MethodName = Literal[
-    "ratio",
-    "secant",
-    "linearised",
-    "single-valued",
-    "play",
-    "simplified",
-    "at-rest",
-    "full",
-    "flux",
-    "fused",
-]
-"""How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
-
-NumberFormat = Literal["f64", "f32", "fixed"]
-"""In which a force controller counts: double, single, or 32-bit fixed point."""
 
 
 class Compensator(ABC):

@@ -13,7 +13,6 @@ from anhyst.compensate.block import (
     Conditioning,
     DemandLimits,
     Packer,
-    Scales,
     TableSizes,
     as_word,
     mantissa,
@@ -30,6 +29,7 @@ from anhyst.compensate.scheduled import (
 )
 from anhyst.laws.jiles_atherton import ascending_branch
 from anhyst.model.actuator import Model
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 

@@ -1,30 +1,340 @@
 """Every method from a wanted force to a current, each fitted to the same loops.
 
-A later one is a file of its own beside :mod:`.current_map`, a name in
-:data:`~anhyst.compensate.force_controller.MethodName`, and a row here.
+Those without memory or with one play are in :mod:`.current_map`; those with a model, the inverse of
+the hysteresis, compiled as for a controller, and those that correct either by a Hall probe stand
+here. A later one is a file of its own, a name in :data:`~anhyst.support.kinds.MethodName`, and a
+row of `METHODS`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
-from anhyst.compensate.current_map import linearised_map, ratio_map, secant_map, single_valued_map
-from anhyst.compensate.flux_feedback import flux_feedback, fused_inverse
-from anhyst.compensate.force_controller import (
-    ForceController,
-    MethodName,
-    MethodParameters,
-    NumberFormat,
+import numpy as np
+from numpy.typing import NDArray
+
+from anhyst import _core
+from anhyst.compensate.block import Block
+from anhyst.compensate.current_map import (
+    CurrentMap,
+    current_map,
+    linearised_map,
+    one_play,
+    ratio_map,
+    secant_map,
+    single_valued_map,
+    table_words,
 )
-from anhyst.compensate.hysteresis_inverse import (
-    full_inverse,
-    full_inverse_at_rest,
-    simplified_inverse,
-)
-from anhyst.compensate.play_map import one_play
-from anhyst.compensate.sources import Sources
+from anhyst.compensate.floating import RealBlock, build_real
+from anhyst.compensate.force_controller import REAL, ForceController, MethodParameters, Native
+from anhyst.compensate.plan import CompileRequest, full_scale, make_plan
+from anhyst.compensate.scheduled import full_kind
+from anhyst.compensate.sources import FluxCalibration, Sources
+from anhyst.compensate.twin import Io
+from anhyst.data.output_map import is_actuator
+from anhyst.data.surface import Surface
+from anhyst.model.actuator import Model
+from anhyst.model.compilable import has_layers
+from anhyst.model.fit_record import ValidRange
+from anhyst.support.block_words import Scales
+from anhyst.support.errors import InputError
+from anhyst.support.kept import kept
+from anhyst.support.kinds import MethodName, NumberFormat
+from anhyst.support.numeric import FloatArray, as_factor, as_smoothing, passed, q31
+
+
+def bearing_model(
+    model: Model,
+    currents: tuple[float, float],
+    forces: tuple[float, float],
+    gaps: tuple[float, float],
+) -> Model:
+    """Return a model that holds for one magnet of a bearing, and no further."""
+    if not is_actuator(model):
+        raise InputError(
+            "model: a bearing needs one from current to force",
+            code="not-current-to-force",
+            key="model",
+        )
+    if model.valid is None:
+        raise InputError(
+            "model: does not say where it holds; identify it from loops",
+            code="no-valid-range",
+            key="valid",
+        )
+    seen = model.valid.schedule
+    if seen is None or gaps[0] < seen[0] - 1e-9 or gaps[1] > seen[1] + 1e-9:
+        known = "no gap" if seen is None else f"gaps of {seen[0]:g} to {seen[1]:g} m"
+        raise InputError(
+            f"model: holds at {known}, wanted are {gaps[0]:g} to {gaps[1]:g} m; identify it "
+            "from loops at more gaps or narrow the range",
+            code="gaps-not-covered",
+            key="model",
+        )
+    return replace(model, valid=ValidRange(currents, forces, gaps))
+
+
+@dataclass(frozen=True)
+class HysteresisInverse:
+    """The inverse of hysteresis, compiled."""
+
+    block: Block | RealBlock  # for fixed point or for floating point
+    iterations: int  # evaluations of a search
+    flux_full_scale = 1.0
+
+    @property
+    def scales(self) -> Scales:
+        """Those of the block."""
+        return self.block.scales
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Evaluations of a search."""
+        return {"iterations": float(self.iterations)}
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own."""
+        block = self.block
+        if isinstance(block, Block):
+            return _core.FixedForceController.compensator(block.kind, block.words)
+        parts = block.kind, block.numbers, block.gaps, block.tables
+        if number_format == "f32":
+            return _core.ForceControllerF32.compensator(_core.ParametersF32(*parts))
+        return _core.ForceController.compensator(_core.Parameters(*parts))
+
+
+def full_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+    """Compile the full law."""
+    return _compile_inverse("full", sources, number_format)
+
+
+def full_inverse_at_rest(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+    """Compile the full law as if its iron were thin: without what answers late."""
+    model = None if sources.model is None else sources.model.at_rest
+    return _compile_inverse("full", replace(sources, model=model), number_format)
+
+
+def simplified_inverse(sources: Sources, number_format: NumberFormat) -> HysteresisInverse:
+    """Compile the simplified law."""
+    return _compile_inverse("simplified", sources, number_format)
+
+
+def _compile_inverse(
+    kind: Literal["full", "simplified"], sources: Sources, number_format: NumberFormat
+) -> HysteresisInverse:
+    """Compile as for a controller; floats of thin iron that pulls take the tables of fixed point."""
+    model, where = sources.model, sources.operating
+    if model is None:
+        raise InputError("this method needs a model; identify one from the loops", code="no-model")
+    narrowed = bearing_model(model, where.currents, where.forces, where.gap_range)
+    solid = kind == "full" and has_layers(narrowed)
+    narrowed = narrowed if solid else narrowed.at_rest
+    own = number_format != "fixed" and (solid or where.both_ways)  # tables for floats
+    io: Io = "f32" if own else "q31"
+    request = CompileRequest(kind, io, where.rate)
+    plan = kept("plans", lambda: make_plan(narrowed, request, 0), narrowed, request)
+    block = plan.block
+    if number_format != "fixed" and not own:
+        law = plan.builder.law if kind == "simplified" else None
+        made = full_kind(plan.model) if kind == "full" else kind
+        parts = plan.model, made, block.scales, block.limits, plan.sizes
+        block = build_real(*parts, plan.start.conditioning, law)
+    return HysteresisInverse(block, plan.sizes.iterations)
+
+
+@dataclass(frozen=True)
+class FluxGains:
+    """How the measured flux density corrects the current."""
+
+    proportional: float  # A/T
+    integral: float  # in a tick, A/T
+    back: float  # share of a current beyond the limits which the integral takes back in a tick
+    # share of a step of the wanted flux density that is expected to show a tick later
+    smoothing: float
+    crossover: float  # of the flux loop, rad/s
+
+    @property
+    def row(self) -> FloatArray:
+        """As ``anhyst_flux_loop`` has them."""
+        return np.array([self.proportional, self.integral, self.back, self.smoothing])
+
+
+def design_flux_loop(
+    calibration: FluxCalibration, surface: Surface, density: FloatArray, force: float, rate: float
+) -> FluxGains:
+    """Design the flux loop.
+
+    The flux follows the current at once but for delay and lag, so an integral alone would close the
+    loop. The proportional part takes the lag away, once; what is left is an integral behind the
+    delay and half a tick, the integral's own. The crossover is half the inverse of these two. That
+    leaves a phase margin of 61 degrees without lag. The proportional part takes the lag of several
+    low-passes for that of one, which costs some: 52 degrees are left behind amplifier and probe of
+    the bundled bearing, 34 where eddy currents of 100 us come on top. The gain is that of the gap
+    where the flux answers most, so that no gap is faster than designed.
+    """
+    tick = 1.0 / rate
+    column = int(np.clip(np.searchsorted(surface.force, force), 1, surface.force.size - 2))
+    around = slice(column - 1, column + 2)
+    answer = np.ptp(density[:, around], axis=1) / np.ptp(surface.current[:, around], axis=1)
+    crossover = 0.5 / (calibration.delay + 0.5 * tick)
+    integral = crossover / float(answer.max())
+    return FluxGains(
+        proportional=integral * calibration.lag,
+        integral=integral * tick,
+        back=min(1.0, crossover * tick),
+        smoothing=passed(tick / (calibration.delay + calibration.lag)),
+        crossover=crossover,
+    )
+
+
+MOST_ADDED = 0.05
+"""Of the largest current: what a flux loop adds to that of a law at most, so that a probe that fails
+costs accuracy and not the flight."""
+
+
+@dataclass(frozen=True)
+class FluxLoop:
+    """How the measured flux density corrects the current of a method."""
+
+    # T, at both ends of the force, on equal steps of the gap; shape (g, 2). Between them it goes with
+    # the root of the force, or where that has a sign, straight with it
+    wanted: FloatArray
+    scales: Scales  # of the method
+    gains: FluxGains
+    rate: float  # ticks a second, Hz
+
+    @cached_property
+    def full_scale(self) -> float:
+        """Flux density that counts as 1.0 in fixed point, T."""
+        return full_scale(float(self.wanted.max()))
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Crossover and gains."""
+        return {
+            "crossover_Hz": self.gains.crossover / (2.0 * math.pi),
+            "k_p_A_per_T": self.gains.proportional,
+            "k_i_A_per_T_s": self.gains.integral * self.rate,
+        }
+
+    def words(self) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+        """Return table and gains as fixed point takes them."""
+        across = self.full_scale / self.scales.current
+        rows = [
+            as_factor("proportional of the flux loop", self.gains.proportional * across),
+            as_factor("integral of the flux loop", self.gains.integral * across),
+            as_factor("anti-windup of the flux loop", self.gains.back),
+            as_smoothing("delay of the flux loop", self.gains.smoothing),
+        ]
+        wanted = table_words(self.wanted, self.full_scale, "flux density")
+        return wanted, np.array(rows, dtype=np.int16)
+
+
+def _flux_loop(sources: Sources, surface: Surface, scales: Scales) -> FluxLoop:
+    """Design the loop around a method with these scales."""
+    operating, calibration = sources.operating, sources.flux_calibration
+    if calibration is None:
+        raise InputError(
+            "flux: needs a Hall probe and its calibration", code="no-hall-probe", key="flux"
+        )
+    density = calibration.density_over(surface.force, surface.gap)
+    gains = design_flux_loop(calibration, surface, density, operating.force, operating.rate)
+    ends = np.array([-operating.both_ways * scales.demand, scales.demand])
+    gap = np.linspace(scales.gap_low, scales.gap_high, surface.gap.size)
+    wanted = np.ascontiguousarray(calibration.density_over(ends, gap))
+    return FluxLoop(wanted, scales, gains, operating.rate)
+
+
+@dataclass(frozen=True)
+class FluxFeedback:
+    """A map, corrected by the measured flux density."""
+
+    map: CurrentMap  # current over force and gap
+    loop: FluxLoop
+
+    @property
+    def scales(self) -> Scales:
+        """Those of the map."""
+        return self.map.scales
+
+    @property
+    def flux_full_scale(self) -> float:
+        """Flux density that counts as 1.0 in fixed point, T."""
+        return self.loop.full_scale
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Crossover and gains of the flux loop."""
+        return self.loop.numbers
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own."""
+        table, loop = self.map, self.loop
+        if number_format == "fixed":
+            return _core.FixedForceController.flux(table.words(), *loop.words(), *table.codes())
+        given = table.entries, loop.wanted, loop.gains.row
+        return REAL[number_format].flux(*given, *table.real())
+
+
+def flux_feedback(sources: Sources, _: NumberFormat) -> FluxFeedback:
+    """Design the flux loop around the best current without memory."""
+    surface = sources.surface()
+    table = current_map(surface.current, sources.operating, {})
+    return FluxFeedback(table, _flux_loop(sources, surface, table.scales))
+
+
+@dataclass(frozen=True)
+class FusedInverse:
+    """The inverse of the hysteresis, corrected by the measured flux density."""
+
+    inverse: HysteresisInverse
+    loop: FluxLoop
+    limits: tuple[float, float]  # of the current, A
+    force_low: float  # of the table of the flux density, N
+
+    @property
+    def most(self) -> float:
+        """Current that the loop adds at most, A."""
+        return MOST_ADDED * self.limits[1]
+
+    @property
+    def scales(self) -> Scales:
+        """Those of the inverse."""
+        return self.inverse.scales
+
+    @property
+    def flux_full_scale(self) -> float:
+        """Flux density that counts as 1.0 in fixed point, T."""
+        return self.loop.full_scale
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Those of both."""
+        return self.inverse.numbers | self.loop.numbers
+
+    def native(self, number_format: NumberFormat) -> Native:
+        """Return the core's own."""
+        made, scales = self.inverse.native(number_format), self.scales
+        if isinstance(made, _core.FixedForceController):
+            codes = (q31(end / scales.current) for end in (self.most, *self.limits))
+            made.fuse(*self.loop.words(), *codes)
+        else:
+            ends = self.force_low, scales.demand, scales.gap_low, scales.gap_high
+            made.fuse(self.loop.wanted, self.loop.gains.row, self.most, *ends, *self.limits)
+        return made
+
+
+def fused_inverse(sources: Sources, number_format: NumberFormat) -> FusedInverse:
+    """Compile the full law, and design the flux loop around it."""
+    inverse, where = full_inverse(sources, number_format), sources.operating
+    low = -where.both_ways * inverse.scales.demand
+    loop = _flux_loop(sources, sources.surface(), inverse.scales)
+    return FusedInverse(inverse, loop, where.currents, low)
+
 
 Role = Literal["baseline", "model", "sensor"]
 

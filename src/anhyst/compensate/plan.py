@@ -8,13 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, DemandLimits, Kind, Scales, TableSizes
+from anhyst.compensate.block import Conditioning, DemandLimits, Kind, TableSizes
 from anhyst.compensate.scheduled import flux_gain, flux_shift, refuse_uncompilable
 from anhyst.compensate.search import BlockSearch, Builder, FoundBlock
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.data.history import History
 from anhyst.data.output_map import output_map
 from anhyst.model.actuator import Model
+from anhyst.support.block_words import Scales
 from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, DemandLimits, Packer, Scales, TableSizes, as_word
-from anhyst.compensate.layout import UNITS
+from anhyst.compensate.block import Conditioning, DemandLimits, Packer, TableSizes, as_word
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import least_slope, obstacle
 from anhyst.model.dynamics import Layers
+from anhyst.support.block_layout import UNITS
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import MU_0

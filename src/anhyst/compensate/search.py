@@ -9,11 +9,10 @@ from itertools import product
 
 import numpy as np
 
-from anhyst.compensate.block import Conditioning, DemandLimits, Kind, Scales, TableSizes
+from anhyst.compensate.block import Conditioning, DemandLimits, Kind, TableSizes
 from anhyst.compensate.cells import build_cells
 from anhyst.compensate.floating import RealBlock, RealKind, build_real
 from anhyst.compensate.full import build_full
-from anhyst.compensate.layout import LEAST_WORDS, MOST_WORDS
 from anhyst.compensate.measure import (
     Path,
     PathRun,
@@ -28,6 +27,8 @@ from anhyst.compensate.scheduled import full_kind
 from anhyst.compensate.simplified import ClosedForm, build_simplified, fit_closed_form
 from anhyst.compensate.twin import AnyBlock, Io
 from anhyst.model.actuator import Model
+from anhyst.support.block_layout import LEAST_WORDS, MOST_WORDS
+from anhyst.support.block_words import Scales
 from anhyst.support.numeric import FloatArray
 
 SPARE = 0.9

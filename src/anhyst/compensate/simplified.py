@@ -25,7 +25,6 @@ from anhyst.compensate.block import (
     DemandLimits,
     Kind,
     Packer,
-    Scales,
     TableSizes,
     as_word,
     mantissa,
@@ -38,6 +37,7 @@ from anhyst.compensate.scheduled import (
     refuse_uncompilable,
 )
 from anhyst.model.actuator import Model
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 

@@ -1,15 +1,88 @@
-"""What a force controller is fitted to: what is known of its magnet, and where it works."""
+"""What a force controller is fitted to: what is known of its magnet, and where it works.
+
+Where no loops were measured, they are those of the model.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
-from anhyst.compensate.flux import FluxCalibration
-from anhyst.compensate.plan import full_scale
-from anhyst.compensate.surface import Surface, fit_surface
-from anhyst.data import Loops
+import numpy as np
+
+from anhyst.compensate.plan import find_limits, full_scale
+from anhyst.data import History, Loop, Loops
+from anhyst.data.output_map import is_electromagnet
+from anhyst.data.surface import Surface, fit_surface
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError
+from anhyst.support.numeric import FloatArray
+
+if TYPE_CHECKING:
+    pass
+
+
+@dataclass(frozen=True)
+class FluxCalibration:
+    """A static series with the probe in place, and how fast the current follows."""
+
+    gap: FloatArray  # m, N, and T as the probe reads it; shape (n,)
+    force: FloatArray
+    flux_density: FloatArray
+    delay: float  # from a sample to the output of the current found from it, s
+    # of the flux density that is read behind the current's reference, s: amplifier, eddy currents
+    # and probe together
+    lag: float
+
+    def __post_init__(self) -> None:
+        for name in ("gap", "force", "flux_density"):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.ndim != 1 or values.size != np.size(self.force) or values.size == 0:
+                raise InputError(
+                    f"flux calibration: {name} must have one value a point",
+                    code="length-differs",
+                    key=name,
+                )
+            if not np.isfinite(values).all():
+                raise InputError(
+                    f"flux calibration: {name} holds what is no number", code="not-finite", key=name
+                )
+            object.__setattr__(self, name, values)
+        if not (self.delay > 0.0 and self.lag >= 0.0):
+            raise InputError(
+                "flux calibration: the delay must be above zero, the lag not below",
+                code="delay-not-above-zero",
+            )
+
+    def density_over(self, force: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the flux density that belongs to a force, T.
+
+        At each measured gap it is the root of the force times the best constant, least squares, or
+        of what goes both ways the best straight line over it; straight lines between the gaps.
+        """
+        nodes = np.unique(self.gap)
+        if force[0] < 0.0:
+            fits = [np.polyfit(*self._at(node), 1) for node in nodes.tolist()]
+            slope, rest = (np.interp(gap, nodes, column)[:, None] for column in np.transpose(fits))
+            return np.asarray(rest + slope * force)
+        constants = []
+        for node in nodes.tolist():
+            here = (self.gap == node) & (self.force > 0.0)
+            root = np.sqrt(self.force[here])
+            constant = float(root @ self.flux_density[here] / (root @ root)) if here.any() else 0.0
+            if not constant > 0.0:
+                raise InputError(
+                    f"flux calibration: at gap {node:g} m no flux density grows with the force",
+                    code="not-monotone",
+                )
+            constants.append(constant)
+        return np.asarray(np.interp(gap, nodes, constants)[:, None] * np.sqrt(force)[None, :])
+
+    def _at(self, gap: float) -> tuple[FloatArray, FloatArray]:
+        here = self.gap == gap
+        return self.force[here], self.flux_density[here]
 
 
 @dataclass(frozen=True)
@@ -70,3 +143,74 @@ class Sources:
         where = self.operating
         full = full_scale(where.force_max)
         return fit_surface(self.loops, (-where.both_ways * full, full), where.gap_range)
+
+
+SLOW_S = 1e9
+"""From one sample to the next: no eddy current counts."""
+
+GAPS = 7
+"""Gaps at which a model is cycled."""
+
+
+NESTED = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
+"""Where the current turns in a record of minor cycles, of the largest."""
+
+
+RAMP = 150
+"""Samples from no current to the largest."""
+
+
+def operating_of(model: Model, rate: float) -> Operating:
+    """Return where the map has to hold: all that the model does."""
+    if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
+        raise InputError(
+            "--kind play is for a magnet: current to force at several gaps, with [valid]; compile "
+            "it with --kind full",
+            code="option-not-for-this",
+            key="--kind",
+        )
+    limits, gaps = find_limits(model), model.valid.schedule
+    if not 0.0 <= gaps[0] < gaps[1]:
+        raise InputError(
+            "[valid]: --kind play needs a range of gaps; identify at several",
+            code="single-gap",
+            key="valid",
+        )
+    middle, force = 0.5 * (gaps[0] + gaps[1]), limits.demand[1]
+    return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
+
+
+def model_loops(model: Model, operating: Operating) -> Loops:
+    """Return the whole loop and minor cycles of a model at several gaps."""
+    most = operating.current_max
+    loops = []
+    for gap in np.linspace(*operating.gap_range, GAPS).tolist():
+        drive = _drive((0.0, 1.0, 0.0), most)
+        loops.append(_record(model, "whole", drive, 0, gap, History("settled")))
+        before = _drive((0.0, 1.0, 0.0, 1.0, 0.0), most)
+        drive = np.concatenate([before[:-1], _drive((0.0, *NESTED, 0.0), most)])
+        history = History("conditioned", (0.0, most, 0.0, most, 0.0))
+        loops.append(_record(model, "nested", drive, before.size - 1, gap, history))
+    return Loops(tuple(loops), model.input, model.output, model.schedule)
+
+
+def _drive(turns: Sequence[float], most: float) -> FloatArray:
+    return most * np.append(np.concatenate(drive_ramps(turns, RAMP)), turns[-1])
+
+
+def drive_ramps(turns: Sequence[float], samples: int) -> list[FloatArray]:
+    """Return the way from each turn to the next, without its end; so many samples for 1."""
+    return [
+        np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
+        for first, last in pairwise(turns)
+    ]
+
+
+def _record(
+    model: Model, label: str, drive: FloatArray, skip: int, gap: float, history: History
+) -> Loop:
+    """Return a record of a model without its first samples, which are its history."""
+    start = "settled" if history.kind == "settled" else "demagnetised"
+    force = model.predict(drive, gap, SLOW_S * np.arange(drive.size), start).output
+    at = np.full(drive.size - skip, gap)
+    return Loop(label, drive[skip:], force[skip:], at, history=history)

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
-from anhyst.compensate.layout import HEAD, MOST_WORDS
-from anhyst.compensate.words import ONES
 from anhyst.compilation.source import render
-from anhyst.control.states import Command, Fault, Phase, State
-from anhyst.control.xcp_map import AREAS, EVENT, INPUTS, LISTS, PACKET, SETTINGS, SIGNALS, XcpValue
+from anhyst.support.block_layout import HEAD, MOST_WORDS
+from anhyst.support.block_words import ONES
+from anhyst.support.states import Command, Fault, Phase, State
+from anhyst.support.xcp_map import AREAS, EVENT, INPUTS, LISTS, PACKET, SETTINGS, SIGNALS, XcpValue
 
 HEARTBEAT_MS = 500
 """Ceiling of the boards for the setting heartbeat_ticks."""

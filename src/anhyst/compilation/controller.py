@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedForceController, FixedPosition
-from anhyst.compensate.block import Block, Scales
+from anhyst.compensate.block import Block
 from anhyst.compensate.current_map import CurrentMap, plain_map
-from anhyst.compensate.hysteresis_inverse import bearing_model
+from anhyst.compensate.methods import bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan
 from anhyst.compilation.parameters import table_source
 from anhyst.control.controller_file import (
@@ -25,6 +25,7 @@ from anhyst.control.controller_file import (
 from anhyst.control.position import PositionControl, Settings
 from anhyst.model.actuator import Model
 from anhyst.support.atomic import PathLike
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
 from anhyst.support.toml_file import FileFault, faults_error
 

@@ -12,13 +12,13 @@ from anhyst.compensate.block import Block
 from anhyst.compensate.budget import Budget, percent
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.holding import SECONDS
-from anhyst.compensate.layout import BODY
 from anhyst.compensate.plan import Decision, Plan
 from anhyst.compensate.twin import AnyBlock
-from anhyst.compensate.words import Names
 from anhyst.compilation.controller import ControllerPlan, described
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.toolchain import read_core
+from anhyst.support.block_layout import BODY
+from anhyst.support.block_words import Names
 from anhyst.support.units import Quantity
 
 STEPS = {"q15": 2.0**-15, "q31": 2.0**-31}

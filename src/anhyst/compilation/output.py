@@ -40,10 +40,9 @@ from anhyst.compilation.vectors import (
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import has_layers
 from anhyst.model.file import read_model
-from anhyst.support.atomic import PathLike, whole_folder, write_texts
+from anhyst.support.atomic import PathLike, json_text, whole_folder, write_texts
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
 

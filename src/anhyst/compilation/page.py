@@ -10,8 +10,10 @@ from anhyst.compensate.holding import SECONDS
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.manifest import explain, parameters_bytes
 from anhyst.compilation.source import signal_lines
+from anhyst.support.figures import ALARM, MODEL, WIDTH, styled, svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.blocks import (
+from anhyst.support.page import (
+    NOT_KNOWN,
     Cell,
     Headline,
     PageTable,
@@ -21,8 +23,6 @@ from anhyst.support.page.blocks import (
     render_page,
     table,
 )
-from anhyst.support.page.numbers import NOT_KNOWN
-from anhyst.support.page.style import ALARM, MODEL, WIDTH, styled, svg_text
 
 ROW = 2.1  # inches
 POINTS = 1200

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block
 from anhyst.compensate.floating import RealBlock
-from anhyst.compensate.layout import BODY, HEAD, LEAST_WORDS, PLACES, SCALE_WORDS
 from anhyst.compensate.twin import AnyBlock
-from anhyst.compensate.words import ONES, Names, Word
+from anhyst.support.block_layout import BODY, HEAD, LEAST_WORDS, PLACES, SCALE_WORDS
+from anhyst.support.block_words import ONES, Names, Word
 from anhyst.support.units import Quantity
 
 ENTRIES_A_LINE = 10

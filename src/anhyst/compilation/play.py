@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from anhyst._core import FixedForceController
+from anhyst.compensate.current_map import PlayMap, one_play
 from anhyst.compensate.force_controller import Compensator, ForceController
-from anhyst.compensate.plan import CompileRequest, find_limits
-from anhyst.compensate.play_map import PlayMap, one_play
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.plan import CompileRequest
+from anhyst.compensate.sources import (
+    SLOW_S,
+    Operating,
+    Sources,
+    drive_ramps,
+    model_loops,
+    operating_of,
+)
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import check_folder, write_folder
 from anhyst.compilation.parameters import table_source
 from anhyst.compilation.source import PORT, in_comment, render
 from anhyst.compilation.toolchain import SRC, core_files, read_core
 from anhyst.compilation.vectors import SEED, Row, codes_of_inputs, vectors_csv
-from anhyst.data import History, Loop, Loops
-from anhyst.data.output_map import is_electromagnet
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
@@ -91,7 +95,7 @@ def cycle_errors(
                 ends = (level - 0.5 * SMALL, level + 0.5 * SMALL)
                 turns += ends if end > 0.5 else ends[::-1]
             counts += [(len(turns) - 3, "small"), (len(turns) - 2, "small")]
-    ramps = _ramps(turns, CYCLE_RAMP)
+    ramps = drive_ramps(turns, CYCLE_RAMP)
     demand = largest * np.concatenate(ramps)
     error = answer(compensator.run(demand, gap), gap) - demand
     pieces = np.split(error, np.cumsum([ramp.size for ramp in ramps])[:-1])
@@ -106,18 +110,6 @@ KIND: Literal["play"] = "play"
 SOURCES = ("compensator/map.c", "compensator/play_map.c")
 STATE_BYTES = 4 + 9 * 4
 """Of ``anhyst_play_map_q31`` where a pointer has 32 bits."""
-
-GAPS = 7
-"""Gaps at which a model is cycled."""
-
-NESTED = (0.9, 0.1, 0.8, 0.2, 0.7, 0.3, 0.6, 0.4, 0.8, 0.6, 0.75, 0.65)
-"""Where the current turns in a record of minor cycles, of the largest."""
-
-RAMP = 150
-"""The same over that of currents."""
-
-_SLOW_S = 1e9
-"""From one sample to the next: no eddy current counts."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,7 +173,7 @@ def compile_play(
     check_folder(out)
     model = read_model(model_path).at_rest
     try:
-        operating = _operating(model, rate)
+        operating = operating_of(model, rate)
         play = one_play(Sources(operating, model_loops(model, operating)), "fixed")
         errors = model_errors(model, play, operating)
     except InputError as error:
@@ -205,67 +197,11 @@ class _Head:
     operating: Operating
 
 
-def _operating(model: Model, rate: float) -> Operating:
-    """Return where the map has to hold: all that the model does."""
-    if not is_electromagnet(model) or model.valid is None or model.valid.schedule is None:
-        raise InputError(
-            "--kind play is for a magnet: current to force at several gaps, with [valid]; compile "
-            "it with --kind full",
-            code="option-not-for-this",
-            key="--kind",
-        )
-    limits, gaps = find_limits(model), model.valid.schedule
-    if not 0.0 <= gaps[0] < gaps[1]:
-        raise InputError(
-            "[valid]: --kind play needs a range of gaps; identify at several",
-            code="single-gap",
-            key="valid",
-        )
-    middle, force = 0.5 * (gaps[0] + gaps[1]), limits.demand[1]
-    return Operating(middle, 0.5 * force, rate, gaps, force, limits.current[1])
-
-
-def model_loops(model: Model, operating: Operating) -> Loops:
-    """Return the whole loop and minor cycles of a model at several gaps."""
-    most = operating.current_max
-    loops = []
-    for gap in np.linspace(*operating.gap_range, GAPS).tolist():
-        drive = _drive((0.0, 1.0, 0.0), most)
-        loops.append(_record(model, "whole", drive, 0, gap, History("settled")))
-        before = _drive((0.0, 1.0, 0.0, 1.0, 0.0), most)
-        drive = np.concatenate([before[:-1], _drive((0.0, *NESTED, 0.0), most)])
-        history = History("conditioned", (0.0, most, 0.0, most, 0.0))
-        loops.append(_record(model, "nested", drive, before.size - 1, gap, history))
-    return Loops(tuple(loops), model.input, model.output, model.schedule)
-
-
-def _drive(turns: Sequence[float], most: float) -> FloatArray:
-    return most * np.append(np.concatenate(_ramps(turns, RAMP)), turns[-1])
-
-
-def _ramps(turns: Sequence[float], samples: int) -> list[FloatArray]:
-    """Return the way from each turn to the next, without its end; so many samples for 1."""
-    return [
-        np.linspace(first, last, max(2, round(samples * abs(last - first))), endpoint=False)
-        for first, last in pairwise(turns)
-    ]
-
-
-def _record(
-    model: Model, label: str, drive: FloatArray, skip: int, gap: float, history: History
-) -> Loop:
-    """Return a record of a model without its first samples, which are its history."""
-    start = "settled" if history.kind == "settled" else "demagnetised"
-    force = model.predict(drive, gap, _SLOW_S * np.arange(drive.size), start).output
-    at = np.full(drive.size - skip, gap)
-    return Loop(label, drive[skip:], force[skip:], at, history=history)
-
-
 def model_errors(model: Model, play: PlayMap, operating: Operating) -> dict[str, CycleErrors]:
     """Return what the map, and the same without a width, leave of the model's forces."""
 
     def answer(current: FloatArray, gap: float) -> FloatArray:
-        time = _SLOW_S * np.arange(current.size)
+        time = SLOW_S * np.arange(current.size)
         return model.predict(current, gap, time, "demagnetised").output
 
     low, high = operating.gap_range

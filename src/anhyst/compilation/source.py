@@ -11,7 +11,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.plan import Plan
-from anhyst.compensate.words import Names
 from anhyst.compilation.controller import ControllerPlan, controller_values
 from anhyst.compilation.manifest import controller_bytes, parameters_bytes, state_bytes
 from anhyst.compilation.parameters import c_parameters, memories, parameters_source, scales_source
@@ -24,6 +23,7 @@ from anhyst.compilation.toolchain import (
     core_files,
     read_core,
 )
+from anhyst.support.block_words import Names
 from anhyst.support.units import Quantity
 
 PORT = "port/anhyst_port_cortex_m4.h"

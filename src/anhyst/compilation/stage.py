@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.compensate.block import Block
-from anhyst.compensate.current_map import CurrentMap
+from anhyst.compensate.current_map import CurrentMap, PlayMap
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.force_controller import ForceController
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.play_map import PlayMap
-from anhyst.compensate.words import Names
+from anhyst.compensate.methods import HysteresisInverse
 from anhyst.compilation.manifest import parameters_bytes
 from anhyst.compilation.parameters import (
     WIDTH,
@@ -46,6 +44,7 @@ from anhyst.compilation.toolchain import (
     read_core,
 )
 from anhyst.control.fixed_axes import FixedController, feed_rows
+from anhyst.support.block_words import Names
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity
 

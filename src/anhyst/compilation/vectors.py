@@ -20,8 +20,8 @@ from anhyst._core import POSITION_MAGNETS, CompensatorF32, FixedCompensator
 from anhyst.compensate.floating import RealBlock
 from anhyst.compensate.plan import Plan
 from anhyst.compilation.controller import ControllerPlan
-from anhyst.control.states import Command, Phase, State
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Phase, State
 
 COLUMNS = ("demand", "gap", "applied", "current")
 ROWS = 1000

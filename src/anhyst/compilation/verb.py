@@ -15,7 +15,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 CompileKind = Literal["full", "simplified", "play"]
 

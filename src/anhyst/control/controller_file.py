@@ -15,13 +15,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from anhyst.compensate.block import Scales
-from anhyst.compensate.force_controller import MethodName, NumberFormat
 from anhyst.control.pidd2 import Gains, Pidd2, design
 from anhyst.control.position import Levitation, PositionControl, PositionLimits, ReferenceConverter
 from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, MethodName, NumberFormat
 from anhyst.support.toml_file import (
     FileFault,
     NotNegative,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import FixedAxes, TrackingAxes
+from anhyst._core import FixedAxes, FixedForceController, ForceController, ForceControllerF32
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, q31
 
@@ -26,6 +26,8 @@ ROOM = 2.0
 
 _ADAPTED = ("wrench", "head", "current", "gap_low", "gap_high")
 Words = dict[str, NDArray[Any]]
+Drive = ForceController | ForceControllerF32 | FixedForceController
+"""A force controller of the core; in fixed point it takes those in fixed point alone."""
 
 
 class Drives(NamedTuple):
@@ -72,12 +74,11 @@ class FixedController:
     scales: FixedScales
     at: FloatArray  # what each head reads of a pose, a row a head
 
-    def over(self, magnets: Sequence[Any], flux: float) -> TrackingAxes:
+    def over(self, magnets: Sequence[Drive], flux: float) -> FixedAxes:
         """Return the controller over force controllers whose full scale of the flux density is that."""
         own = {key: value for key, value in self.scales.as_dict().items() if key in _ADAPTED}
         full = own | {"at": self.at.ravel().tolist(), "flux": flux}
-        made: TrackingAxes = FixedAxes(list(magnets), self.words, self.numbers, full)
-        return made
+        return FixedAxes(list(magnets), self.words, self.numbers, full)
 
 
 def codes(value: FloatArray, full: float | FloatArray) -> FloatArray:

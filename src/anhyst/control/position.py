@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst import _core
-from anhyst.compensate.block import Scales
-from anhyst.compensate.force_controller import NumberFormat
 from anhyst.control.pidd2 import FullScales, Pidd2
-from anhyst.control.states import Command, Flag, Phase, State
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import NumberFormat
 from anhyst.support.numeric import FloatArray, as_factor, q31
+from anhyst.support.states import Command, Flag, Phase, State
 
 Settings = Mapping[str, float]
 

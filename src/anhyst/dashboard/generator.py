@@ -9,11 +9,11 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from anhyst.control.states import Command
 from anhyst.rig.bench.protocol import Aim, Bench, Parameter, Signal
 from anhyst.rig.bench.stage import AxesBench
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 from anhyst.support.units import Unit, parse_header, unit_of
 
 SHAPES: Mapping[str, Callable[[float], float]] = {

@@ -18,7 +18,6 @@ from typing import Any, Protocol
 
 from anhyst.dashboard.drift import DrawnLoop, make_curves
 from anhyst.data.reading import read_loops
-from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.study.excite.on_board import DrivenBoard
@@ -33,8 +32,9 @@ from anhyst.study.improve import (
     within,
 )
 from anhyst.study.prepared import Improvable, PreparedBoard
+from anhyst.support.block_head import GENERATION_AT, regenerate
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 Work = Callable[..., Mapping[str, Any]]
 """Called with a :data:`anhyst.support.progress.Progress` and what else was given; of a module."""

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.control.states import Command
 from anhyst.dashboard.generator import Chirp, Generator, Wave, read_table
 from anhyst.dashboard.improver import Improver
 from anhyst.dashboard.recording import Span
@@ -18,6 +17,7 @@ from anhyst.dashboard.sets import ENDING, values_for
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 
 _CHUNKS = 1000
 """That wait to be looked at; more than what a measurement is ever late by."""

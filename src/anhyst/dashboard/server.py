@@ -18,7 +18,6 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from anhyst.control.states import Fault, Phase, State
 from anhyst.dashboard.drift import DrawnLoop
 from anhyst.dashboard.frames import Outbox, encode
 from anhyst.dashboard.generator import HIGHEST_HZ, LOWEST_HZ, SHAPES
@@ -28,8 +27,9 @@ from anhyst.dashboard.recorder import header
 from anhyst.dashboard.recording import KEPT_S
 from anhyst.dashboard.session import WATCHES, LiveSession, all_refused
 from anhyst.rig.bench.protocol import Parameter
+from anhyst.support.atomic import plain
 from anhyst.support.errors import InputError
-from anhyst.support.json_text import plain
+from anhyst.support.states import Fault, Phase, State
 
 ASKED_S = 10.0
 """After so long without an answer the desk goes to whoever asked, s."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from anhyst.control.position import Standing, next_step, refusal, standing
-from anhyst.control.states import Command
 from anhyst.dashboard.drift import BenchWatch, DrawnLoop
 from anhyst.dashboard.generator import DrivenBench, Wave
 from anhyst.dashboard.improver import Improver
@@ -26,6 +25,7 @@ from anhyst.rig.bench.protocol import Bench, Subscription
 from anhyst.study.tracking.beside import BenchLearner
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 
 WATCHES = "another browser operates; ask to take over"
 

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from anhyst.rig.bench.protocol import Parameter
-from anhyst.support.atomic import atomic_writer
+from anhyst.support.atomic import atomic_writer, json_text
 from anhyst.support.errors import InputError
-from anhyst.support.json_text import json_text
 
 ENDING = ".parameters.json"
 

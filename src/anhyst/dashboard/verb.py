@@ -25,8 +25,8 @@ from anhyst.study.prepared import Prepared, PreparedBearing, PreparedStage, bloc
 from anhyst.study.tracking.beside import BearingLearner, BenchLearner, StageLearner
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.kinds import FileKind, kind_of
-from anhyst.support.progress import Progress
 
 _HTTP_MOST = 64
 """Connections at a time, of pages that load and of those that are open."""

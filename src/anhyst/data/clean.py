@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import estimates
-from anhyst.data.branches import branches, is_even
 from anhyst.data.estimates import noise as noise_of
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
-from anhyst.data.path import turning_points
+from anhyst.data.path import branches, turning_points
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 

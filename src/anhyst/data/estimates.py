@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from anhyst.data.branches import Branch, branches, is_bipolar, repeats, smooth
 from anhyst.data.loops import Loop
-from anhyst.data.path import crossings
+from anhyst.data.path import Branch, branches, crossings, is_bipolar, repeats, smooth
 from anhyst.support.numeric import FloatArray
 
 TO_SIGMA = 1.4826

@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from anhyst.data import estimates
-from anhyst.data.branches import branches, is_even
 from anhyst.data.estimates import noise as noise_of
 from anhyst.data.history import History
-from anhyst.data.look import few, length_scale, shades
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.output_map import output_map
+from anhyst.data.path import branches
 from anhyst.data.plausibility import check_plausible
 from anhyst.data.speeds import rate_line
 from anhyst.data.start import Proposal, propose_histories
 from anhyst.data.verdict import Verdict, judge, largest_output, loop_width, single_valued
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, columns_of, dress
+from anhyst.support.result import Result, columns_of, dress, few, length_scale, shades
 from anhyst.support.units import Quantity
 
 if TYPE_CHECKING:

@@ -16,11 +16,10 @@ from pathlib import PurePath
 
 import numpy as np
 
-from anhyst.data.branches import branches
 from anhyst.data.estimates import noise
 from anhyst.data.history import SETTLED, History
 from anhyst.data.loops import Loop, Loops, Source
-from anhyst.data.path import turning_points
+from anhyst.data.path import branches, turning_points
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 from anhyst.support.units import Quantity

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,12 +12,19 @@ import numpy as np
 from anhyst.data.formats.channels import Texts
 from anhyst.data.formats.text import Column, write_csv
 from anhyst.data.history import SETTLED, History
-from anhyst.data.look import few, group_label, length_scale, shades
-from anhyst.data.path import reversal_count, time_fault, value_fault
+from anhyst.data.output_map import output_map
+from anhyst.data.path import (
+    correlation,
+    is_bipolar,
+    is_negative,
+    reversal_count,
+    time_fault,
+    value_fault,
+)
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, range_text
+from anhyst.support.result import Result, few, group_label, length_scale, range_text, shades
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Quantity
 
 if TYPE_CHECKING:
@@ -143,7 +150,7 @@ class Source:
 
     path: str
     sha256: str
-    columns: Mapping[str, str]
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -349,3 +356,28 @@ class Loops(Result):
         """
         write_csv(path, self.to_columns())
         return Path(path)
+
+
+def is_even(loopset: Loops) -> bool:
+    """Whether the output does not depend on the sign of the input, as force cannot.
+
+    Not so in a magnet with a bias (permanent magnet or second coil): its force follows the input.
+    """
+    return are_even(loopset.loops, loopset.output)
+
+
+def are_even(loops: Sequence[Loop], output: Quantity) -> bool:
+    """Whether an output does not depend on the sign of the input, as `is_even`."""
+    if not output_map(output).even:
+        return False
+    bipolar = [loop for loop in loops if is_bipolar(loop.input)]
+    return all(abs(correlation(loop.input, loop.output)) < 0.5 for loop in bipolar)
+
+
+def folded(loop: Loop, *, even: bool) -> tuple[FloatArray, FloatArray]:
+    """Input and output of a loop; an even output over the size of its input."""
+    if even and is_bipolar(loop.input):
+        return np.abs(loop.input), loop.output
+    if even and is_negative(loop.input):
+        return -loop.input, loop.output
+    return loop.input, loop.output

@@ -6,18 +6,10 @@ import itertools
 
 import numpy as np
 
-from anhyst.data.branches import (
-    branches,
-    correlation,
-    folded,
-    is_bipolar,
-    is_even,
-    is_negative,
-    separation,
-)
 from anhyst.data.estimates import noise
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, folded, is_even
 from anhyst.data.output_map import output_map
+from anhyst.data.path import branches, correlation, is_bipolar, is_negative, separation
 from anhyst.data.verdict import largest_output
 from anhyst.support.errors import InputError
 

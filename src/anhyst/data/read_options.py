@@ -10,7 +10,7 @@ from anhyst.data.loops import Loops
 from anhyst.data.reading import read_loops
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 PREFIX = "read_"
 """Settings of the provenance that say how the measurements were read begin with this."""

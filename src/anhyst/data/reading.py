@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.branches import are_even
 from anhyst.data.formats import FORMATS, OpenTable, open_table
 from anhyst.data.formats.channels import Texts, is_number
 from anhyst.data.history import History
 from anhyst.data.joining import IN_ONE_RUN, LoopPart, join, one_after_another
-from anhyst.data.loops import Loop, Loops, Source
+from anhyst.data.loops import Loop, Loops, Source, are_even
 from anhyst.data.output_map import answer_of
 from anhyst.data.path import time_fault, value_fault
 from anhyst.data.roles import (
@@ -32,8 +31,8 @@ from anhyst.data.start import propose_histories
 from anhyst.data.table import is_frame, map_headers, table_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.units import GAP_ADVICE, QUANTITIES, Header
 
 Rows = NDArray[np.intp]

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.data.branches import is_even
 from anhyst.data.estimates import noise
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, is_even
 from anhyst.data.path import reversal_count
 from anhyst.data.verdict import largest_output, loop_width
 from anhyst.support.numeric import FloatArray

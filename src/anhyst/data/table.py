@@ -19,14 +19,14 @@ from anhyst.data.formats.channels import (
     is_number,
     need_package,
 )
-from anhyst.data.formats.raw_table import shown
+from anhyst.data.formats.text import shown
 from anhyst.data.hints import likely, map_one, mapping
 from anhyst.data.output_map import OUTPUT_MAPS
 from anhyst.data.path import time_fault
 from anhyst.support.atomic import PathLike, check_writable, write_error
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.units import (
     GAP_ADVICE,
     INPUTS,

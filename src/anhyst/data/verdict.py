@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
-from anhyst.data.branches import Branch, branches, folded, is_even, separation, smooth
 from anhyst.data.estimates import noise
-from anhyst.data.loops import Loop, Loops
+from anhyst.data.loops import Loop, Loops, folded, is_even
 from anhyst.data.output_map import output_map
-from anhyst.data.path import turning_points
+from anhyst.data.path import Branch, branches, separation, smooth, turning_points
 from anhyst.support.numeric import FloatArray
-from anhyst.support.pays import LOOPS
 from anhyst.support.units import in_small_unit
 
 Level = Literal["yes", "little", "no"]
@@ -26,6 +25,32 @@ _MEAN_OF_NORMAL = 0.7979
 _BINS = 4000
 _RUN_IN = 6
 """With more branches than this, the first is left out of the loop's width."""
+
+
+WHERE_IT_PAYS: Mapping[str, str] = MappingProxyType(
+    {
+        # The loops are narrow, or noise covers them.
+        "loops": "it would pay where loops stand well above the noise: iron with wider loops, or "
+        "several cycles averaged",
+        # A bearing steps behind its position feedback.
+        "feedback": "it would pay where feedback does not hide what the force is off: a stage that "
+        "follows set-points with feedforward, a force without a sensor, or iron that hardly "
+        "answers after a reversal",
+        # A force is set without a sensor of it.
+        "force": "it would pay where the gap stands still or moves little: there the iron makes the "
+        "error, and not the map over the gap",
+        # A stage follows set-points with feedforward.
+        "stage": "it would pay where set-points change and move the mass, the calibration holds, and "
+        "the iron keeps its turning points",
+        # A piezo stage follows a reference behind an integrator.
+        "piezo": "it would pay with a faster reference or a slower feedback, which then cannot "
+        "follow the loop",
+    }
+)
+"""What a verdict adds where compensation does not pay, a physical situation each.
+
+The figures behind them: docs/choosing.md, "Does it pay?".
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +227,11 @@ def _worded(loopset: Loops, figures: Verdict) -> Verdict:
         f"The noise alone makes {figures.noise_relative:.3%}, which no model gets below.",
         f"{conclusion}: it can take away at most {figures.gain:.0%} of the mean error of the best "
         "single-valued curve.",
-        *(() if figures.worthwhile else (f"{LOOPS[0].upper()}{LOOPS[1:]}.",)),
+        *(
+            ()
+            if figures.worthwhile
+            else (f"{WHERE_IT_PAYS['loops'][0].upper()}{WHERE_IT_PAYS['loops'][1:]}.",)
+        ),
     )
     values = {name: getattr(figures, name) for name in Verdict.__slots__}
     return Verdict(**{**values, "sentences": sentences})

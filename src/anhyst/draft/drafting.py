@@ -12,14 +12,13 @@ from anhyst.data.clean import DEFAULT_STEPS
 from anhyst.data.read_options import ReadOptions
 from anhyst.data.reading import files_read
 from anhyst.data.speeds import rate_line
-from anhyst.draft.bearing import draft_bearing
+from anhyst.draft.bearing import Numbers, draft_bearing, numbers_of
 from anhyst.draft.force import draft_force_control
 from anhyst.draft.magnet import Machine, MeasuredMagnet, Wanted, machine_of, reach_of
-from anhyst.draft.rules import Numbers, numbers_of
 from anhyst.draft.text import Draft
 from anhyst.support.atomic import PathLike, whole_folder, write_texts
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 NEXT: Mapping[str, tuple[str, ...]] = {
     "bearing": (

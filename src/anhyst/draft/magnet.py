@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from anhyst.compensate.surface import Tangent, fit_plane, fit_surface
 from anhyst.data import Loop, Loops
 from anhyst.data.estimates import noise
 from anhyst.data.output_map import is_electromagnet
 from anhyst.data.speeds import rate_matters, slow_loops, speeds_of
+from anhyst.data.surface import Tangent, fit_plane, fit_surface
 from anhyst.draft.text import down, nearest
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray

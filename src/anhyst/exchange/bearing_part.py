@@ -10,8 +10,6 @@ from pathlib import Path
 
 from anhyst.compilation.toolchain import core_files
 from anhyst.compilation.verb import compile_actuator
-from anhyst.control.controller_file import ControllerFile
-from anhyst.control.states import Command
 from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
@@ -22,6 +20,7 @@ from anhyst.rig.recording import column
 from anhyst.study.bearing.operating import make_ready, read_files
 from anhyst.support.atomic import PathLike, plant_folder
 from anhyst.support.errors import InputError
+from anhyst.support.states import Command
 
 FORMATS = ("f32", "f64")
 CORE_OF_PLANT = (
@@ -86,8 +85,9 @@ def bearing_part(rig_path: PathLike) -> Part:
     sources["controller_numbers.h"] = _names(name).encode()
     title = rig.settings.name
     text = f"{title}, controlled by '{controller.settings.name}', {compensation.variant} in fixed point"
-    rate = rig.settings.timing.rate_Hz
-    return Part(title, text, rate, _variables(ready.rig, controller), sources)
+    rate, limits = rig.settings.timing.rate_Hz, controller.settings.limits
+    variables = _variables(ready.rig, (limits.gap_low_m, limits.gap_high_m))
+    return Part(title, text, rate, variables, sources)
 
 
 def refuse_plant(rig: BearingRig) -> None:
@@ -213,12 +213,11 @@ def numbers_of_plant(rig: BearingRig) -> str:
     return header("bearing_numbers", defined, text)
 
 
-def _variables(rig: BearingRig, controller: ControllerFile) -> list[Variable]:
-    limits, load = controller.settings.limits, rig.settings.load
+def _variables(rig: BearingRig, gaps: tuple[float, float]) -> list[Variable]:
     codes = ", ".join(f"{command.value} {command.name.lower()}" for command in Command)
-    middle, ends = rig.settings.gap_m, (limits.gap_low_m, limits.gap_high_m)
+    middle, load = rig.settings.gap_m, rig.settings.load
     return [
-        Variable("target_m", "input", "m", "wanted gap", middle, *ends),
+        Variable("target_m", "input", "m", "wanted gap", middle, *gaps),
         Variable("load_N", "input", "N", "of the load drive; opens the gap", load.force_N),
         Variable("command", "input", "1", f"acts when it changes: {codes}", 0.0, 0.0, 6.0),
         Variable("gap_read_m", "output", "m", "as the position sensor said at the last tick"),

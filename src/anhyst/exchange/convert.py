@@ -26,8 +26,8 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.rewriting import rewrite_rig
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning
+from anhyst.support.jobs import Progress
 from anhyst.support.kinds import RIGS, FileKind, refuse_other
-from anhyst.support.progress import Progress
 from anhyst.support.units import split_header
 
 

@@ -8,13 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from anhyst._core import AnyIron
 from anhyst.compilation.toolchain import core_files
 from anhyst.compilation.verb import compile_actuator
 from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
-from anhyst.laws.cells import CellWeights
-from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import Model
+from anhyst.model.compilable import require_core
 from anhyst.model.parameters import CIRCUIT
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -46,11 +44,7 @@ def actuator_part(model: Model) -> Part:
     ends = model.valid.schedule if model.valid else None
     places = ends or model.nodes or (0.0,)
     middle = 0.5 * (float(places[0]) + float(places[-1]))
-    if not isinstance(model.iron_at(middle), AnyIron):
-        raise InputError(
-            f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
-            code="law-not-in-core",
-        )
+    require_core(model, middle)
     around, rows = _around(model)
     defined = _law(model) | around | _creep(model) | _layers(model)
     files = {name: text.encode() for name, text in core_files(_CORE).items()}
@@ -68,7 +62,17 @@ def _law(model: Model) -> dict[str, object]:
     law = model.operator_law
     iron = {spec.name: float(model.over_schedule(spec.name, [0.0])[0]) for spec in law.parameters}
     if law.cells is not None:
-        return _cells(law.cells(iron)) | {"ACTUATOR_INTERACTION": iron["alpha"]}
+        cells = law.cells(iron)
+        return {
+            "ACTUATOR_HAS_CELLS": 1,
+            "ACTUATOR_CELLS": cells.thresholds.size,
+            "ACTUATOR_CURVES": cells.widths.size,
+            "ACTUATOR_SHAPE": f"ANHYST_SHAPE_{cells.shape.upper()}",
+            "ACTUATOR_THRESHOLDS": row(cells.thresholds),
+            "ACTUATOR_WIDTHS": row(cells.widths),
+            "ACTUATOR_WEIGHTS": row(cells.weights.ravel()),
+            "ACTUATOR_INTERACTION": iron["alpha"],
+        }
     return {
         "ACTUATOR_HAS_CELLS": 0,
         "ACTUATOR_STEP": _STEPS[law.name],
@@ -78,18 +82,6 @@ def _law(model: Model) -> dict[str, object]:
         "ACTUATOR_REVERSIBILITY": iron["c"],
         "ACTUATOR_INTERACTION": iron["alpha"],
         "ACTUATOR_PLAY": iron["r_d"],
-    }
-
-
-def _cells(cells: CellWeights) -> dict[str, object]:
-    return {
-        "ACTUATOR_HAS_CELLS": 1,
-        "ACTUATOR_CELLS": cells.thresholds.size,
-        "ACTUATOR_CURVES": cells.widths.size,
-        "ACTUATOR_SHAPE": f"ANHYST_SHAPE_{cells.shape.upper()}",
-        "ACTUATOR_THRESHOLDS": row(cells.thresholds),
-        "ACTUATOR_WIDTHS": row(cells.widths),
-        "ACTUATOR_WEIGHTS": row(cells.weights.ravel()),
     }
 
 

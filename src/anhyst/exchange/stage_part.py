@@ -9,7 +9,6 @@ import numpy as np
 from anhyst.compilation.parameters import memories
 from anhyst.compilation.stage import parameters_in_double
 from anhyst.compilation.toolchain import LAYERS, SOURCES, core_files
-from anhyst.control.states import Command
 from anhyst.exchange.bearing_part import (
     CORE_OF_PLANT,
     FORMATS,
@@ -45,6 +44,7 @@ from anhyst.study.tracking.simulate import check_calibration
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 
 _CORE_OF_STAGE = (
     *(name for name in CORE_OF_PLANT if not name.startswith("control/")),

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from anhyst.identification.identify import identify
-from anhyst.identification.result import IdentifyResult
+from anhyst.identification.run import IdentifyResult
 
 __all__ = ["IdentifyResult", "identify"]

@@ -18,8 +18,8 @@ from anhyst.data.output_map import output_map
 from anhyst.identification.fit_records import FitRecords
 from anhyst.identification.screening import evenly
 from anhyst.identification.uncertainty import memory, statements
+from anhyst.laws import LAWS
 from anhyst.laws.law import Law
-from anhyst.laws.registry import LAWS
 from anhyst.model.actuator import Model
 from anhyst.model.fit_record import Uncertainty
 from anhyst.model.parameters import MAY_VARY, GapMap, Parameter

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.data import Loop, Loops
-from anhyst.data.branches import correlation
 from anhyst.data.history import History
+from anhyst.data.path import correlation
 from anhyst.data.speeds import rate_of
 from anhyst.laws.cells import CellWeights
 from anhyst.model.actuator import Model

@@ -260,8 +260,10 @@ def promise(
     middle = float(logs.mean())
     return CrossValidation(
         error=float(left_out.mean()),
-        low=float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
-        high=float(np.exp(middle + reach)),
+        interval=(
+            float(np.exp(middle - reach) / (_DENSER if by == "gap" else 1.0)),
+            float(np.exp(middle + reach)),
+        ),
         folds=tuple(left_out.tolist()),
         left_out=by,
     )

@@ -27,12 +27,11 @@ from anhyst.identification.left_open import FARTHEST, first_rise, is_guessed, re
 from anhyst.identification.paper_search import check_splines
 from anhyst.identification.paper_sequence import search_paper
 from anhyst.identification.rate import fit_rate, without_rate
-from anhyst.identification.result import IdentifyResult
-from anhyst.identification.run import SEARCHED, SearchRun
+from anhyst.identification.run import SEARCHED, IdentifyResult, SearchRun
 from anhyst.identification.space import IN_SERIES
 from anhyst.identification.uncertainty import assess
+from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.cells import Shape
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.model.actuator import Model
 from anhyst.model.compilable import obstacle
 from anhyst.model.fit_record import (
@@ -46,7 +45,7 @@ from anhyst.model.fit_record import (
 from anhyst.model.left_over import left_of, left_over_text
 from anhyst.model.parameters import GAP_MAPS
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 from anhyst.support.version import running_version
 
 SEARCHES = ("default", "paper")
@@ -76,7 +75,7 @@ def identify(
     loops : Loops
         Loops at constant scheduling values; all are fitted together.
     law : str
-        One of :data:`anhyst.laws.registry.LAWS`, or ``auto``: the law of Jiles and Atherton, and
+        One of :data:`anhyst.laws.LAWS`, or ``auto``: the law of Jiles and Atherton, and
         play cells where they are certain to predict better.
     gap_map : str
         ``scaling``, ``reluctance``, ``circuit``, ``free`` or ``auto``, which tries those that a
@@ -312,7 +311,7 @@ def _creeping(loops: Loops) -> _Outcome:
     end = fit_creeping(loops)
     return _Outcome(
         end.model,
-        Uncertainty(statements=tuple(filter(None, [end.statement]))),
+        Uncertainty((), (), (), statements=tuple(filter(None, [end.statement]))),
         end.numbers,
         end.tried,
         "nothing is scheduled",

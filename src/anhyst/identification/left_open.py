@@ -30,8 +30,8 @@ from anhyst.data import Loops
 from anhyst.data.history import History
 from anhyst.data.output_map import is_actuator
 from anhyst.data.verdict import largest_output
+from anhyst.laws import law_of
 from anhyst.laws.cells import CellWeights
-from anhyst.laws.registry import law_of
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.units import MU_0

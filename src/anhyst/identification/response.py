@@ -18,8 +18,8 @@ import numpy as np
 from anhyst._core import Operator, demagnetised, langevin, status_text
 from anhyst.identification.cell_kernel import CellKernel, WeightKernel
 from anhyst.identification.fit_records import FitRecord, Past
+from anhyst.laws import DEFAULT_LAW, LAWS
 from anhyst.laws.law import Kernel
-from anhyst.laws.registry import DEFAULT_LAW, LAWS
 from anhyst.support.errors import NoResponseError
 from anhyst.support.numeric import FloatArray
 

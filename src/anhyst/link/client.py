@@ -13,9 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Self, TypeVar
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.link import frames
-from anhyst.link.blocks import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.link.frames import (
     ANSWERS,
     AckAnswer,
@@ -40,7 +38,9 @@ from anhyst.link.frames import (
 )
 from anhyst.link.streaming import Status, demand_request, stream
 from anhyst.link.wire import BAUD, Frame, LinkPort, Port, Receiver, encode
+from anhyst.support.block_head import GENERATION_AT, LENGTH_AT, checksum, misfit
 from anhyst.support.errors import InputError
+from anhyst.support.states import Command, Fault, State
 
 _Answer = TypeVar("_Answer", bound=Message)
 

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from dataclasses import fields
 from typing import NamedTuple, Protocol
 
-from anhyst.control.states import Fault, State
 from anhyst.link.frames import PlantDrive, PlantSample
 from anhyst.support.errors import InputError
+from anhyst.support.states import Fault, State
 
 Q30 = float(1 << 30)
 Q31 = float(1 << 31)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Protocol, Self
 
-from anhyst.control.states import Fault, Flag, State
 from anhyst.link.frames import DemandRequest, Message, NakAnswer, Reason, StatusAnswer
 from anhyst.link.wire import Frame, encode
 from anhyst.support.errors import InputError
+from anhyst.support.states import Fault, Flag, State
 
 _Q30 = 1.0 / (1 << 30)
 _Q31 = 1.0 / (1 << 31)

@@ -18,9 +18,9 @@ import zlib
 from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
-from anhyst.control.xcp_map import PACKET, SECRET
 from anhyst.link.frames import VERSION, Message
 from anhyst.support.errors import InputError
+from anhyst.support.xcp_map import PACKET, SECRET
 
 _HEAD = struct.Struct("<BBBBI")
 _CHECK = struct.Struct("<I")

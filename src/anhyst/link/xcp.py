@@ -1,7 +1,7 @@
 """A master of XCP for the slave of this firmware: values, commands, every tick's signals.
 
 Knows what ``firmware/xcp`` says and no more: one list of samples with one packet a sample, addresses
-of :mod:`anhyst.control.xcp_map`.
+of :mod:`anhyst.support.xcp_map`.
 
 The PC's end of a line that carries XCP: commands and their answers, samples beside them.
 """
@@ -20,9 +20,6 @@ from queue import Empty, Queue
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.control.states import Command, State
-from anhyst.control.xcp_map import AREAS, INPUTS, SIGNALS
-from anhyst.link.blocks import GENERATION_AT, LENGTH_AT
 from anhyst.link.client import Refused
 from anhyst.link.frames import (
     BlockDataRequest,
@@ -37,7 +34,10 @@ from anhyst.link.frames import (
     TargetRequest,
 )
 from anhyst.link.wire import BAUD, Port, framed, key_for, split
+from anhyst.support.block_head import GENERATION_AT, LENGTH_AT
 from anhyst.support.errors import InputError
+from anhyst.support.states import Command, State
+from anhyst.support.xcp_map import AREAS, INPUTS, SIGNALS
 
 _EVENT = 0xFD
 _COMMAND_LEAST = 0xFC

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from anhyst.data.history import History
-from anhyst.data.look import group_label, length_scale, shades
 from anhyst.model.acceptance import Acceptance, GapCheck, check_acceptance, check_over_gap
 from anhyst.model.predict import invert, predict
 from anhyst.model.prediction import Prediction
@@ -20,10 +19,12 @@ from anhyst.model.writer import write_model
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, range_text
+from anhyst.support.result import Result, group_label, length_scale, range_text, shades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from anhyst.data.read_options import ReadOptions
 
 DRAWN = 400
 """Samples of a branch that is drawn."""
@@ -178,6 +179,12 @@ class Model(Result, ActuatorRecord):
             ax.plot(drive, scale * output, color=colour, lw=1.1, label=name)
         ax.set_xlabel(self.input.label)
         ax.set_ylabel(label)
+
+    def with_read_options(self, options: ReadOptions) -> Self:
+        """Return the model with a note in its provenance of how its measurements were read."""
+        origin = self.provenance
+        settings = dict(origin.settings) | options.as_settings()
+        return replace(self, provenance=replace(origin, settings=settings))
 
     def save(self, path: PathLike) -> Path:
         """Write the model file; see :func:`anhyst.model.writer.write_model`."""

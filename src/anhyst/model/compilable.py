@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from anhyst.laws.registry import LAWS
+from anhyst._core import AnyIron
+from anhyst.laws import LAWS
+from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
 
 if TYPE_CHECKING:
@@ -40,6 +42,15 @@ def obstacle(model: Model) -> str | None:
     if model.has_eddy_currents and not has_layers(model):
         return "gamma: what answers late cannot be compiled; take the model at rest (at_rest)"
     return _jump(model)
+
+
+def require_core(model: Model, at: float) -> None:
+    """Refuse a model whose law runs in Python alone."""
+    if not isinstance(model.iron_at(at), AnyIron):
+        raise InputError(
+            f"law {model.law!r}: the core does not have it; identify with one of {', '.join(LAWS)}",
+            code="law-not-in-core",
+        )
 
 
 MOST_LAYERS = 4

@@ -1,29 +1,67 @@
 """What a model remembers of how it was found: fit figures, uncertainty, reduction, provenance.
 
-Plain records. Identification fills them, the model file keeps them, the report shows them.
+Plain records, and the tables of the model file at once: a field that is added here is read, checked
+and written. Identification fills them, the report shows them.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 import numpy as np
+from pydantic import Field, PlainValidator, Strict
+from pydantic_core import PydanticCustomError
 
 from anhyst.data.loops import Loops, Source
 from anhyst.data.verdict import largest_output
 from anhyst.support.numeric import FloatArray
+from anhyst.support.toml_file import LIST, FileRecord
 
-Range = tuple[float, float]
+OF_OUTPUT = object()
+"""Beside the type of a field that is in units of the output: its key in the file carries them."""
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Output = Annotated[Number, OF_OUTPUT]
+Whole = Annotated[int, Strict()]
+Truth = Annotated[bool, Strict()]
+Range = Annotated[tuple[Number, Number], LIST]
+Numbers = Annotated[tuple[Number, ...], LIST]
+Texts = Annotated[tuple[str, ...], LIST]
+Unbounded = Annotated[tuple[Annotated[float, Strict()], ...], LIST]
+"""Numbers that may be infinite."""
+
+
+def of_output(record: type[FileRecord]) -> list[str]:
+    """Return the fields of a record that are in units of the output."""
+    hints = get_type_hints(record, include_extras=True)
+    return [name for name, hint in hints.items() if OF_OUTPUT in getattr(hint, "__metadata__", ())]
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of a file is a finite number."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    return abs(value) <= sys.float_info.max  # comparing, an integer may be of any size
+
+
+def _setting(value: Any) -> Any:
+    if isinstance(value, str | bool) or is_number(value):
+        return value
+    raise PydanticCustomError("not_a_setting", "must be a text, a truth value or a finite number")
+
+
+Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
 
 CHOSEN = "chosen"
 """Note of the candidate that became the model."""
 
 
 @dataclass(frozen=True, slots=True)
-class ValidRange:
+class ValidRange(FileRecord):
     """Where the model was seen to hold; outside it computes, but every sample is flagged."""
 
     input: Range  # smallest and largest measured value, SI
@@ -33,71 +71,81 @@ class ValidRange:
 
 
 @dataclass(frozen=True, slots=True)
-class LoopFit:
+class LoopFit(FileRecord):
     """How far model and measurement are apart on one loop; deviations in units of the output."""
 
     label: str  # label of the loop in its file
-    schedule: float | None  # scheduling variable of the loop, SI
-    samples: int  # number of samples compared
-    largest_output: float  # largest absolute output of this loop, SI
-    mean_abs: float  # mean absolute (eq. 16), root mean square and largest absolute deviation, SI
-    rms: float
-    worst: float
+    # scheduling variable of the loop, SI; files of a model without one have none
+    schedule: Annotated[Number | None, Field(default=None)]
+    samples: Whole  # number of samples compared
+    largest_output: Output  # largest absolute output of this loop, SI
+    mean_abs: Output  # mean absolute (eq. 16), root mean square and largest absolute deviation, SI
+    rms: Output
+    worst: Output
 
 
 @dataclass(frozen=True, slots=True)
-class CrossValidation:
+class CrossValidation(FileRecord):
     """What to expect at a scheduling value between those measured, or at other samples of few loops."""
 
     # mean absolute deviation in parts of the largest output, mean over values that were left out of
     # the fit, of the choice of the map and of the decision about offsets alike
-    error: float
-    low: float  # between them lies the deviation at another such value in about nine of ten cases
-    high: float
-    folds: tuple[float, ...] = ()  # deviation at each value left out, ascending values
+    error: Number
+    interval: Range  # in it lies the deviation at another such value in about nine of ten cases
+    folds: Numbers = ()  # deviation at each value left out, ascending values
     # ``gap``, or ``block``: blocks of samples were left out, which says nothing of other loops
     left_out: Literal["gap", "block"] = "gap"
 
 
 @dataclass(frozen=True, slots=True)
-class CandidateFit:
+class CandidateFit(FileRecord):
     """One law that was fitted and compared with others."""
 
     law: str  # what it is; the law in words
     gap_map: str
-    numbers: int  # how many were fitted
+    numbers: Whole  # how many were fitted
     # root mean square deviation from all loops, in parts of the largest output: of the one chosen
     # that of the model, of the others that of the fits that were compared
-    rms: float
+    rms: Number
     # mean absolute deviation on what was left out of the fit, gaps or loops, in the same parts;
     # None where nothing was, where the law has no answer there, or where it was passed over
-    left_out: float | None = None
+    left_out: Number | None = None
     note: str = ""  # ``chosen``, ``passed over``, or nothing
+
+    def text(self) -> str:
+        """Return the candidate in a line."""
+        note = f" ({self.note})" if self.note else ""
+        error = "" if self.left_out is None else f", left out {100.0 * self.left_out:.3g} %"
+        return (
+            f"{self.law}, {self.gap_map}: {self.numbers} numbers, rms {100.0 * self.rms:.3g} %"
+            f"{error}{note}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class FitFigures:
+class FitFigures(FileRecord):
     """How far model and measurement are apart over all loops."""
 
     # largest absolute output of all loops (of a displacement: largest range), SI; relative figures
     # refer to it
-    largest_output: float
-    mean_abs: float  # deviations over all samples as in :class:`LoopFit`, SI
-    rms: float
-    worst: float
-    loops: tuple[LoopFit, ...] = ()  # the same loop by loop
+    largest_output: Output
+    mean_abs: Output  # deviations over all samples as in :class:`LoopFit`, SI
+    rms: Output
+    worst: Output
+    # the same loop by loop
+    loops: Annotated[tuple[LoopFit, ...], LIST, Field(validation_alias="loop")] = ()
     # For each gap map tried, the mean absolute deviation on schedule values that were left out of
     # the fit, relative to the largest output. It chose the map, so it promises too much.
-    left_out: Mapping[str, float] = field(default_factory=dict)
+    left_out: Mapping[str, Number] = field(default_factory=dict)
     # outcome of the acceptance test over gap and drive; None where it does not apply
-    monotone: bool | None = None
+    monotone: Truth | None = None
     # what to expect at values between those measured; None below three of them
     cross_validation: CrossValidation | None = None
     # the laws that were compared, the simplest first; empty where one was asked for
-    candidates: tuple[CandidateFit, ...] = ()
+    candidates: Annotated[tuple[CandidateFit, ...], LIST, Field(validation_alias="candidate")] = ()
     # root mean square of what is left that is no noise of the sensors, in parts of the largest
     # output; zero where the fit is done, None where nobody looked
-    not_noise: float | None = None
+    not_noise: Number | None = None
     # what is left, in words, and what to do about it; empty where nobody looked
     left_over: str = ""
 
@@ -144,36 +192,35 @@ def fit_figures(
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertainty:
+class Uncertainty(FileRecord):
     """What the data say about each fitted quantity, and what they cannot say."""
 
     # the fitted quantities, with a node in brackets where there is one for each
-    names: tuple[str, ...] = ()
-    values: tuple[float, ...] = ()  # estimate and standard deviation, in the unit the name states
-    std: tuple[float, ...] = ()
-    correlation: tuple[tuple[float, ...], ...] = ()  # correlation matrix, one row for each name
-    statements: tuple[str, ...] = ()  # plain sentences about what the data do not determine
+    names: Texts
+    values: Unbounded  # estimate and standard deviation, in the unit the name states
+    std: Unbounded
+    # correlation matrix, one row for each name
+    correlation: Annotated[tuple[Unbounded, ...], LIST] = ()
+    statements: Texts = ()  # plain sentences about what the data do not determine
 
 
 @dataclass(frozen=True, slots=True)
-class ReductionStep:
+class ReductionStep(FileRecord):
     """One round of the reduction: a parameter replaced by its mean over the gaps (II.D)."""
 
     frozen: str  # the parameter that was frozen
-    cost_before: float  # mean absolute deviation relative to the largest output, before and after
-    cost_after: float
+    cost_before: Number  # mean absolute deviation relative to the largest output, before and after
+    cost_after: Number
     # cost of freezing each parameter that was tried in this round
-    candidates: Mapping[str, float] = field(default_factory=dict)
-
-
-Setting = str | bool | int | float
+    candidates: Mapping[str, Number] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
-class Provenance:
+class Provenance(FileRecord):
     """Where a model came from."""
 
     version: str = ""  # version of anhyst that wrote the model
-    seed: int | None = None  # seed of the search
-    sources: tuple[Source, ...] = ()  # measurement files with their hashes and column mappings
+    seed: Whole | None = None  # seed of the search
+    # measurement files with their hashes and column mappings
+    sources: Annotated[tuple[Source, ...], LIST, Field(validation_alias="source")] = ()
     settings: Mapping[str, Setting] = field(default_factory=dict)  # settings of the identification

@@ -23,8 +23,8 @@ from anhyst.model.predict import SHORTEST_RUN, SampleError, run_through
 from anhyst.model.prediction import Given, flag
 from anhyst.support.atomic import PathLike, check_writable
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 
 if TYPE_CHECKING:
     from anhyst.support.units import Quantity

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from anhyst.data.history import History
-from anhyst.data.look import few, length_scale
 from anhyst.model.record import ActuatorRecord
 from anhyst.support.errors import ImplausibleWarning
 from anhyst.support.numeric import FloatArray
-from anhyst.support.result import Result, range_text
+from anhyst.support.result import Result, few, length_scale, range_text
 from anhyst.support.units import DIMENSIONS, UNITS, Quantity
 
 if TYPE_CHECKING:

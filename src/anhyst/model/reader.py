@@ -10,31 +10,18 @@ import numpy as np
 from pydantic import ValidationError
 
 from anhyst.data.history import History
-from anhyst.data.loops import Source
+from anhyst.laws import LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import Law
-from anhyst.laws.registry import LAWS, law_of
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.fit_record import (
-    CandidateFit,
-    CrossValidation,
-    FitFigures,
-    LoopFit,
-    Provenance,
-    ReductionStep,
-    Uncertainty,
-    ValidRange,
-)
 from anhyst.model.parameters import Parameter, find_problems
 from anhyst.model.record import ActuatorRecord
 from anhyst.model.schema import (
     VERSION,
     CellsTable,
-    FitTable,
     ModelTable,
     Names,
     QuantityTable,
-    UncertaintyTable,
     meant,
     model_table,
     section_names,
@@ -277,8 +264,6 @@ class _Reader:
         late = self._dynamics(table)
         layers = self._layers(table)
         self._stop_if_wrong()
-        origin = table.provenance
-        sources = tuple(Source(s.path, s.sha256, s.columns) for s in origin.source)
         model = kind(
             name=table.name,
             input=given,
@@ -292,11 +277,11 @@ class _Reader:
             schedule=schedule,
             nodes=tuple(table.schedule.nodes) if table.schedule else (),
             history=history,
-            valid=_valid(table),
-            fit=_fit(table.fit) if table.fit else None,
-            uncertainty=_uncertainty(table.uncertainty) if table.uncertainty else None,
-            reduction=tuple(ReductionStep(**dict(step)) for step in table.reduction),
-            provenance=Provenance(origin.version, origin.seed, sources, origin.settings),
+            valid=table.valid,
+            fit=table.fit,
+            uncertainty=table.uncertainty,
+            reduction=tuple(table.reduction),
+            provenance=table.provenance,
             cells=cells,
             dynamics=late,
             layers=layers,
@@ -347,38 +332,3 @@ def _place_of(key: str) -> tuple[str, ...]:
     if key == "gap_map":
         return ("gap_map",)
     return ("schedule", "nodes") if key == "nodes" else ("parameters", key)
-
-
-def _valid(table: ModelTable) -> ValidRange | None:
-    if table.valid is None:
-        return None
-    low_high = [
-        None if pair is None else (pair[0], pair[1])
-        for pair in (table.valid.input, table.valid.output, table.valid.schedule)
-    ]
-    assert low_high[0] is not None
-    assert low_high[1] is not None
-    return ValidRange(low_high[0], low_high[1], low_high[2])
-
-
-def _fit(table: FitTable) -> FitFigures:
-    plain = dict(table)
-    loops = tuple(LoopFit(**dict(loop)) for loop in plain.pop("loop"))
-    candidates = tuple(CandidateFit(**dict(row)) for row in plain.pop("candidate"))
-    validation = table.cross_validation
-    if validation is not None:
-        low, high = validation.interval
-        plain["cross_validation"] = CrossValidation(
-            validation.error, low, high, tuple(validation.folds), validation.left_out
-        )
-    return FitFigures(loops=loops, candidates=candidates, **plain)
-
-
-def _uncertainty(table: UncertaintyTable) -> Uncertainty:
-    return Uncertainty(
-        names=tuple(table.names),
-        values=tuple(table.values),
-        std=tuple(table.std),
-        correlation=tuple(tuple(row) for row in table.correlation),
-        statements=tuple(table.statements),
-    )

@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 
 from anhyst.data.history import History
 from anhyst.data.output_map import output_map
+from anhyst.laws import DEFAULT_LAW, LAWS, law_of
 from anhyst.laws.cells import CellWeights
 from anhyst.laws.law import IronOperator, Law, ParameterSpec
-from anhyst.laws.registry import DEFAULT_LAW, LAWS, law_of
 from anhyst.model.dynamics import Dynamics, Layers
 from anhyst.model.fit_record import FitFigures, Provenance, ReductionStep, Uncertainty, ValidRange
 from anhyst.model.gap_map import Curve
@@ -70,7 +70,7 @@ class ActuatorRecord:
     name : str
         Free text.
     law : str
-        Name of the law, one of :data:`anhyst.laws.registry.LAWS`.
+        Name of the law, one of :data:`anhyst.laws.LAWS`.
     input, output : Quantity
         What drives the actuator and what it answers with.
     parameters : mapping of str to float or tuple of float

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import fdtrc
 
-from anhyst.data.branches import branches
+from anhyst.data.path import branches
 from anhyst.support.numeric import FloatArray
 
 Shape = Literal["input", "direction", "gap", "amplitude", "start", "drift"]

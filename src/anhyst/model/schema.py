@@ -1,21 +1,24 @@
-"""What a model file may hold: its tables, their types, and keys that carry units.
-
-The keys of a model file: names with their units, table by table.
-
-Apart from the schema, whose validation takes longer to import than a model to write.
-"""
+"""What a model file may hold: its tables, their types, and keys that carry units."""
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, FiniteFloat, PlainValidator, create_model
+from pydantic import AfterValidator, FiniteFloat, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
 from anhyst.data.output_map import output_map
+from anhyst.laws import LAWS
 from anhyst.laws.law import Law
-from anhyst.laws.registry import LAWS
+from anhyst.model.fit_record import (
+    FitFigures,
+    Provenance,
+    ReductionStep,
+    Uncertainty,
+    ValidRange,
+    is_number,
+    of_output,
+)
 from anhyst.model.parameters import specs_of
 from anhyst.support.toml_file import Table
 from anhyst.support.units import Quantity
@@ -23,23 +26,11 @@ from anhyst.support.units import Quantity
 # ruff: noqa: RUF012 - pydantic gives every table its own copy of a default
 
 
-def _is_number(value: object) -> bool:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return False
-    return abs(value) <= sys.float_info.max  # comparing, an integer may be of any size
-
-
 def _number(value: Any) -> Any:
     """Accept a number or a list of numbers; one finding, whatever is wrong."""
-    if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
+    if is_number(value) or (isinstance(value, list) and value and all(map(is_number, value))):
         return value
     raise PydanticCustomError("not_a_number", "must be a finite number, or one for each node")
-
-
-def _setting(value: Any) -> Any:
-    if isinstance(value, str | bool) or _is_number(value):
-        return value
-    raise PydanticCustomError("not_a_setting", "must be a text, a truth value or a finite number")
 
 
 def _law(name: str) -> str:
@@ -53,8 +44,6 @@ def _law(name: str) -> str:
 
 LawName = Annotated[str, AfterValidator(_law)]
 Number = Annotated[float | list[float], PlainValidator(_number)]
-Setting = Annotated[str | bool | int | float, PlainValidator(_setting)]
-Pair = Annotated[list[FiniteFloat], Field(min_length=2, max_length=2)]
 
 
 class QuantityTable(Table):
@@ -97,98 +86,6 @@ class LayersTable(Table):
     laminated: FiniteFloat = 0.0
 
 
-class ValidTable(Table):
-    """``[valid]``: smallest and largest measured values."""
-
-    input: Pair
-    output: Pair
-    schedule: Pair | None = None
-
-
-class LoopTable(Table):
-    """``[[fit.loop]]``: deviation on one loop."""
-
-    label: str
-    schedule: FiniteFloat | None = None
-    samples: int
-    largest_output: FiniteFloat
-    mean_abs: FiniteFloat
-    rms: FiniteFloat
-    worst: FiniteFloat
-
-
-class CrossValidationTable(Table):
-    """``[fit.cross_validation]``: what to expect between the nodes."""
-
-    error: FiniteFloat
-    interval: Pair
-    folds: list[FiniteFloat] = []
-    left_out: Literal["gap", "block"] = "gap"
-
-
-class CandidateTable(Table):
-    """``[[fit.candidate]]``: a law that was compared."""
-
-    law: str
-    gap_map: str
-    numbers: int
-    rms: FiniteFloat
-    left_out: FiniteFloat | None = None
-    note: str = ""
-
-
-class FitTable(Table):
-    """``[fit]``: deviation over all loops."""
-
-    largest_output: FiniteFloat
-    mean_abs: FiniteFloat
-    rms: FiniteFloat
-    worst: FiniteFloat
-    left_out: dict[str, FiniteFloat] = {}
-    monotone: bool | None = None
-    cross_validation: CrossValidationTable | None = None
-    not_noise: FiniteFloat | None = None
-    left_over: str = ""
-    candidate: list[CandidateTable] = []
-    loop: list[LoopTable] = []
-
-
-class UncertaintyTable(Table):
-    """``[uncertainty]``: infinite where the data say nothing."""
-
-    names: list[str]
-    values: list[float]
-    std: list[float]
-    correlation: list[list[float]] = []
-    statements: list[str] = []
-
-
-class ReductionTable(Table):
-    """``[[reduction]]``: one parameter frozen."""
-
-    frozen: str
-    cost_before: FiniteFloat
-    cost_after: FiniteFloat
-    candidates: dict[str, FiniteFloat] = {}
-
-
-class SourceTable(Table):
-    """``[[provenance.source]]``: one measurement file."""
-
-    path: str
-    sha256: str
-    columns: dict[str, str] = {}
-
-
-class ProvenanceTable(Table):
-    """``[provenance]``: where the model came from."""
-
-    version: str = ""
-    seed: int | None = None
-    settings: dict[str, Setting] = {}
-    source: list[SourceTable] = []
-
-
 class ModelTable(Table):
     """The whole file, its keys without units."""
 
@@ -205,11 +102,11 @@ class ModelTable(Table):
     cells: CellsTable | None = None
     dynamics: DynamicsTable | None = None
     layers: LayersTable | None = None
-    valid: ValidTable | None = None
-    fit: FitTable | None = None
-    uncertainty: UncertaintyTable | None = None
-    reduction: list[ReductionTable] = []
-    provenance: ProvenanceTable = ProvenanceTable()
+    valid: ValidRange | None = None
+    fit: FitFigures | None = None
+    uncertainty: Uncertainty | None = None
+    reduction: list[ReductionStep] = []
+    provenance: Provenance = Provenance()
 
 
 def model_table(law: Law | None) -> type[ModelTable]:
@@ -259,10 +156,7 @@ def section_names(
     law: Law | None, drive: Quantity, answer: Quantity, schedule: Quantity | None
 ) -> dict[tuple[str, ...], Names]:
     """Return the keys that carry units, table by table (``[[fit.loop]]`` as ``fit, loop``)."""
-    deviations = {
-        name: (name, column(name, answer.unit))
-        for name in ("largest_output", "mean_abs", "rms", "worst")
-    }
+    deviations = {name: (name, column(name, answer.unit)) for name in of_output(FitFigures)}
     ranges = {"input": (drive.symbol, drive.column), "output": (answer.symbol, answer.column)}
     nodes: Names = {}
     if schedule is not None:

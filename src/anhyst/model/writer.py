@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any, cast, get_type_hints
 
+import numpy as np
+
+from anhyst.laws import LAWS
 from anhyst.laws.cells import CellWeights
-from anhyst.laws.registry import LAWS
 from anhyst.model.dynamics import Dynamics, Layers
-from anhyst.model.fit_record import FitFigures, LoopFit, Provenance, Uncertainty
+from anhyst.model.fit_record import FitFigures, Provenance, Uncertainty, Whole, of_output
 from anhyst.model.reader import read_as
 from anhyst.model.record import ActuatorRecord
-from anhyst.model.schema import FORMAT, VERSION, column
+from anhyst.model.schema import FORMAT, VERSION, Names, column, section_names
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
+from anhyst.support.toml_file import FileRecord
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import Quantity
 
@@ -50,6 +56,9 @@ DYNAMICS = """
 LAYERS = """
 # Solid iron: layers of the law, the first at the surface with this share of the section, between
 # which the field diffuses (gamma above); and the share of the path in sheets, which follow at once.
+"""
+VALID = """
+# Smallest and largest measured values. Outside, results are computed and flagged.
 """
 FIT = """
 # How far the model is from the measurement it was found from: mean absolute, root mean square and
@@ -89,6 +98,7 @@ def write_model(model: ActuatorRecord, path: PathLike) -> None:
 
 def model_text(model: ActuatorRecord) -> str:
     """Return the text of the model file."""
+    names = section_names(model.operator_law, model.input, model.output, model.schedule)
     known = " or ".join(f'"{law}"' for law in LAWS)
     text = f"The hysteresis law, {known}. The parameters mean nothing under another one."
     lines = textwrap.wrap(text, 100, initial_indent="# ", subsequent_indent="# ")
@@ -104,22 +114,16 @@ def model_text(model: ActuatorRecord) -> str:
         _cells(model.cells) if model.cells else "",
         _dynamics(model.dynamics) if model.dynamics else "",
         _layers(model.layers) if model.layers else "",
-        _valid(model),
     ]
+    if model.valid:
+        sections.append(f"{VALID}[valid]\n" + _record(model.valid, names["valid",]))
     if model.fit:
-        sections.append(_fit(model.fit, model))
+        sections.append(_fit(model.fit, names))
     if model.uncertainty:
         sections.append(_uncertainty(model.uncertainty))
     if model.reduction:
         sections.append("\n# Reduction: in each round the parameter whose freezing cost least.\n")
-    for step in model.reduction:
-        table = {
-            "frozen": step.frozen,
-            "cost_before": float(step.cost_before),
-            "cost_after": float(step.cost_after),
-            "candidates": _floats(step.candidates) or None,
-        }
-        sections.append("\n[[reduction]]\n" + _keys(table))
+    sections += ["\n[[reduction]]\n" + _record(step) for step in model.reduction]
     if model.provenance != Provenance():
         sections.append(_provenance(model.provenance))
     return "".join(sections)
@@ -185,77 +189,64 @@ def _layers(layers: Layers) -> str:
     return f"{LAYERS}[layers]\n{_keys(table)}"
 
 
-def _valid(model: ActuatorRecord) -> str:
-    if model.valid is None:
-        return ""
-    table = {
-        model.input.column: list(map(float, model.valid.input)),
-        model.output.column: list(map(float, model.valid.output)),
-    }
-    if model.schedule is not None and model.valid.schedule is not None:
-        table[model.schedule.column] = list(map(float, model.valid.schedule))
-    head = "\n# Smallest and largest measured values. Outside, results are computed and flagged.\n"
-    return f"{head}[valid]\n{_keys(table)}"
+def _record(record: FileRecord, names: Mapping[str, tuple[str, str]] = MappingProxyType({})) -> str:
+    """Write the keys of a record; left out is what it has by default, and the tables inside it.
 
-
-def _fit(fit: FitFigures, model: ActuatorRecord) -> str:
-    rest = {
-        "left_out": _floats(fit.left_out) or None,
-        "monotone": None if fit.monotone is None else bool(fit.monotone),
-        "not_noise": None if fit.not_noise is None else float(fit.not_noise),
-        "left_over": fit.left_over or None,
-    }
-    text = f"{FIT}[fit]\n{_deviation(fit, model.output)}{_keys(rest)}"
-    if expected := fit.cross_validation:
-        table = {
-            "error": float(expected.error),
-            "interval": [float(expected.low), float(expected.high)],
-            "folds": list(map(float, expected.folds)),
-            "left_out": "block" if expected.left_out == "block" else None,
-        }
-        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_keys(table)}"
-    for candidate in fit.candidates:
-        table = {
-            "law": candidate.law,
-            "gap_map": candidate.gap_map,
-            "numbers": int(candidate.numbers),
-            "rms": float(candidate.rms),
-            "left_out": None if candidate.left_out is None else float(candidate.left_out),
-            "note": candidate.note or None,
-        }
-        text += f"\n[[fit.candidate]]\n{_keys(table)}"
-    for loop in fit.loops:
-        at = None if model.schedule is None or loop.schedule is None else float(loop.schedule)
-        table = {
-            "label": loop.label,
-            (model.schedule.column if model.schedule else ""): at,
-            "samples": int(loop.samples),
-        }
-        text += f"\n[[fit.loop]]\n{_keys(table)}{_deviation(loop, model.output)}"
+    Deviations come with what they are of the largest output. A scheduling variable has a name only
+    where the model has one.
+    """
+    hints = get_type_hints(type(record), include_extras=True)
+    largest: float = getattr(record, "largest_output", 0.0)
+    text = ""
+    for field in fields(cast("Any", record)):
+        value, key = getattr(record, field.name), names.get(field.name, ("", field.name))[1]
+        if value in (None, field.default, {}) or _holds_tables(value):
+            continue
+        if field.name == "schedule" and field.name not in names:
+            continue
+        written = toml_value(_plain(value, whole=hints[field.name] is Whole))
+        share = field.name in of_output(type(record)) and field.name != "largest_output" and largest
+        text += f"{toml_key(key)} = {written}"
+        text += f"  # {100.0 * value / largest:.3g} %\n" if share else "\n"
     return text
 
 
-def _deviation(record: FitFigures | LoopFit, output: Quantity) -> str:
-    """Write deviations, each with what it is of the largest output."""
-    text = _keys({column("largest_output", output.unit): float(record.largest_output)})
-    for name in ("mean_abs", "rms", "worst"):
-        value = float(getattr(record, name))
-        share = (
-            f"  # {100.0 * value / record.largest_output:.3g} %" if record.largest_output else ""
-        )
-        text += f"{column(name, output.unit)} = {toml_value(value)}{share}\n"
+def _holds_tables(value: object) -> bool:
+    return isinstance(value, FileRecord) or (
+        isinstance(value, tuple) and any(isinstance(item, FileRecord) for item in value)
+    )
+
+
+def _plain(value: Any, *, whole: bool = False) -> Any:
+    """Return a value as Python's own; every number that counts nothing is a float."""
+    match value:
+        case str() | bool():
+            return value
+        case np.bool_():
+            return bool(value)
+        case Mapping():
+            return {key: _plain(item) for key, item in value.items()}
+        case tuple():
+            return [_plain(item) for item in value]
+    return int(value) if whole else float(value)
+
+
+def _fit(fit: FitFigures, names: Mapping[tuple[str, ...], Names]) -> str:
+    text = f"{FIT}[fit]\n" + _record(fit, names["fit",])
+    if fit.cross_validation:
+        text += f"{CROSS_VALIDATION}[fit.cross_validation]\n{_record(fit.cross_validation)}"
+    for candidate in fit.candidates:
+        text += f"\n[[fit.candidate]]\n{_record(candidate)}"
+    for loop in fit.loops:
+        text += "\n[[fit.loop]]\n" + _record(loop, names["fit", "loop"])
     return text
 
 
 def _uncertainty(unsure: Uncertainty) -> str:
-    table = {
-        "names": list(unsure.names),
-        "values": list(map(float, unsure.values)),
-        "std": list(map(float, unsure.std)),
-    }
-    text = f"{UNCERTAINTY}[uncertainty]\n{_keys(table)}"
+    plain = replace(unsure, correlation=(), statements=())
+    text = f"{UNCERTAINTY}[uncertainty]\n{_record(plain)}"
     if unsure.correlation:
-        text += f"correlation = {_rows(list(map(float, row)) for row in unsure.correlation)}\n"
+        text += f"correlation = {_rows(_plain(unsure.correlation))}\n"
     if unsure.statements:
         text += f"statements = {_rows(unsure.statements)}\n"
     return text
@@ -279,7 +270,3 @@ def _provenance(origin: Provenance) -> str:
         }
         text += "\n[[provenance.source]]\n" + _keys(table)
     return text
-
-
-def _floats(mapping: Mapping[str, float]) -> dict[str, float]:
-    return {key: float(value) for key, value in mapping.items()}

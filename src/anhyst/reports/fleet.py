@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 
 from anhyst.study.fleet.fleet import Fleet
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import (
+from anhyst.support.figures import svg_text
+from anhyst.support.page import (
     Block,
     Headline,
     Items,
@@ -19,7 +20,6 @@ from anhyst.support.page.blocks import (
     render_page,
     table,
 )
-from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
 _MOST_ROWS = 200

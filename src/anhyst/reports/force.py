@@ -20,20 +20,7 @@ from anhyst.study.engine.verdict import Judgement
 from anhyst.study.force.force_control import ForceControl
 from anhyst.study.force.trials import STAGES, TITLES, ForceOutcome
 from anhyst.support.atomic import atomic_writer, write_bytes
-from anhyst.support.numeric import FloatArray
-from anhyst.support.page.blocks import (
-    Headline,
-    Note,
-    PageTable,
-    Picture,
-    Section,
-    Text,
-    Tile,
-    render_page,
-    table,
-)
-from anhyst.support.page.numbers import number
-from anhyst.support.page.style import (
+from anhyst.support.figures import (
     FALLING,
     MEASURED,
     RISING,
@@ -41,6 +28,19 @@ from anhyst.support.page.style import (
     styled,
     svg_text,
     write_png,
+)
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import (
+    Headline,
+    Note,
+    PageTable,
+    Picture,
+    Section,
+    Text,
+    Tile,
+    number,
+    render_page,
+    table,
 )
 from anhyst.support.version import running_version
 

@@ -10,7 +10,7 @@ from anhyst.study.bench import address_of, through
 from anhyst.study.excite.excite import Excitation, excite, measure
 from anhyst.support.atomic import PathLike, check_picture, write_figure
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

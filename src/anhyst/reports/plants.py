@@ -15,19 +15,21 @@ from anhyst.rig.bearing.drift import Drift
 from anhyst.rig.tables import SPREADS, SPREADS_OF_BODY, SPREADS_OF_HEAD, SPREADS_OF_MAGNET
 from anhyst.study.engine.monte_carlo import PERCENTILES, MonteCarlo, PlantFigure, percentile
 from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.figures import svg_text
 from anhyst.support.kinds import NAMES
-from anhyst.support.page.blocks import (
+from anhyst.support.page import (
+    MINUS,
+    NBSP,
     Headline,
     Items,
     Note,
     Picture,
     Section,
     Text,
+    number,
     render_page,
     table,
 )
-from anhyst.support.page.numbers import MINUS, NBSP, number
-from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
 

@@ -27,12 +27,10 @@ from anhyst.study.force.force_control import ForceControl, force_control
 from anhyst.study.piezo import TITLES, PiezoTracking, track
 from anhyst.study.plants import bearing_plants, force_plants, piezo_plants, stage_plants
 from anhyst.study.tracking.simulate import TrackingStudy, explore_stage, simulate_stage
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable, write_bytes
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable, json_text, write_bytes
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import workers_of
-from anhyst.support.json_text import json_text
+from anhyst.support.jobs import Progress, in_parts, workers_of
 from anhyst.support.kinds import NAMES, TAKES, FileKind
-from anhyst.support.progress import Progress, in_parts
 from anhyst.support.toml_file import take_kind
 
 if TYPE_CHECKING:

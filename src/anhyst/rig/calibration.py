@@ -13,10 +13,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.file import RigFile
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.toml_file import NotNegative, Number, Positive, Table, read_toml
 
 ParameterName = str

@@ -16,15 +16,14 @@ from anhyst.data.reading import files_read
 from anhyst.data.verdict import closings, largest_output
 from anhyst.identification import identify
 from anhyst.identification.identify import check_wanted
-from anhyst.identification.result import whole_search
-from anhyst.identification.run import IdentifyTable
-from anhyst.laws.registry import LAWS, OWN
+from anhyst.identification.run import IdentifyTable, whole_search
+from anhyst.laws import LAWS, OWN
 from anhyst.model.actuator import Model
 from anhyst.rig.old_files import rig_error
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.kept import kept
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.toml_file import FileFault, Name, NotNegative, Positive, Table
 from anhyst.support.units import QUANTITIES
 

@@ -10,10 +10,10 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from anhyst._core import POSITION_MAGNETS, PlantLoop
-from anhyst.control.states import Phase, State
 from anhyst.data.table import check_recording, write_recording
 from anhyst.support.atomic import PathLike
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Phase, State
 
 OUT_OF_PROPORTION = 10.0
 """Demand of a loop that was lost, in parts of the largest that the rig file states."""

@@ -9,10 +9,9 @@ from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from anhyst.compensate.force_controller import NumberFormat
 from anhyst.rig.magnet_table import ORIGIN, Place
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, NumberFormat
 from anhyst.support.toml_file import (
     BRANCH,
     Bits,

@@ -19,8 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.block import DemandLimits, Kind, Scales
-from anhyst.compensate.force_controller import MethodName
+from anhyst.compensate.block import DemandLimits, Kind
 from anhyst.compensate.plan import CompileRequest
 from anhyst.link.firmware import firmware_folder
 from anhyst.link.xcp import XcpMaster
@@ -50,11 +49,11 @@ from anhyst.study.prepared import (
 )
 from anhyst.study.tracking.simulate import OWN, check_calibration, find_gains
 from anhyst.support.atomic import PathLike, cache_folder, core_folder
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of, in_parts
 from anhyst.support.kept import computed_with, forget, load, sealed
-from anhyst.support.kinds import NAMES, FileKind, refuse_other
-from anhyst.support.progress import Progress, in_parts
+from anhyst.support.kinds import NAMES, FileKind, MethodName, refuse_other
 from anhyst.support.toml_file import take_kind
 
 

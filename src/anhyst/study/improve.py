@@ -22,8 +22,8 @@ from anhyst.study.excite.excite import Excitation, measure, write_excitation
 from anhyst.study.excite.on_board import DrivenBoard, measure_on_board
 from anhyst.study.prepared import Improvable, PreparedBoard, block_of
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 
 _POINTS = 100
 """Of a loop, where it is drawn; a record may hold several."""

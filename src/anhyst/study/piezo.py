@@ -25,8 +25,9 @@ from anhyst.control.biquad import integrator, notch
 from anhyst.control.position import Allocation
 from anhyst.data import Loop, Loops
 from anhyst.data.history import History
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.identification import identify
-from anhyst.identification.result import whole_search
+from anhyst.identification.run import whole_search
 from anhyst.model.actuator import Model
 from anhyst.rig.piezo import PiezoRig, PiezoStage
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
@@ -34,7 +35,6 @@ from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from anhyst.support.pays import PIEZO
 from anhyst.support.result import Result, columns_of
 from anhyst.support.units import QUANTITIES
 
@@ -353,4 +353,4 @@ WORTH_IT = 0.5
 def verdict(ratio: float) -> Judgement:
     """Say whether compensation is worth it that leaves this part of the deviation."""
     found = ComparedFigure("rms", "no compensation", ratio, 1.0, 1.0 - WORTH_IT)
-    return judge("compensation", [found], "measures", PIEZO)
+    return judge("compensation", [found], "measures", WHERE_IT_PAYS["piezo"])

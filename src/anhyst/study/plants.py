@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
@@ -50,8 +50,8 @@ from anhyst.study.tracking.simulate import (
     refuse_unstable,
     settle,
 )
-from anhyst.support.jobs import all_of
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
 
 STANDSTILL_S = 0.25
 BEARING_METHODS: tuple[MethodName, ...] = ("ratio", "single-valued")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from anhyst.compensate.block import Block, DemandLimits, Kind, Scales
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse, bearing_model
+from anhyst.compensate.block import Block, DemandLimits, Kind
+from anhyst.compensate.current_map import fit_ratio
+from anhyst.compensate.methods import HysteresisInverse, bearing_model
 from anhyst.compensate.plan import CompileRequest, Plan, make_plan
-from anhyst.compensate.surface import fit_ratio
 from anhyst.compilation.controller import BEYOND
 from anhyst.data import Loops
 from anhyst.model.actuator import Model
@@ -24,8 +24,9 @@ from anhyst.rig.force.programs import Program, find_model, loops_at
 from anhyst.rig.measurement_table import identify_loops
 from anhyst.rig.stage.file import StageRig
 from anhyst.study.excite.design import Specimen, bearing_specimen, force_specimen
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress
 
 _SAME_GAP = 1e-6
 """Of the range: so far may the ends of the measured gaps be inside those of a board."""

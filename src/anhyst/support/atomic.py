@@ -1,12 +1,14 @@
-"""Files, folders and figures written whole or not at all; where the cache and the C sources are."""
+"""Files, folders and figures written whole or not at all, JSON as text; where cache and C sources are."""
 
 from __future__ import annotations
 
 import errno
+import json
+import math
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
@@ -252,3 +254,19 @@ def write_figure(figure: Figure, path: PathLike) -> None:
     picture = BytesIO()
     figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=150)
     write_bytes(path, picture.getvalue())
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """Return the text of a JSON file; numbers that JSON does not have become null."""
+    return json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON gives it back: names and lists, null for what is no finite number."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Sequence):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

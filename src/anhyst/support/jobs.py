@@ -1,4 +1,4 @@
-"""The same work on many inputs, on all cores of this machine or of a cluster."""
+"""The same work on many inputs, on all cores of this machine or of a cluster; how far it is."""
 
 from __future__ import annotations
 
@@ -6,14 +6,34 @@ import operator
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from anhyst.support.errors import InputError
-from anhyst.support.progress import Progress
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+Progress = Callable[[float, float], None]
+"""Called with what is done and what there is in all, in units of the work's own choice."""
+
+
+def in_parts(progress: Progress | None, work: Sequence[float]) -> Iterator[Progress]:
+    """Yield for one part of some work after the other what makes its progress one of the whole."""
+
+    def of_part(part: int) -> Progress:
+        before = sum(work[:part])
+
+        def update(done: float, total: float) -> None:
+            if progress is not None:
+                progress(before + work[part] * done / total, sum(work))
+
+        return update
+
+    return map(of_part, range(len(work)))
+
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -45,6 +65,8 @@ def each(
                 progress(done, len(inputs))
             yield index, result
         return
+    from concurrent.futures import ProcessPoolExecutor, as_completed  # of many processes alone
+
     with ProcessPoolExecutor(count, initializer=_leave_interrupts) as pool:
         places: dict[Future[B], int] = {pool.submit(work, item): i for i, item in enumerate(inputs)}
         try:

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Collection, Mapping
 from enum import StrEnum
 from pathlib import Path
+from typing import Literal
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
@@ -153,3 +154,22 @@ def _taken(kind: FileKind) -> str:
 
 def _listed(words: list[str], last: str) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+MethodName = Literal[
+    "ratio",
+    "secant",
+    "linearised",
+    "single-valued",
+    "play",
+    "simplified",
+    "at-rest",
+    "full",
+    "flux",
+    "fused",
+]
+"""How a force controller finds its current; a row of :data:`anhyst.compensate.methods.METHODS`."""
+
+
+NumberFormat = Literal["f64", "f32", "fixed"]
+"""In which a force controller counts: double, single, or 32-bit fixed point."""

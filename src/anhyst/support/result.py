@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, json_text
 from anhyst.support.errors import InputError
-from anhyst.support.json_text import json_text
+from anhyst.support.units import Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,3 +127,39 @@ def range_text(low: float, high: float, unit: str) -> str:
 def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Turn rows of the same names into columns."""
     return {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
+
+
+MOST_POINTS = 20_000
+"""Lines are drawn with at most about this many points."""
+
+
+Shades = dict[float | None, tuple[float, float, float, float]]
+
+
+def shades(values: Sequence[float], *, moving: bool = False) -> Shades:
+    """Colour of each scheduling value, dark to light; ``None`` stands for moving ones."""
+    from matplotlib import colormaps
+
+    groups: list[float | None] = [*values, *([None] if moving else [])]
+    places = np.linspace(0.0, 0.85, max(len(groups), 2))
+    colours = [tuple(colour) for colour in colormaps["viridis"](places).tolist()]
+    return dict(zip(groups, colours, strict=False))
+
+
+def group_label(schedule: Quantity | None, value: float | None) -> str | None:
+    """Text of a legend for loops at a scheduling value; None where nothing is scheduled."""
+    if schedule is None:
+        return None
+    return f"{schedule.name} moving" if value is None else schedule.show(value)
+
+
+def length_scale(output: Quantity) -> tuple[float, str]:
+    """Scale and axis text: displacements in micrometres, everything else in SI units."""
+    if output.unit == "m":
+        return 1e6, output.label.replace("[m]", "[µm]")
+    return 1.0, output.label
+
+
+def few(n: int) -> slice:
+    """Return which of ``n`` samples are drawn."""
+    return slice(None, None, 1 + n // MOST_POINTS)

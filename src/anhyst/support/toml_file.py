@@ -9,10 +9,11 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Tag, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, Tag, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import core_schema
 
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, RenamedWarning
@@ -60,6 +61,30 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
+
+class FileRecord:
+    """A table of a file that is a plain record: pydantic reads it, and nobody else pays for that."""
+
+    __slots__ = ()
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+
+class _List:
+    """Reads a tuple from a list, and calls it so where it is none."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        item, *others = get_args(source)
+        size = None if others == [Ellipsis] else 1 + len(others)
+        items = core_schema.list_schema(
+            handler.generate_schema(item), strict=True, min_length=size, max_length=size
+        )
+        return core_schema.no_info_after_validator_function(tuple, items)
+
+
+LIST = _List()
+"""Beside a tuple in the annotation of a record's field: the file has a list."""
 
 T = TypeVar("T", bound=Table)
 
@@ -328,7 +353,7 @@ def explain(error: dict[str, Any]) -> Advice:
         return Advice(str(own), own.code)
     if kind == "missing":
         return Advice("is missing; add it", code="missing")
-    if kind == "extra_forbidden":
+    if kind in {"extra_forbidden", "unexpected_keyword_argument"}:
         return Advice("is unknown; remove it or correct its name", code="extra-forbidden")
     text = str(error["msg"]).replace("Input should be", "must be", 1)
     text = text[0].lower() + text[1:]

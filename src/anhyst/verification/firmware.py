@@ -11,12 +11,12 @@ from pathlib import Path
 from random import Random
 
 from anhyst.compilation.toolchain import Missing, missing_modules, missing_programs
-from anhyst.control.states import Command, Fault
 from anhyst.link.client import ControllerLink
 from anhyst.link.firmware import build
 from anhyst.link.plant_bus import Plant, Reading
 from anhyst.link.process import Running, run_host, run_qemu
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.states import Command, Fault
 from anhyst.verification.bundle import Bundle
 from anhyst.verification.compare import Difference
 from anhyst.verification.result import TargetResult

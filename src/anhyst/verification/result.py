@@ -126,6 +126,28 @@ class Verification(Result):
         """Return everything as plain data, for JSON."""
         return {"format": 1, "passed": self.passed, **asdict(self)}
 
+    def write_report(self, folder: Path) -> None:
+        """Write ``verify.json`` and ``verify.md`` into a folder, each whole or not at all."""
+        with atomic_writer(folder / JSON_FILE) as stream:
+            json.dump(self.as_dict(), stream, indent=2, allow_nan=False)
+            stream.write("\n")
+        with atomic_writer(folder / TEXT_FILE) as stream:
+            stream.write(_markdown(self))
+
+    def tables(self) -> list[Rows]:
+        """Return what was found as tables for a person."""
+        results = self.results
+        rows = [_equality(results)]
+        if any(result.costs for result in results):
+            rows.append(_costs(results))
+        if any(result.sizes for result in results):
+            rows.append(_memory(results))
+        if self.estimates:
+            rows.append(_estimates(self.estimates))
+        if self.missing:
+            rows.append(_missing(self))
+        return rows
+
     def facts(self) -> dict[str, str]:
         """Return where every bit was the same, and what a tick costs there."""
         facts = {"passed": "yes" if self.passed else "no"}
@@ -172,30 +194,6 @@ class Rows:
     title: str
     headings: tuple[str, ...]
     cells: tuple[tuple[str, ...], ...]
-
-
-def write_report(verification: Verification, folder: Path) -> None:
-    """Write ``verify.json`` and ``verify.md`` into a folder, each whole or not at all."""
-    with atomic_writer(folder / JSON_FILE) as stream:
-        json.dump(verification.as_dict(), stream, indent=2, allow_nan=False)
-        stream.write("\n")
-    with atomic_writer(folder / TEXT_FILE) as stream:
-        stream.write(_markdown(verification))
-
-
-def tables(verification: Verification) -> list[Rows]:
-    """Return what was found as tables for a person."""
-    results = verification.results
-    rows = [_equality(results)]
-    if any(result.costs for result in results):
-        rows.append(_costs(results))
-    if any(result.sizes for result in results):
-        rows.append(_memory(results))
-    if verification.estimates:
-        rows.append(_estimates(verification.estimates))
-    if verification.missing:
-        rows.append(_missing(verification))
-    return rows
 
 
 def _missing(verification: Verification) -> Rows:
@@ -304,7 +302,7 @@ def _markdown(verification: Verification) -> str:
     if verification.not_run:
         verdict += f"; not run for want of tools: {', '.join(verification.not_run)}"
     lines = ["# Verification", "", f"{kind}, {io}, seed {verification.seed}: {verdict}.", ""]
-    for rows in tables(verification):
+    for rows in verification.tables():
         lines += [f"## {rows.title[:1].upper()}{rows.title[1:]}", "", _line(rows.headings)]
         lines += [_line(["---"] * len(rows.headings)), *map(_line, rows.cells), ""]
     return "\n".join(lines)

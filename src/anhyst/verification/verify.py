@@ -13,8 +13,7 @@ from pathlib import Path
 from anhyst.compilation.toolchain import Missing
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import cores
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress, cores
 from anhyst.verification.bundle import (
     LEVITATION,
     PLAY,
@@ -25,7 +24,15 @@ from anhyst.verification.bundle import (
     read_levitation,
     read_vectors,
 )
-from anhyst.verification.compare import Answers, compare, run
+from anhyst.verification.compare import (
+    CONTROL_SOURCES,
+    Answers,
+    Subject,
+    Variant,
+    Workshop,
+    compare,
+    run,
+)
 from anhyst.verification.elf import (
     CLOCK_HZ,
     PRICES,
@@ -51,7 +58,6 @@ from anhyst.verification.targets import (
     parse_targets,
     reference,
 )
-from anhyst.verification.workshop import CONTROL_SOURCES, Subject, Variant, Workshop
 
 DEFAULT = "host,cortex-m4"
 HOST_STEPS = 1_000_000

@@ -19,8 +19,8 @@ from anhyst.data.formats.channels import (
     hash_of,
 )
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.units import parse_header, unit_of
 
 _LONGEST_GAP = 10.0

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.units import parse_header
 
 Values = NDArray[Any]

@@ -1,21 +1,31 @@
-"""Text tables: CSV and its kin."""
+"""Text tables, CSV and its kin: fast and in bounded memory when all is well, exact about what is not.
+
+A file is read in chunks. The fast path cuts the wanted fields out of the bytes with NumPy and
+converts them in one call. Whatever it does not understand (comments between rows, quotes, blank
+lines, a fault) goes line by line through the slow path, which either copes or names the line.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.data.formats.channels import ChannelGroup, RawColumns, Texts
+from anhyst.data.formats.channels import ChannelGroup, RawColumns, TextInNumbersError, Texts
 from anhyst.data.formats.layout import Layout, read_layout
-from anhyst.data.formats.raw_table import read_raw, row_line, split_lines
 from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.units import join_header
 
 Column = FloatArray | NDArray[np.bool_] | Texts
@@ -129,3 +139,286 @@ def _quote(text: str) -> str:
     if any(sign in text for sign in ',;"\t\r\n#') or text != text.strip():
         return '"' + text.replace('"', '""') + '"'
     return text
+
+
+Labels = NDArray[np.bytes_] | list[str]
+Piece = tuple[FloatArray, list[Labels], int]
+"""Numbers of shape (rows, columns), one list of texts a text column, and the count of lines."""
+
+_CHUNK = 1 << 22
+_SHOWN = 30
+
+
+def read_raw(
+    layout: Layout,
+    numbers: Sequence[int],
+    texts: Sequence[int] = (),
+    progress: Progress | None = None,
+) -> RawColumns:
+    """Read the wanted columns of a table, the others are not even parsed."""
+    reader = _Reader(layout, tuple(numbers), tuple(texts))
+    digest = hashlib.sha256()
+    done = 0
+    with layout.path.open("rb") as file:
+        digest.update(file.read(layout.offset))
+        for chunk in _chunks(file, layout):
+            digest.update(chunk)
+            done += len(chunk)
+            reader.feed(chunk)
+            if progress is not None:
+                progress(layout.offset + done, layout.size)
+    return reader.finish(digest.hexdigest())
+
+
+def row_line(layout: Layout, row: int) -> int:
+    """Line number of a row of data (both counted from the file's beginning, rows from 0)."""
+    with layout.path.open("rb") as file:
+        file.seek(layout.offset)
+        data = (
+            layout.line + number
+            for number, line in enumerate(split_lines(file, layout))
+            if _is_data(line, layout)
+        )
+        return next(islice(data, row, None))
+
+
+def _is_data(text: str, layout: Layout) -> bool:
+    text = text.strip()
+    return bool(text) and not text.startswith("#") and any(layout.split(text))
+
+
+def _chunks(file: BinaryIO, layout: Layout) -> Iterator[bytes]:
+    """Yield pieces of about 4 MiB that end with a line."""
+    rest = b""
+    while block := file.read(_CHUNK):
+        cut = block.rfind(layout.eol) + 1
+        if cut:
+            yield rest + block[:cut]
+            rest = block[cut:]
+        elif len(block) == _CHUNK:
+            raise InputError(
+                f"{layout.path}: holds a line of more than 4 MiB: no text table",
+                code="line-too-long",
+            )
+        else:
+            rest += block
+    if rest:
+        yield rest
+
+
+def split_lines(file: BinaryIO, layout: Layout) -> Iterator[str]:
+    """Yield the lines from the file's present position, without their ends."""
+    for chunk in _chunks(file, layout):
+        for line in chunk.removesuffix(layout.eol).split(layout.eol):
+            yield line.decode(layout.encoding, "replace").rstrip("\r")
+
+
+def shown(field: str) -> str:
+    """Return a field of a file in a form fit for one line of a message."""
+    plain = "".join(sign if sign.isprintable() else "?" for sign in field)
+    return plain if len(plain) <= _SHOWN else plain[: _SHOWN - 3] + "..."
+
+
+class _Reader:
+    """Collects the columns chunk by chunk."""
+
+    def __init__(self, layout: Layout, numbers: tuple[int, ...], texts: tuple[int, ...]) -> None:
+        self.layout = layout
+        self.numbers = numbers
+        self.texts = texts
+        self.line = layout.line
+        self.rows = 0
+        self.store = {index: np.empty(0) for index in numbers}
+        self.labels: dict[int, dict[str, int]] = {index: {} for index in texts}
+        self.codes: dict[int, list[NDArray[np.int32]]] = {index: [] for index in texts}
+        self.notes: list[str] = []
+        self.read = 0
+
+    def feed(self, chunk: bytes) -> None:
+        """Take a chunk of whole lines."""
+        self.read += len(chunk)
+        values, labels, lines = self._fast(chunk) or self._slow(chunk)
+        if values.shape[0]:
+            self._append(values)
+            for index, texts in zip(self.texts, labels, strict=True):
+                self.codes[index].append(self._encode(index, texts))
+        self.line += lines
+
+    def finish(self, sha256: str) -> RawColumns:
+        """Trim and hand over what was collected."""
+        if self.rows == 0:
+            raise InputError(
+                f"{self.layout.path}: has a header but no data; nothing to read", code="no-data"
+            )
+        for column in self.store.values():
+            column.resize(self.rows, refcheck=False)
+        texts = {
+            index: Texts(tuple(self.labels[index]), np.concatenate(self.codes[index]))
+            for index in self.texts
+        }
+        return RawColumns(sha256, self.store, texts, (*self.layout.notes, *self.notes))
+
+    def _append(self, values: FloatArray) -> None:
+        needed = self.rows + values.shape[0]
+        for position, index in enumerate(self.numbers):
+            column = self.store[index]
+            if needed > column.size:
+                # The rows still to come are about as long as those seen: one growth is the rule.
+                expected = needed / self.read * (self.layout.size - self.layout.offset)
+                column.resize(max(needed, math.ceil(expected * 1.01)), refcheck=False)
+            column[self.rows : needed] = values[:, position]
+        self.rows = needed
+
+    def _encode(self, index: int, texts: Labels) -> NDArray[np.int32]:
+        known = self.labels[index]
+        if isinstance(texts, list):
+            return np.array([known.setdefault(text, len(known)) for text in texts], np.int32)
+        values, first, inverse = np.unique(texts, return_index=True, return_inverse=True)
+        codes = np.empty(values.size, np.int32)
+        for at in np.argsort(first):  # in order of appearance
+            text = values[at].decode(self.layout.encoding, "replace").strip()
+            codes[at] = known.setdefault(text, len(known))
+        return codes[inverse.reshape(-1)]
+
+    def _fast(self, chunk: bytes) -> Piece | None:
+        """Convert a chunk without a Python loop over its rows, or give up with ``None``."""
+        layout = self.layout
+        if layout.eol == b"\r" or b"#" in chunk or b'""' in chunk:
+            return None
+        chunk = chunk.replace(b'"', b"").replace(b"\r", b"")
+        if not chunk.endswith(b"\n"):
+            chunk += b"\n"
+        if layout.delimiter is None:
+            return self._fast_blanks(chunk)
+        sign = layout.delimiter.encode()
+        fields = _find_fields(np.frombuffer(chunk, np.uint8), ord(sign), layout.width)
+        if fields is None:
+            return None
+        data, starts, stops = fields
+        labels: list[Labels] = [_cut(data, starts[:, n], stops[:, n]) for n in self.texts]
+        order = sorted(self.numbers)
+        if sign == b"," and len(order) == layout.width:
+            text = chunk.replace(b"\n", b",")
+        else:
+            step = np.zeros(data.size + 1, np.int8)
+            step[starts[:, order].ravel()] += 1
+            step[stops[:, order].ravel() + 1] -= 1
+            rows: NDArray[np.uint8] = data[np.cumsum(step[:-1], dtype=np.int8).astype(bool)]
+            piece = rows.tobytes()
+            text = piece.replace(sign, b" ").replace(b",", b".").replace(b" ", b",")
+            text = text.replace(b"\n", b",")
+        values = _convert(text, ",", starts.shape[0] * len(order))
+        if values is None:
+            return None
+        table = values.reshape(starts.shape[0], len(order))
+        table = table[:, [order.index(index) for index in self.numbers]]
+        return table, labels, starts.shape[0]
+
+    def _fast_blanks(self, chunk: bytes) -> Piece | None:
+        """Convert a chunk whose columns are all numbers between blanks."""
+        if self.texts:
+            return None
+        data = np.frombuffer(chunk, np.uint8)
+        blank = data <= 32
+        begins = ~blank & np.concatenate(([True], blank[:-1]))
+        ends = np.flatnonzero(data == 10)
+        tokens = np.diff(np.concatenate(([0], np.cumsum(begins)[ends])))
+        width = self.layout.width
+        if np.any(tokens != width):
+            return None
+        values = _convert(chunk.replace(b",", b"."), " ", ends.size * width)
+        if values is None:
+            return None
+        return values.reshape(ends.size, width)[:, list(self.numbers)], [], ends.size
+
+    def _slow(self, chunk: bytes) -> Piece:
+        """Read a chunk line by line and name the line that is at fault."""
+        layout = self.layout
+        lines = chunk.removesuffix(layout.eol).split(layout.eol)
+        rows: list[list[float]] = []
+        labels: list[list[str]] = [[] for _ in self.texts]
+        for number, raw in enumerate(lines, start=self.line):
+            text = raw.decode(layout.encoding, "replace").strip("\r\n \ufeff")
+            if text.startswith("#"):
+                self.notes.append(text.lstrip("# "))
+                continue
+            fields = layout.split(raw.decode(layout.encoding, "replace").rstrip("\r\n"))
+            if not any(fields):
+                continue
+            fields = self._fit(fields, number)
+            rows.append([self._number(fields[index], index, number) for index in self.numbers])
+            for column, index in zip(labels, self.texts, strict=True):
+                column.append(fields[index])
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.numbers))
+        return table, list[Labels](labels), len(lines)
+
+    def _fit(self, fields: list[str], number: int) -> list[str]:
+        width = self.layout.width
+        if len(fields) > width and not any(fields[width:]):
+            return fields[:width]
+        if len(fields) != width:
+            path, count = self.layout.path, len(fields)
+            has = f"{count} field{'s' if count != 1 else ''}"
+            raise InputError(
+                f"{path}: line {number}: has {has} where the header names {width} columns; "
+                "complete or remove the line",
+                code="fields-missing",
+            )
+        return fields
+
+    def _number(self, field: str, index: int, number: int) -> float:
+        comma = self.layout.delimiter != "," and "." not in field
+        key = self.layout.header[index]
+        where = f"{self.layout.path}: line {number}, column '{key}'"
+        try:
+            if "_" in field:
+                raise ValueError
+            value = float(field.replace(",", ".", 1) if comma else field)
+        except ValueError:
+            what = f"'{shown(field)}' is not a number" if field else "is empty"
+            text = f"{where}: {what}; correct or remove the line"
+            raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key) from None
+        if not math.isfinite(value):
+            text = f"{where}: {field} is no measured value; remove the line"
+            raise TextInNumbersError(text, column=index, code="text-in-numbers", key=key)
+        return value
+
+
+def _find_fields(
+    data: NDArray[np.uint8], sign: int, width: int
+) -> tuple[NDArray[np.uint8], NDArray[np.intp], NDArray[np.intp]] | None:
+    """Where each field starts and stops, or ``None`` if not every row has ``width`` fields."""
+    ends = np.flatnonzero(data == 10)
+    signs = np.flatnonzero(data == sign)
+    if signs.size != ends.size * (width - 1):
+        return None
+    stops = np.concatenate((signs.reshape(ends.size, width - 1), ends[:, None]), axis=1)
+    begin = np.concatenate(([0], ends[:-1] + 1))
+    if np.any(stops[:, 0] < begin) or (width > 1 and np.any(stops[:, -2] > ends)):
+        return None
+    starts = np.concatenate((begin[:, None], stops[:, :-1] + 1), axis=1)
+    return data, starts, stops
+
+
+def _cut(
+    data: NDArray[np.uint8], starts: NDArray[np.intp], stops: NDArray[np.intp]
+) -> NDArray[np.bytes_]:
+    """Cut one column of text out, as fixed-width byte strings."""
+    length = stops - starts
+    width = max(1, int(length.max()))
+    byte = starts[:, None] + np.arange(width)
+    inside = np.arange(width) < length[:, None]
+    padded = np.where(inside, data[np.minimum(byte, data.size - 1)], 0).astype(np.uint8)
+    texts: NDArray[np.bytes_] = padded.view(f"S{width}").reshape(-1)
+    return texts
+
+
+def _convert(text: bytes, sep: str, count: int) -> FloatArray | None:
+    """Convert separated numbers at once; ``None`` if one is missing, odd, NaN or Inf."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # older NumPy warns, newer raises
+        try:
+            values: FloatArray = np.fromstring(text, np.float64, sep=sep)
+        except ValueError:
+            return None
+    return values if values.size == count and bool(np.isfinite(values).all()) else None

@@ -17,8 +17,8 @@ from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.file import RigFile
-from anhyst.support.page.numbers import number
-from anhyst.support.page.style import FALLING, RISING, new_figure, styled
+from anhyst.support.figures import FALLING, RISING, new_figure, styled
+from anhyst.support.page import number
 
 FORMATS = {"f64": "64-bit floating point", "f32": "32-bit floating point", "fixed": "fixed point"}
 

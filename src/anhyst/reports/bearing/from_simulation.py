@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.speeds import slow_loops
 from anhyst.reports.bearing.look import interval_text, ordered
@@ -35,8 +34,8 @@ from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell,
 from anhyst.study.bearing.operating import has_constants
 from anhyst.study.bearing.simulate import Simulation
 from anhyst.study.engine.verdict import Interval, no_mean
-from anhyst.support.page.blocks import Note, PageTable, table
-from anhyst.support.page.numbers import NBSP, NOT_KNOWN, number
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import NBSP, NOT_KNOWN, Note, PageTable, number, table
 
 _SHOWN = 0.03  # of a step, s
 _COLUMNS = ("ratio", "single-valued", "full")  # whose forces are shown, beside the controller's own

@@ -10,12 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.study.engine.verdict import TITLES, Interval, Judgement, Level
+from anhyst.support.figures import FALLING, RISING
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.blocks import Note, Tone
-from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
-from anhyst.support.page.style import FALLING, RISING
+from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Note, Tone, number
 
 INK = "#000000"
 SHADE = "#8C8C8C"

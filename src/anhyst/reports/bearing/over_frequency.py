@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
 from anhyst.study.bearing.linear import BOUNDARIES, zone
+from anhyst.support.figures import ALARM, new_figure, styled
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.style import ALARM, new_figure, styled
 
 _ZONES = ("#E4F2EC", "#FFF7DC", "#FCE6D2", "#F8D7DA")
 _FLOOR, _CEILING = -40.0, 20.0  # dB, at least shown

@@ -15,13 +15,13 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.bearing.look import COLOURS, INK, SHADE, legend_below, line_of, ordered
 from anhyst.study.engine.monte_carlo import PERCENTILES, percentile
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures
 from anhyst.study.tuning.result import RESULTS, Tuning, keeps_others
+from anhyst.support.figures import ALARM, new_figure, panels, styled, write_png
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.style import ALARM, new_figure, panels, styled, write_png
 
 _DARK = 0.45  # ratio below which its colour asks for white letters
 

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
-from anhyst.data.branches import smooth_curve
 from anhyst.data.loops import Loops
+from anhyst.data.path import smooth_curve
 from anhyst.model.actuator import Model
 from anhyst.reports.bearing.look import (
     COLOURS,
@@ -29,9 +28,10 @@ from anhyst.rig.bearing.scenario import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.metrics import SETTLED
 from anhyst.study.engine.verdict import Interval
+from anhyst.support.figures import new_figure, styled
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.numbers import number
-from anhyst.support.page.style import new_figure, styled
+from anhyst.support.page import number
 
 Recordings = Mapping[MethodName, Recording]
 """Of every variant, all of the same scenario."""

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.bearing.block_diagram import figure_structure
 from anhyst.reports.bearing.look import ordered, verdict_note
 from anhyst.reports.bearing.over_frequency import figure_bode, figure_nyquist, figure_sensitivity
@@ -34,7 +33,10 @@ from anhyst.reports.bearing.tables import (
 from anhyst.study.bearing.linear import zone
 from anhyst.study.engine.verdict import strongest
 from anhyst.support.atomic import PathLike, atomic_writer
-from anhyst.support.page.blocks import (
+from anhyst.support.figures import svg_text
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import (
+    NBSP,
     Block,
     Cell,
     Headline,
@@ -44,11 +46,10 @@ from anhyst.support.page.blocks import (
     Section,
     Text,
     Tile,
+    number,
     render_page,
     table,
 )
-from anhyst.support.page.numbers import NBSP, number
-from anhyst.support.page.style import svg_text
 from anhyst.support.version import running_version
 
 _TILES = 4

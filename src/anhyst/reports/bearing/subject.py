@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable
 from anhyst.reports.bearing.look import ordered
 from anhyst.reports.bearing.over_frequency import Response
@@ -16,8 +15,8 @@ from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell
 from anhyst.study.engine.verdict import Interval
-from anhyst.support.page.blocks import Block, Note
-from anhyst.support.page.numbers import NBSP
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import NBSP, Block, Note
 
 Intervals = Mapping[MethodName, Interval]
 """A figure of every variant."""

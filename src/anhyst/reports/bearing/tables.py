@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS, MODELS
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing.look import interval_text, ordered
 from anhyst.reports.bearing.subject import WITHIN_NOISE, FigureTable, SimulationSubject, Steps
 from anhyst.study.bearing.linear import Margins
@@ -20,9 +20,8 @@ from anhyst.study.engine.verdict import (
     judge,
     strongest,
 )
-from anhyst.support.page.blocks import Cell, PageTable, table
-from anhyst.support.page.numbers import MINUS, NBSP, NOT_KNOWN, number
-from anhyst.support.pays import FEEDBACK
+from anhyst.support.kinds import MethodName
+from anhyst.support.page import MINUS, NBSP, NOT_KNOWN, Cell, PageTable, number, table
 
 OVERSHOOT, NOISE = "overshoot_percent", "noise_percent"
 STEP_TABLES: tuple[tuple[str, str, str, float, str], ...] = (
@@ -105,7 +104,7 @@ def judge_steps(steps: Sequence[Steps], variant: MethodName) -> Judgement:
             compared += [difference] if math.isfinite(difference.mine + difference.its) else []
     if not compared:
         return Judgement("unknown", f"{mine} or every baseline lost levitation at every step")
-    judged = judge(mine, compared, "steps", FEEDBACK)
+    judged = judge(mine, compared, "steps", WHERE_IT_PAYS["feedback"])
     return replace(judged, text=f"{judged.text}{_beside_flux(steps, mine)}")
 
 

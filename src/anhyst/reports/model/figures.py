@@ -17,24 +17,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from anhyst.data.branches import branches, smooth_curve
 from anhyst.data.estimates import noise
 from anhyst.data.loops import Loop, Loops
+from anhyst.data.path import branches, smooth_curve
 from anhyst.data.speeds import Speeds, rate_of
 from anhyst.model.fit_record import ReductionStep, Uncertainty
 from anhyst.reports.model.figures_over_schedule import figure_between, figure_parameters
-from anhyst.support.numeric import FloatArray
-from anhyst.support.page.numbers import (
-    NBSP,
-    Scale,
-    label,
-    name_of,
-    number,
-    scale_for,
-    shown_at,
-    written,
-)
-from anhyst.support.page.style import (
+from anhyst.support.figures import (
     FAINT,
     FALLING,
     MEASURED,
@@ -45,6 +34,8 @@ from anhyst.support.page.style import (
     panels,
     styled,
 )
+from anhyst.support.numeric import FloatArray
+from anhyst.support.page import NBSP, Scale, label, name_of, number, scale_for, shown_at, written
 
 __all__ = [
     "figure_between",

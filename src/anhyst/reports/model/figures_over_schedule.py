@@ -14,9 +14,9 @@ from matplotlib.lines import Line2D
 from anhyst.model.acceptance import GapCheck
 from anhyst.model.actuator import Model
 from anhyst.support.errors import InputError, NegativeResult
+from anhyst.support.figures import ALARM, MODEL, columns_of, new_figure, panels, styled
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.numbers import GREEK, Scale, label, name_of, number, scale_for, scale_of
-from anhyst.support.page.style import ALARM, MODEL, columns_of, new_figure, panels, styled
+from anhyst.support.page import GREEK, Scale, label, name_of, number, scale_for, scale_of
 
 Colour = tuple[float, float, float, float]
 

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from anhyst.laws.registry import LAWS
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.model.subject import ModelSubject
-from anhyst.support.page.blocks import Cell, Headline, Note, PageTable, Tile, table
-from anhyst.support.page.numbers import MINUS, Scale, name_of, number, percent, symbol_of
-from anhyst.support.pays import LOOPS
+from anhyst.support.page import (
+    MINUS,
+    Cell,
+    Headline,
+    Note,
+    PageTable,
+    Scale,
+    Tile,
+    name_of,
+    number,
+    percent,
+    symbol_of,
+    table,
+)
 
 _RMS_OF_MEAN = float(np.sqrt(0.5 * np.pi))
 """Standard deviation of a normal variable over its mean absolute value."""
@@ -20,7 +31,7 @@ def headline(subject: ModelSubject) -> Headline:
     over = f" over the {subject.over}" if model.varying else ""
     what = (
         f"From {subject.drive} {symbol_of(model.input)} to {subject.answer} "
-        f"{symbol_of(model.output)}{over}: {LAWS[model.law].title}"
+        f"{symbol_of(model.output)}{over}: {model.operator_law.title}"
         + (f", map “{model.gap_map}”." if model.varying else ".")
     )
     notes = [Note("warn", "Note", text[:1].upper() + text[1:]) for text in subject.warnings]
@@ -80,7 +91,7 @@ def verdict(subject: ModelSubject) -> tuple[Note, ...]:
     text = (
         f"The loops are so narrow that the best single-valued curve misses by {scale.show(baseline)} "
         f"only ({percent(baseline / fit.largest_output)} of the largest). This model misses by "
-        f"{scale.show(mine)}: {taken}; {LOOPS}."
+        f"{scale.show(mine)}: {taken}; {WHERE_IT_PAYS['loops']}."
     )
     return (Note("warn", title, text),)
 

@@ -37,9 +37,9 @@ from anhyst.reports.model.sections_model import (
 from anhyst.reports.model.subject import ModelSubject, gather, own_figures
 from anhyst.support.atomic import PathLike, atomic_writer
 from anhyst.support.errors import InputError
+from anhyst.support.figures import write_png
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.blocks import Section, render_page
-from anhyst.support.page.style import write_png
+from anhyst.support.page import Section, render_page
 
 
 def write_report(model: PathLike, out: PathLike = "report.html") -> tuple[str, ...]:

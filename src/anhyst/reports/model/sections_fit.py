@@ -29,19 +29,26 @@ from anhyst.reports.model.figures import (
 )
 from anhyst.reports.model.headline import share
 from anhyst.reports.model.subject import Evidence, ModelSubject
+from anhyst.support.figures import svg_text
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.blocks import Block, Cell, Items, PageTable, Picture, Section, Text, table
-from anhyst.support.page.numbers import (
+from anhyst.support.page import (
     NBSP,
+    Block,
+    Cell,
+    Items,
+    PageTable,
+    Picture,
     Scale,
+    Section,
+    Text,
     name_of,
     number,
     percent,
     scale_for,
     shown_at,
+    table,
     written,
 )
-from anhyst.support.page.style import svg_text
 
 
 def section_loops(subject: ModelSubject) -> Section | None:

@@ -9,8 +9,7 @@ from types import MappingProxyType
 from markupsafe import Markup
 
 from anhyst.data.read_options import PREFIX
-from anhyst.laws.cells import CellWeights
-from anhyst.laws.registry import LAWS
+from anhyst.model.actuator import Model
 from anhyst.model.fit_record import CrossValidation, Uncertainty
 from anhyst.reports.model.figures import figure_correlation, figure_reduction
 from anhyst.reports.model.figures_over_schedule import (
@@ -23,7 +22,10 @@ from anhyst.reports.model.figures_over_schedule import (
 )
 from anhyst.reports.model.headline import acceptance
 from anhyst.reports.model.subject import ModelSubject
-from anhyst.support.page.blocks import (
+from anhyst.support.figures import svg_text
+from anhyst.support.page import (
+    GREEK,
+    NBSP,
     Block,
     Cell,
     Items,
@@ -32,18 +34,13 @@ from anhyst.support.page.blocks import (
     Picture,
     Section,
     Text,
-    table,
-)
-from anhyst.support.page.numbers import (
-    GREEK,
-    NBSP,
     number,
     percent,
     scale_of,
+    table,
     with_deviation,
     written,
 )
-from anhyst.support.page.style import svg_text
 
 GAP_MAPS: Mapping[str, str] = MappingProxyType(
     {
@@ -281,15 +278,15 @@ def _expected(subject: ModelSubject, validation: CrossValidation) -> str:
     if validation.left_out == "block":
         return (
             f"Expected at other samples of such loops: mean deviation {percent(validation.error)} of the "
-            f"largest {subject.answer}, in nine of ten cases {percent(validation.low)} to "
-            f"{percent(validation.high)}. Found ({each}) where blocks of samples were left out of the fit "
+            f"largest {subject.answer}, in nine of ten cases {percent(validation.interval[0])} to "
+            f"{percent(validation.interval[1])}. Found ({each}) where blocks of samples were left out of the fit "
             "and of the choice of the law; it says nothing of loops of other sizes."
         )
     return (
         f"Expected at a {subject.over} between those measured: mean deviation "
         f"{percent(validation.error)} of the largest {subject.answer}, in nine of ten cases "
-        f"{percent(validation.low)} to {percent(validation.high)}. Found ({each}) where the {subject.over} "
-        "was left out of the fit, of the choice of the map and of the decision about offsets; "
+        f"{percent(validation.interval[0])} to {percent(validation.interval[1])}. Found ({each}) where "
+        f"the {subject.over} was left out of the fit, of the choice of the map and of the decision about offsets; "
         "noise of the sensor is taken off."
     )
 
@@ -314,19 +311,21 @@ def section_parameters(subject: ModelSubject) -> Section:
             [symbol(bare), Cell(key, code=True), meaning, f"{text}{NBSP}{scale.unit}".strip()]
         )
     blocks: list[Block] = [
-        Text(f"Law: {LAWS[model.law].title}. The parameters mean nothing under another one."),
+        Text(f"Law: {model.operator_law.title}. The parameters mean nothing under another one."),
         Text(equations(subject)),
         table("All parameters", ["", "in the file", "meaning", "value"], rows, "", texts=3),
     ]
     if model.cells is not None:
-        blocks.append(_cells(model.cells))
+        blocks.append(_cells(model))
     if model.uncertainty is not None and model.uncertainty.names:
         blocks += _uncertainty(subject, model.uncertainty)
     return Section("parameters", "Parameters and what the data say about them", tuple(blocks))
 
 
-def _cells(cells: CellWeights) -> Block:
+def _cells(model: Model) -> Block:
     """Show the weights, a row for each threshold."""
+    cells = model.cells
+    assert cells is not None
     rows = [
         [f"{r:.4g}", *(f"{100.0 * w / cells.saturation:.3g}" for w in row)]
         for r, row in zip(cells.thresholds.tolist(), cells.weights.tolist(), strict=True)

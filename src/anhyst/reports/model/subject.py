@@ -12,13 +12,13 @@ from anhyst.data.read_options import PREFIX
 from anhyst.data.verdict import Verdict, judge, single_valued
 from anhyst.model.acceptance import Acceptance, DriveCheck, GapCheck
 from anhyst.model.actuator import Model
+from anhyst.model.file import read_sources
 from anhyst.model.fit_record import FitFigures, fit_figures
 from anhyst.model.left_over import left_of, left_over_text
-from anhyst.model.sources import read_sources
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.numbers import Scale, name_of, scale_for
+from anhyst.support.page import Scale, name_of, scale_for
 
 
 @dataclass(frozen=True, eq=False)

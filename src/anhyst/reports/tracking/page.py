@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.reports.bearing.look import (
     INK,
     SHADE,
@@ -29,8 +29,11 @@ from anhyst.study.tracking.losses import LOSS_HEAD, LOSS_NOTES, LOSS_TITLE
 from anhyst.study.tracking.measures import BANDS_M, EXPOSE_AFTER_S
 from anhyst.study.tracking.simulate import OWN, TrackingStudy, TriedVariant
 from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.figures import new_figure, styled, svg_text
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.page.blocks import (
+from anhyst.support.page import (
+    NBSP,
     Block,
     Headline,
     Items,
@@ -40,12 +43,10 @@ from anhyst.support.page.blocks import (
     Section,
     Text,
     Tile,
+    number,
     render_page,
     table,
 )
-from anhyst.support.page.numbers import NBSP, number
-from anhyst.support.page.style import new_figure, styled, svg_text
-from anhyst.support.pays import STAGE
 from anhyst.support.version import running_version
 
 _NAMES = {"peak_m": "peak", "average_m": "moving average", "settling_50_s": "settling to 50 nm"}
@@ -67,7 +68,7 @@ def verdict(study: TrackingStudy) -> Judgement:
     held = [name for name in _held(study) if METHODS[name].role == "baseline"]
     if not held:
         return Judgement("unknown", "every baseline lost the loop")
-    return judge(OWN, _compared(study, held), "measures", STAGE)
+    return judge(OWN, _compared(study, held), "measures", WHERE_IT_PAYS["stage"])
 
 
 def _compared(study: TrackingStudy, names: Sequence[MethodName]) -> list[ComparedFigure]:

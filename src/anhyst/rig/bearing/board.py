@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from anhyst._core import POSITION_MAGNETS, Plant
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q31, PlantBus, Reading
@@ -20,8 +19,9 @@ from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
 from anhyst.rig.bearing.scenario import DROP, Scenario
 from anhyst.rig.recording import of_magnets
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
+from anhyst.support.states import Command, Fault, State
 
 COLUMNS = (
     "t_s",

@@ -10,8 +10,8 @@ import numpy as np
 
 from anhyst._core import Magnet, Plant
 from anhyst.compensate.scheduled import cell_weights
+from anhyst.laws import law_of
 from anhyst.laws.law import Role
-from anhyst.laws.registry import law_of
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter

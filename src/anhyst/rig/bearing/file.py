@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.calibration import CalibratedMethod, ParameterName, read_calibration
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
@@ -14,7 +13,7 @@ from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
 from anhyst.support.atomic import PathLike
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.toml_file import FileFault, Table
 from anhyst.support.toml_text import Path as KeyPath
 

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from anhyst._core import FixedPosition, LoopController, Plant, PlantLoop, Position, PositionF32
-from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.control.position import PositionControl, ReferenceConverter
-from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.file import BearingRig, step_ends
 from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.scenario import Scenario, Script, land_time, lift_time, steps_up_and_down
@@ -30,6 +29,8 @@ from anhyst.rig.recording import (
     find_loss,
     in_columns,
 )
+from anhyst.support.kinds import MethodName
+from anhyst.support.states import Command, Flag
 from anhyst.support.toml_file import FileFault, faults_error
 
 LONGEST_RAMP_S = 60.0

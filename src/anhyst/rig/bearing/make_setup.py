@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.compensate.flux import FluxCalibration
-from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
+from anhyst.compensate.current_map import PlayMap
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import MODELS, PROBED, make_compensator
-from anhyst.compensate.play_map import PlayMap
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.sources import FluxCalibration, Operating, Sources
 from anhyst.control.controller_file import ControllerFile, ControllerTable, error_at_key
 from anhyst.data import Loops
 from anhyst.data.speeds import slow_loops
@@ -28,6 +27,7 @@ from anhyst.rig.bearing.plant import law_of, make_magnet, static_map
 from anhyst.rig.distance import PlantCheck, along, distance, follower, model_distance
 from anhyst.rig.measurement_table import identify_loops, misclosures
 from anhyst.support.errors import CreepWarning, InputError
+from anhyst.support.kinds import MethodName, NumberFormat
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst.control.controller_file import ControllerTable
-from anhyst.control.states import Command
 from anhyst.rig.bearing.file import BearingRig, step_ends
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.support.numeric import FloatArray, passed, sine
+from anhyst.support.states import Command
 
 DROP, SHORT, FAILS = 256, 512, 16
 """Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import POSITION_MAGNETS, BusController, Plant, PlantLoop
-from anhyst.control.states import Command
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
 from anhyst.link.plant_bus import Q30, Q31
@@ -27,6 +26,7 @@ from anhyst.rig.bench.settings import ControllerSettings, check_values, position
 from anhyst.rig.recording import COLUMNS, in_columns
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command
 
 
 class LoadDrive:
@@ -106,7 +106,7 @@ _OF_PLANT = {
 _OF_FIRMWARE = (
     Signal("expected", "N", "force that the first magnet's model expects after the tick"),
     Signal("model_flux", "", "flux of this model, as a fraction of its full scale"),
-    Signal("state", "", "of the controller: State of anhyst.control.states"),
+    Signal("state", "", "of the controller: State of anhyst.support.states"),
     Signal("phase", "", "what its currents do: Phase"),
     Signal("fault", "", "its latched reason: Fault"),
     Signal("flags", "", "what was in the way: Flag"),

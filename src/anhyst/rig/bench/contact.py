@@ -10,9 +10,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.layout import PLACES
-from anhyst.control.states import Command, Fault, State
-from anhyst.link.blocks import CRC_AT
 from anhyst.link.frames import Body, Setting
 from anhyst.link.plant_bus import Q30, Q31
 from anhyst.rig.bench.protocol import Aim, Signal
@@ -24,8 +21,11 @@ from anhyst.rig.bench.settings import (
     position_settings,
 )
 from anhyst.rig.recording import column
+from anhyst.support.block_head import CRC_AT
+from anhyst.support.block_layout import PLACES
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 
 _RESERVED = -(1 << 31)
 """Code of a sensor that had no value."""

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 
 import numpy as np
 
-from anhyst.control.states import Command, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q30, Q31, PlantBus, Reading
 from anhyst.link.process import run_library
@@ -19,6 +18,7 @@ from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.states import Command, State
 
 _SPEED = 0.02
 _SPEED_MOST = 1.0
@@ -79,7 +79,7 @@ _SIGNALS = (
     Signal("current_read", "A", "current as its sensor says"),
     Signal("expected", "N", "force that the model expects after the tick"),
     Signal("model_flux", "", "flux of the model, as a fraction of its full scale"),
-    Signal("state", "", "of the controller: State of anhyst.control.states"),
+    Signal("state", "", "of the controller: State of anhyst.support.states"),
     Signal("fault", "", "its latched reason: Fault"),
     Signal("flags", "", "what was in the way: Flag"),
 )

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.frames import Body
 from anhyst.rig.bench.bearing import BEARING_COMMANDS
 from anhyst.rig.bench.contact import (
@@ -26,6 +25,7 @@ from anhyst.rig.bench.protocol import Parameter
 from anhyst.rig.bench.settings import check_values
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 
 _BEAT_S = 0.02
 """Between two signs of life to a controller, s; it waits for 0.1 s."""

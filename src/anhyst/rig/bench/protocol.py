@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from anhyst._core import POSITION_MAGNETS
-from anhyst.control.states import Command
 from anhyst.rig.recording import column
 from anhyst.rig.stage.loop import WRENCH
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command
 
 
 class Signal(NamedTuple):
@@ -47,7 +47,7 @@ STAGE_OWN = (
     Signal("position_read", "m", "the same as the controller sees it"),
     Signal("error", "m", "reference less true position"),
     Signal("state", "", "ready: held at rest; run: follows its set-point; fault: lost, no current"),
-    Signal("fault", "", "its reason: Fault of anhyst.control.states"),
+    Signal("fault", "", "its reason: Fault of anhyst.support.states"),
     Signal("lap", "", "number of the set-point that is followed; 0 while none is"),
 )
 

@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from anhyst._core import PlantLoop
-from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.force_controller import ForceController
 from anhyst.control.position import Standing, refusal
-from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
 from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import (
@@ -57,7 +56,9 @@ from anhyst.rig.stage.setpoint import (
     strayed,
 )
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, Phase, State
 
 PIECE_S = 0.01
 """After so long at most it is seen whether the loop was lost, s."""
@@ -472,7 +473,7 @@ class AxesBench(StageBench):
             Signal("force", "N", "true force of the magnets"),
         ]
         along = [STAGE_OWN[0], STAGE_OWN[1], STAGE_OWN[3]]
-        flight = Signal("flight", "", "what its controller does: Phase of anhyst.control.states")
+        flight = Signal("flight", "", "what its controller does: Phase of anhyst.support.states")
         self.signals = (*along, *forces, *each, flight, *STAGE_OWN[4:])
         most = [LOAD * one for one in pushed_with(file)]
         self._pushes = dict(zip([f"push_{axis}" for axis in file.body.free], most, strict=True))

@@ -14,8 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anhyst.compensate.block import Scales
-from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
 from anhyst.link.process import VIRTUAL_BOARDS
@@ -26,8 +24,10 @@ from anhyst.rig.measuring import Sensors
 from anhyst.rig.parts.magnet import Electromagnet
 from anhyst.rig.parts.solenoid import Solenoid
 from anhyst.rig.recording import Recording
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import NegativeResult
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Fault, State
 
 _PAST = 12
 """Steps of the unknown past."""

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import FixedCompensator
-from anhyst.compensate.block import Block, Kind, Scales
-from anhyst.compensate.force_controller import MethodName
+from anhyst.compensate.block import Block, Kind
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.data import Loops
@@ -22,9 +21,11 @@ from anhyst.model.parameters import Parameter
 from anhyst.model.writer import write_model
 from anhyst.rig.force.file import Rig
 from anhyst.rig.measurement_table import identify_loops
+from anhyst.support.block_words import Scales
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 
 Codes = NDArray[np.int64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from anhyst._core import AXES_ODD, WrenchLayout
-from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
@@ -34,7 +34,7 @@ from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
 from anhyst.support.errors import InputError
-from anhyst.support.kinds import FileKind
+from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
     FileFault,

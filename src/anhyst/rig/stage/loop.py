@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from anhyst._core import (
     POSITION_MAGNETS,
+    FixedAxes,
     FixedTracking,
     LoopController,
     PlantLoop,
@@ -21,10 +22,9 @@ from anhyst._core import (
     TrackingF32,
 )
 from anhyst.compensate.block import Block
-from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
-from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.methods import PROBED, make_compensator
-from anhyst.compensate.play_map import PlayMap
+from anhyst.compensate.current_map import PlayMap
+from anhyst.compensate.force_controller import ForceController
+from anhyst.compensate.methods import PROBED, HysteresisInverse, make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
@@ -73,6 +73,7 @@ from anhyst.rig.stage.file import (
 )
 from anhyst.rig.stage.setpoint import SetPoint, instants, stray, ticks_of
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName, NumberFormat
 from anhyst.support.numeric import FloatArray
 
 AT_BIAS: tuple[MethodName, ...] = ("ratio", "secant", "linearised")
@@ -448,7 +449,9 @@ def axes_rows(setup: StageSetup) -> dict[str, FloatArray]:
     }
 
 
-def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -> TrackingAxes:
+def axes_controller(
+    setup: StageSetup, drives: Sequence[ForceController] = ()
+) -> TrackingAxes | FixedAxes:
     """Return PIDs, decoupling and allocation of several coordinates over force controllers."""
     magnets = [one.native for one in drives or setup.fresh()]
     if setup.law == "fixed":
@@ -458,12 +461,8 @@ def axes_controller(setup: StageSetup, drives: Sequence[ForceController] = ()) -
     settings.pop("gap_total")
     kind, idle = Allocation(int(settings.pop("allocation"))), settings.pop("idle")
     made = TrackingAxesF32 if setup.law == "f32" else TrackingAxes
-    controller = made(
-        magnets,
-        wrench_layout(setup.rig.settings, kind, idle),
-        axes_rows(setup),
-        settings,
-    )
+    layout = wrench_layout(setup.rig.settings, kind, idle)
+    controller = made(magnets, layout, axes_rows(setup), settings)
     if setup.correction is not None:
         controller.correct(setup.correction)
     return controller

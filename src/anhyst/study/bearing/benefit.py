@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 
 from anhyst.compensate import methods
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.verdict import judge, reversal_share
 from anhyst.rig.bearing.drift import with_iron
@@ -24,9 +23,9 @@ from anhyst.study.bearing.linear import Quotient, quotient
 from anhyst.study.bearing.operating import find_operating_point
 from anhyst.study.bearing.responses import StepResult, StepRun, run_steps
 from anhyst.study.engine.verdict import Interval, mean_interval
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.version import running_version
 
 WIDTHS = (0.5, 1.0, 2.0)

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from anhyst.control.states import Command, Fault, Phase, State
-from anhyst.link.blocks import regenerate
 from anhyst.link.client import Refused
 from anhyst.link.plant_bus import Reading
 from anhyst.rig.bearing.board import LevitatingFirmware
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.scenario import LEAST_LIFT_S
+from anhyst.support.block_head import regenerate
 from anhyst.support.errors import NegativeResult
+from anhyst.support.states import Command, Fault, Phase, State
 
 Act = Callable[[LevitatingFirmware, int], bool]
 """Called before every tick, counted from the beginning of a fault; whether the link stays alive."""

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtr
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
@@ -33,9 +32,9 @@ from anhyst.rig.recording import RISE, Recording
 from anhyst.study.bearing.metrics import deviation, recovery_time
 from anhyst.study.bearing.responses import position_resolution
 from anhyst.study.engine.verdict import mean_interval
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, sine, triangle
-from anhyst.support.progress import Progress
 
 _PERIODS = 6  # a piece
 _PIECES = 5  # at least

@@ -13,7 +13,6 @@ import numpy as np
 from anhyst.compensate.plan import CompileRequest
 from anhyst.compilation.output import compile_model
 from anhyst.control.controller_file import ControllerFile
-from anhyst.control.states import State
 from anhyst.link.firmware import build, check_compiler
 from anhyst.link.process import find_qemu
 from anhyst.model.writer import write_model
@@ -24,11 +23,11 @@ from anhyst.rig.bearing.make_setup import IdentifiedMagnet, compiled_model, make
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Ending, FaultRuns, injections
 from anhyst.study.bearing.operating import make_ready, read_files
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, json_text
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.json_text import json_text
+from anhyst.support.jobs import Progress, in_parts
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress, in_parts
+from anhyst.support.states import State
 
 QEMU = "qemu-mps2"
 _AIR_M = 5e-6

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
@@ -25,9 +24,9 @@ from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Zone, zone
 from anhyst.study.bearing.metrics import deviation, effort, step_figures
 from anhyst.study.engine.verdict import Interval, mean_interval, no_mean
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, sine
-from anhyst.support.progress import Progress
 
 _PERIODS, _SECONDS = 5, 0.02  # at least, of each frequency
 _SETTLE_PERIODS, _SETTLE_SECONDS = 2, 0.02

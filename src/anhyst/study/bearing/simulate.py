@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.control.controller_file import ControllerFile
 from anhyst.data.table import check_recording
@@ -41,10 +40,10 @@ from anhyst.study.bearing.responses import (
     default_seeds,
     sweep,
 )
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, json_text
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress, in_parts
+from anhyst.support.jobs import Progress, in_parts
+from anhyst.support.kinds import MethodName
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:

@@ -15,18 +15,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.bearing.drift import Drift, draw_plant
 from anhyst.rig.file import RigFile
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge, mean_interval, strongest
-from anhyst.support.atomic import PathLike
+from anhyst.support.atomic import PathLike, plain
 from anhyst.support.errors import Interrupted, NegativeResult
-from anhyst.support.jobs import each
-from anhyst.support.json_text import plain
+from anhyst.support.jobs import Progress, each
 from anhyst.support.kept import ResultsFile
-from anhyst.support.kinds import FileKind
-from anhyst.support.pays import FEEDBACK, FORCE, PIEZO, STAGE
-from anhyst.support.progress import Progress
+from anhyst.support.kinds import FileKind, MethodName
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
 
@@ -35,10 +32,10 @@ if TYPE_CHECKING:
 
 PERCENTILES = (5, 50, 95, 99)
 _INSTEAD = {
-    FileKind.BEARING: FEEDBACK,
-    FileKind.STAGE: STAGE,
-    FileKind.FORCE: FORCE,
-    FileKind.PIEZO: PIEZO,
+    FileKind.BEARING: WHERE_IT_PAYS["feedback"],
+    FileKind.STAGE: WHERE_IT_PAYS["stage"],
+    FileKind.FORCE: WHERE_IT_PAYS["force"],
+    FileKind.PIEZO: WHERE_IT_PAYS["piezo"],
 }
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS
+from anhyst.support.kinds import MethodName
 
 Level = Literal["yes", "mixed", "no", "unknown"]
 TITLES: Mapping[Level, str] = {

@@ -33,9 +33,9 @@ from anhyst.study.excite.design import (
 )
 from anhyst.support.atomic import PathLike, atomic_writer, check_writable
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.kinds import TAKES, FileKind
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import toml_key, toml_value
 from anhyst.support.units import QUANTITIES

@@ -15,7 +15,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.control.states import Command, Fault, State
 from anhyst.data.loops import Loop, Loops
 from anhyst.link.client import Refused
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal
@@ -31,8 +30,9 @@ from anhyst.study.excite.excite import (
     place_of,
 )
 from anhyst.support.errors import InputError
+from anhyst.support.jobs import Progress
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
+from anhyst.support.states import Command, Fault, State
 from anhyst.support.units import QUANTITIES
 
 _DWELL_S = 0.02

@@ -25,12 +25,10 @@ from anhyst.study.fleet.judge import (
     share,
 )
 from anhyst.study.fleet.spread import FleetSpread, MagnetEstimate, coordinate_of, spread_of
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable, json_text
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import all_of, workers_of
-from anhyst.support.json_text import json_text
+from anhyst.support.jobs import Progress, all_of, workers_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:

@@ -19,13 +19,12 @@ from anhyst.compilation.output import compile_model
 from anhyst.data.formats import FORMATS
 from anhyst.data.reading import files_read, read_loops
 from anhyst.identification import identify
-from anhyst.identification.result import IdentifyResult, whole_search
+from anhyst.identification.run import IdentifyResult, whole_search
 from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
-from anhyst.support.atomic import PathLike, atomic_writer
+from anhyst.support.atomic import PathLike, atomic_writer, json_text
 from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import all_of
-from anhyst.support.json_text import json_text
 from anhyst.support.version import running_version
 from anhyst.verification.verify import verify
 

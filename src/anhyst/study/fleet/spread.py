@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from anhyst.identification.space import AROUND
+from anhyst.laws import LAWS
 from anhyst.laws.law import Kernel
-from anhyst.laws.registry import LAWS
 from anhyst.support.numeric import FloatArray
 
 ROUNDS = 200

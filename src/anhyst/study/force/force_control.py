@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import Compensator, MethodName
-from anhyst.compensate.surface import fit_ratio, fit_single_valued
+from anhyst.compensate.current_map import fit_ratio, fit_single_valued
+from anhyst.compensate.force_controller import Compensator
 from anhyst.data import Loops
 from anhyst.data.table import check_format, read_columns
 from anhyst.link.firmware import check_compiler
@@ -32,11 +32,10 @@ from anhyst.study.force.trials import (
     plan_trials,
     run_trial,
 )
-from anhyst.support.atomic import PathLike, atomic_writer, whole_folder
+from anhyst.support.atomic import PathLike, atomic_writer, json_text, whole_folder
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import all_of
-from anhyst.support.json_text import json_text
-from anhyst.support.progress import Progress, in_parts
+from anhyst.support.jobs import Progress, all_of, in_parts
+from anhyst.support.kinds import MethodName
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ import numpy as np
 
 from anhyst.compensate.force_controller import Compensator
 from anhyst.compensate.methods import MODELS
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.force.bench import (
     ActuatorBench,
     Demand,
@@ -24,7 +25,6 @@ from anhyst.rig.force.programs import Program, ticks_that_differ
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
 from anhyst.study.engine.verdict import ComparedFigure, judge
 from anhyst.support.numeric import FloatArray
-from anhyst.support.pays import FORCE
 
 Stage = Literal["end", "positions", "moving"]
 Start = Literal["unknown", "demagnetised"]
@@ -301,6 +301,6 @@ def judge_stages(summary: Mapping[str, Mapping[str, Mapping[str, float]]]) -> di
             for stage, errors in worst.items()
         ],
         "stages",
-        FORCE,
+        WHERE_IT_PAYS["force"],
     )
     return {"level": judged.level, "text": judged.sentence, "strongest": against}

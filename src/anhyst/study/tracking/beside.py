@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
-from anhyst.link.blocks import GENERATION_AT, regenerate
 from anhyst.model.actuator import Model
 from anhyst.rig.bearing.loop import Setup
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated
@@ -27,7 +25,9 @@ from anhyst.study.tracking.calibrate import needed
 from anhyst.study.tracking.learner import FORGET_S, Learner
 from anhyst.study.tracking.measures import exposures
 from anhyst.study.tracking.motion import Motion, MotionLaw, refuse_uncalibratable
+from anhyst.support.block_head import GENERATION_AT, regenerate
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 KEPT = 500

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerTable
 from anhyst.rig.bearing.file import BearingRig
@@ -40,6 +40,7 @@ from anhyst.rig.stage.file import (
 )
 from anhyst.rig.stage.loop import demand_columns, pose_columns
 from anhyst.study.tracking.motion import DEAD, UPDATES_HZ, Motion, MotionLaw, on_grid
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 _STEPS: Mapping[ParameterName, float] = {"payload": 0.01, **dict.fromkeys(CENTRE, 1e-3)}

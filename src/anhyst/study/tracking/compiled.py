@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst.compensate.force_controller import NumberFormat
 from anhyst.compensate.twin import Io
 from anhyst.compilation.manifest import VERSION
 from anhyst.compilation.output import Compiled, check_folder, write_folder
@@ -19,7 +18,6 @@ from anhyst.compilation.play import CompiledPlay
 from anhyst.compilation.stage import DEAD_ROWS, StageController, stage_sources
 from anhyst.compilation.verb import compile_actuator
 from anhyst.control.fixed_axes import codes
-from anhyst.control.states import Command
 from anhyst.model.actuator import Model
 from anhyst.rig.recording import Loss, column, of_magnets
 from anhyst.rig.stage.file import (
@@ -53,10 +51,11 @@ from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
 from anhyst.support.atomic import PathLike
 from anhyst.support.c_objects import c_name, check_name
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.kinds import FileKind, kind_of
+from anhyst.support.jobs import Progress
+from anhyst.support.kinds import FileKind, NumberFormat, kind_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.result import Result
+from anhyst.support.states import Command
 from anhyst.support.version import running_version
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from anhyst.control.states import Command, Phase, State
 from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS, SHORT
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.recording import Recording, column, peak
@@ -37,6 +36,7 @@ from anhyst.rig.stage.loop import (
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
 from anhyst.support.numeric import FloatArray
+from anhyst.support.states import Command, Phase, State
 
 LIFTED_S = 0.01
 """From when on a magnet is lost: the weight is taken up in one step before."""

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from anhyst._core import allocate
-from anhyst.compensate.flux_feedback import FluxFeedback, FusedInverse
-from anhyst.compensate.force_controller import MethodName
-from anhyst.compensate.methods import PROBED
+from anhyst.compensate.methods import PROBED, FluxFeedback, FusedInverse
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import CENTRE, OF_ONE, CalibratedMethod, ParameterName, kind_of
@@ -26,6 +24,7 @@ from anhyst.rig.recording import rms
 from anhyst.rig.stage.file import StageRig, per_root
 from anhyst.rig.stage.loop import COMMANDS, PROBES, StageSetup, corrected, fit_method
 from anhyst.support.errors import InputError
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 FILTER_HZ = 250.0

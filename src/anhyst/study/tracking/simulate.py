@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import minimize
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import METHODS, PROBED
 from anhyst.data.table import check_recording
 from anhyst.model.compilable import has_layers
@@ -36,12 +35,11 @@ from anhyst.study.tracking.measures import (
     still_axes,
 )
 from anhyst.study.tracking.motion import refuse_uncalibratable
-from anhyst.support.atomic import PathLike, atomic_writer, check_writable
+from anhyst.support.atomic import PathLike, atomic_writer, check_writable, json_text
 from anhyst.support.errors import InputError, NegativeResult
-from anhyst.support.jobs import all_of
-from anhyst.support.json_text import json_text
+from anhyst.support.jobs import Progress, all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 from anhyst.support.result import Result, columns_of
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import changed
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, make_position, with_gains
@@ -35,6 +34,7 @@ from anhyst.study.tuning.aims import TITLES, Aims, Figures
 from anhyst.study.tuning.screen import FIRMNESS, Screen, make_screen, refine
 from anhyst.study.tuning.trial import Check, Condition, GainSpace, Limit, what_helps
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray, spaced
 
 HOLD_S = 0.03

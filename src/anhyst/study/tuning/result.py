@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import BASELINES, MODELS, PROBED
 from anhyst.control.controller_file import ControllerFile
+from anhyst.data.verdict import WHERE_IT_PAYS
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.stage.file import StageRig
@@ -18,9 +18,8 @@ from anhyst.study.engine.verdict import Interval, compare
 from anhyst.study.tuning.aims import TITLES, Aims, GainFigures, text_of
 from anhyst.study.tuning.search import FoundGains
 from anhyst.study.tuning.trial import Limit
-from anhyst.support.atomic import atomic_writer
-from anhyst.support.json_text import json_text
-from anhyst.support.pays import FEEDBACK, STAGE
+from anhyst.support.atomic import atomic_writer, json_text
+from anhyst.support.kinds import MethodName
 from anhyst.support.result import Result, columns_of
 from anhyst.support.version import running_version
 
@@ -120,8 +119,8 @@ class Tuning(Result):
 
 
 _WORDS = {
-    "settling_time_s": ("settles in", "in", "settling time", FEEDBACK),
-    "average_m": ("leaves a moving average of", "one of", "moving average", STAGE),
+    "settling_time_s": ("settles in", "in", "settling time", WHERE_IT_PAYS["feedback"]),
+    "average_m": ("leaves a moving average of", "one of", "moving average", WHERE_IT_PAYS["stage"]),
 }
 """Of what is made small: what a variant does, and another one; its name; where it would pay."""
 

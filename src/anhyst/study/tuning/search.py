@@ -14,9 +14,8 @@ from anhyst.study.tuning.aims import Aims, GainFigures
 from anhyst.study.tuning.screen import Strategy
 from anhyst.study.tuning.trial import Check, GainOutcome, GainTrial, Tunable, run_trial
 from anhyst.support.errors import NegativeResult
-from anhyst.support.jobs import all_of
+from anhyst.support.jobs import Progress, all_of
 from anhyst.support.numeric import FloatArray
-from anhyst.support.progress import Progress
 
 BUDGET = 240
 """Sets of gains tried in the nonlinear loop."""

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import draw_plant
 from anhyst.rig.recording import Recording, rms
 from anhyst.rig.stage.file import StageRig
@@ -23,6 +22,7 @@ from anhyst.study.tuning.aims import MISSED, Aims, StageFigures
 from anhyst.study.tuning.screen import refine
 from anhyst.study.tuning.trial import Axis, Box, Check, Limit, rounded, what_helps
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 PLANTS = 10

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.control.controller_file import ControllerTable, FilterTable, GainsTable
 from anhyst.control.pidd2 import Pidd2
 from anhyst.study.tuning.aims import LOST, TITLES, Aims, GainFigures, text_of, worst_of
 from anhyst.support.errors import InputError
 from anhyst.support.jobs import all_of
+from anhyst.support.kinds import MethodName
 from anhyst.support.numeric import FloatArray
 
 _DIGITS = 5

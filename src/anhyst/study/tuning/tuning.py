@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, write_controller
 from anhyst.rig.bearing.file import BearingRig
@@ -40,9 +39,8 @@ from anhyst.study.tuning.stage import SLOWEST, StageLoop
 from anhyst.study.tuning.trial import Tunable
 from anhyst.support.atomic import PathLike, check_writable, seen_from
 from anhyst.support.errors import InputError, Interrupted
-from anhyst.support.jobs import all_of, workers_of
-from anhyst.support.kinds import NAMES, TAKES, FileKind
-from anhyst.support.progress import Progress
+from anhyst.support.jobs import Progress, all_of, workers_of
+from anhyst.support.kinds import NAMES, TAKES, FileKind, MethodName
 from anhyst.support.toml_file import take_kind
 from anhyst.support.toml_text import Path as KeyPath
 

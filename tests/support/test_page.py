@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from anhyst.support.page import numbers
-from anhyst.support.page.numbers import (
+from anhyst.support import page
+from anhyst.support.page import (
     number,
     percent,
     scale_for,
@@ -20,8 +20,8 @@ from anhyst.support.units import QUANTITIES
 
 
 def test_examples_in_the_docstrings_hold() -> None:
-    assert doctest.testmod(numbers).attempted > 0
-    assert doctest.testmod(numbers).failed == 0
+    assert doctest.testmod(page).attempted > 0
+    assert doctest.testmod(page).failed == 0
 
 
 @pytest.mark.parametrize(

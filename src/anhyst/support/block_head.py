@@ -1,4 +1,4 @@
-"""Parameter blocks as the link sees them: a generation, a checksum, and what they are made for."""
+"""The head of a parameter block: a generation, a checksum, and the scales that it is made for."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anhyst.compensate.layout import PLACES, UNITS
+from anhyst.support.block_layout import PLACES, UNITS
 
 LENGTH_AT = PLACES["LENGTH"]
 GENERATION_AT = PLACES["GENERATION"]

@@ -1,14 +1,16 @@
-"""The verb ``inspect``."""
+"""The verbs ``inspect``, ``convert`` and ``fleet``: what reads measurements alone."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import anhyst
+from anhyst.cli.compile import IoChoice
 from anhyst.cli.console import in_small_units, print_json, progress_bar, show, table, warn
 from anhyst.cli.options import (
     AsJson,
@@ -19,13 +21,15 @@ from anhyst.cli.options import (
     LoopFiles,
     LoopHistory,
     Schedule,
+    Scheduler,
     Sidecar,
+    of_its_kind,
     read_options,
 )
 from anhyst.support.atomic import check_picture, write_figure
 
 if TYPE_CHECKING:
-    from anhyst import Inspection
+    from anhyst import Fleet, Inspection
     from anhyst.data.inspection import LoopFigures
     from anhyst.data.table import ChannelFigures
 
@@ -75,7 +79,7 @@ def inspect(
         channels = {"channels": [channel.as_dict() for channel in listed]} if listed else {}
         print_json(inspection.as_dict() | channels)
         return
-    _show(inspection)
+    _show_inspection(inspection)
     if plot is not None:
         show(f"{plot} written")
 
@@ -109,7 +113,7 @@ def _show_channels(listed: list[ChannelFigures]) -> None:
     show(figures)
 
 
-def _show(inspection: Inspection) -> None:
+def _show_inspection(inspection: Inspection) -> None:
     from anhyst.support.units import in_small_unit
 
     for text in inspection.warnings:
@@ -159,3 +163,146 @@ def _number(value: float | None, scale: float = 1.0) -> str:
 def _show_texts(title: str, texts: tuple[str, ...]) -> None:
     if texts:
         show(f"{title}:", *(f"  {text}" for text in texts))
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A measurement in any format that is read, or a rig file.",
+            callback=of_its_kind,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="To write: .csv, .mat, .mf4, .tdms, .h5 or .parquet; .toml for a rig.",
+        ),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Write a measurement in another file format, or a rig file in the format of today.
+
+    Values stay bit for bit. Where a format cannot hold something, such as groups in a CSV, it is
+    said; channels on several clocks are interpolated onto the finest for a CSV or Parquet file.
+
+    Example: anhyst convert recording.mf4 recording.csv
+    """
+    with progress_bar(f"reading {source.name}") as progress:
+        done = anhyst.convert(source, out, progress=progress)
+    for text in done.notes:
+        warn(text)
+    if as_json:
+        print_json(asdict(done))
+    elif not done.channels:
+        show(f"written: {done.out}")
+    else:
+        channels = "one channel" if done.channels == 1 else f"{done.channels} channels"
+        show(f"{done.out}: {channels}, {done.samples} samples")
+
+
+REPORT = "report.html"
+
+
+class FleetKind(StrEnum):
+    """Kinds of compensator that are made from a model alone."""
+
+    FULL = "full"
+    SIMPLIFIED = "simplified"
+
+
+def fleet(
+    magnets: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR",
+            help="Folder with a file of loops, or a folder of them, for each magnet.",
+            callback=of_its_kind,
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to; goes on there.")
+    ],
+    rate: Annotated[
+        float, typer.Option(metavar="HZ", help="Ticks a second of the controllers.", min=1.0)
+    ] = 10_000.0,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            metavar="PERCENT",
+            help="Largest rms deviation of a good magnet from its loops, per cent of the largest "
+            "output.",
+            min=1e-3,
+        ),
+    ] = 1.0,
+    law: Annotated[
+        str,
+        typer.Option(metavar="LAW", help="For all; 'auto': what most of the first magnets choose."),
+    ] = "auto",
+    gap_map: Annotated[
+        str, typer.Option(metavar="MAP", help="For all; 'auto' as the law.")
+    ] = "auto",
+    kind: Annotated[FleetKind, typer.Option(help="Kind of compensator.")] = FleetKind.FULL,
+    io: Annotated[IoChoice, typer.Option(help="Format of its signals.")] = IoChoice.Q31,
+    on: Annotated[
+        str, typer.Option(metavar="TARGETS", help="Where the C is verified, as for 'verify'.")
+    ] = "host",
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of everything random.")] = 1,
+    history: LoopHistory = None,
+    scheduler: Scheduler = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify, compile, verify and judge many magnets of one type.
+
+    All get the same law and gap map, so that their parameters compare: mean and scatter of each
+    over the fleet are stated, magnets that do not belong are named, and how many keep a tolerance:
+    each with a controller of its own, and all with one model. A bad file stops nobody; a run that
+    was stopped goes on. Written are fleet.json, fleet.csv, report.html and a folder for each
+    magnet. Exit code 1 where not one magnet could be judged.
+
+    Example: anhyst fleet magnets --out fleet --tolerance 0.5
+    """
+    from anhyst.reports.fleet import write_fleet_report
+
+    with progress_bar("magnets") as progress:
+        result = anhyst.fleet(
+            magnets,
+            out,
+            rate=rate,
+            tolerance=tolerance,
+            law=law,
+            gap_map=gap_map,
+            kind=kind.value,
+            io=io.value,
+            on=on,
+            seed=seed,
+            history=history,
+            scheduler=scheduler,
+            progress=progress,
+        )
+    write_fleet_report(out / REPORT, result)
+    for text in result.warnings:
+        warn(text)
+    for name, why in result.failed.items():
+        warn(f"{name}: {why}")
+    if as_json:
+        print_json(result.as_dict())
+    else:
+        _show_fleet(result, out)
+
+
+def _show_fleet(judged: Fleet, out: Path) -> None:
+    rows = table("mean and scatter over the fleet", ["", "mean", "scatter", "%"])
+    if judged.spread is not None:
+        for name, mean, scatter in zip(
+            judged.quantities, judged.spread.mean, judged.spread.scatter, strict=True
+        ):
+            share = f"{100.0 * scatter / abs(mean):.2g}" if mean else ""
+            rows.add_row(name, f"{mean:.4g}", f"{scatter:.2g}", share)
+    show(
+        *([rows] if judged.spread is not None else []),
+        *(f"{name}: {text}" for name, text in judged.facts().items()),
+        f"written: {out / 'fleet.json'}, {out / 'fleet.csv'}, {out / REPORT}",
+    )

@@ -1,6 +1,6 @@
 """One word of a parameter block: where it stands, its format and meaning, and what 1.0 of it is worth.
 
-The words themselves are in :mod:`anhyst.compensate.layout`.
+The words themselves are in :mod:`anhyst.support.block_layout`.
 """
 
 from __future__ import annotations
@@ -58,3 +58,14 @@ class Word:
     factor: float = 1.0
     shift: str = ""
     unit: str = ""  # of a single, which is worth what it is: ``"output"``, ``"input"``, or the unit
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What the fractions 0 and 1.0 of the signals mean, SI."""
+
+    demand: float  # output and drive at 1.0, in units of the model's output and input
+    current: float
+    # Scheduling variable at 0 and at 1.0, m for a gap. Equal where nothing runs over it.
+    gap_low: float
+    gap_high: float

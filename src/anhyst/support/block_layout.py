@@ -5,7 +5,7 @@ Made by tools/contract from contract/block.toml: do not edit.
 
 from __future__ import annotations
 
-from anhyst.compensate.words import Word
+from anhyst.support.block_words import Word
 
 KINDS = {"full": 1, "simplified": 2, "euler": 3, "cells": 4}
 MAGIC = (0x6E41, 0x7968)

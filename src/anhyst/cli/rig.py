@@ -1,0 +1,354 @@
+"""The verbs ``init``, ``excite`` and ``force-control``: a rig drafted, measured on, and controlled open loop."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import anhyst
+from anhyst.cli.compile import refuse_difference, run_and_write, show_tables
+from anhyst.cli.console import print_json, progress_bar, show, table, warn
+from anhyst.cli.options import (
+    AsJson,
+    BoardChoice,
+    Clean,
+    Columns,
+    Constants,
+    LoopColumn,
+    LoopHistory,
+    Schedule,
+    Sidecar,
+    of_its_kind,
+    read_options,
+)
+
+if TYPE_CHECKING:
+    from anhyst import CalibratingMove, Drafted, Excitation, ForceControl
+
+_MOST_NAMED = 6
+"""Files that are named one by one."""
+
+
+def init(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    loops: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[LOOPS]", help="CSV files, or folders of them.", callback=of_its_kind
+        ),
+    ] = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="What moves. [default: the load is its weight]"),
+    ] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Force that pulls the gap open. [default: the weight of the mass, or half the "
+            "force at the largest gap]",
+        ),
+    ] = None,
+    gap: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Where it works. [default: the middle of the loops' gaps]"),
+    ] = None,
+    force_control: Annotated[
+        bool, typer.Option("--force-control", help="Instead, a rig whose force is controlled.")
+    ] = False,
+    example: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Instead, copy an example that comes with anhyst: 'bearing', 'electromagnet', "
+            "'magnetostrictive', 'piezo', 'solenoid' or 'stage'.",
+        ),
+    ] = None,
+    columns: Columns = None,
+    sidecar: Sidecar = None,
+    schedule: Schedule = None,
+    loop: LoopColumn = None,
+    constants: Constants = None,
+    history: LoopHistory = None,
+    clean: Clean = None,
+    as_json: AsJson = False,
+) -> None:
+    """Begin: write a rig of your own from measured loops, ready to run.
+
+    A folder with rig.toml, controller.toml and a copy of the loops comes out; it can be moved.
+    What the loops say is taken from them, the rest is guessed by rules, and every guess is marked
+    as one in the files. What is there already is not written over.
+
+    Example: anhyst init loops.csv --mass 0.8 --load 60 --gap 0.45e-3 --out my
+
+    Example: anhyst init loops.csv --force-control --out my
+
+    Example: anhyst init --example bearing --out my
+    """
+    options = read_options(columns, sidecar, schedule, loop, constants, history, clean)
+    with progress_bar("reading") as progress:
+        drafted = anhyst.init(
+            out,
+            loops,
+            mass=mass,
+            load=load,
+            gap=gap,
+            force_control=force_control,
+            example=example,
+            progress=progress,
+            **asdict(options),
+        )
+    if as_json:
+        print_json(drafted.as_dict())
+    else:
+        _show_draft(drafted)
+
+
+def _show_draft(drafted: Drafted) -> None:
+    show(*drafted.found)
+    if drafted.guessed:
+        show("guessed:", *(f"  {key}: {why}" for key, why in drafted.guessed.items()))
+    count = sum(map(len, drafted.guesses.values()))
+    if count:
+        show(f"{count} keys are guesses, each marked 'guess' in its line; write your numbers there")
+    named, others = drafted.files[:_MOST_NAMED], len(drafted.files[_MOST_NAMED:])
+    more = f" and {others} more" if others else ""
+    show(f"written to {drafted.out}: {', '.join(named)}{more}")
+    show("next:", *(f"  {command}" for command in drafted.run))
+
+
+def excite(
+    rig: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RIG",
+            help="Rig file, of a bearing or of force control; with --calibrate of a stage.",
+            callback=of_its_kind,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="CSV to write; its sidecar is the .toml beside it."
+        ),
+    ],
+    calibrate: Annotated[
+        bool,
+        typer.Option(
+            "--calibrate",
+            help="Instead, let a stage fly the shortest move that shows what its magnets are off "
+            "by; FILE is the recording that anhyst calibrate takes.",
+        ),
+    ] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw drive and loops, or the move (png, svg or pdf)."),
+    ] = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="With --xcp or --port: the compiled folder around which the firmware is built.",
+        ),
+    ] = None,
+    xcp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Measure through a controller of force that runs by itself and offers XCP there.",
+        ),
+    ] = None,
+    port: Annotated[
+        str | None, typer.Option(metavar="PORT", help="The same on a serial port that carries XCP.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure loops: design a drive within the limits of a rig, run it, write what was read.
+
+    At every gap, armature held: nested major loops, first-order reversal curves, and inner loops
+    about the operating point, come to from below, from above and by a decaying sine. Every record
+    begins demagnetised, or conditioned where the amplifier does not drive below zero. Current, its
+    rate, force and I^2 t of the winding keep to the rig file; what had to be designed down is
+    said. The rig is the virtual one, or with --xcp or --port a real one at the gap where its
+    armature is held: its controller drives the current, and is stopped again.
+
+    Example: anhyst excite rig.toml --out loops.csv; anhyst identify loops.csv --out model.toml
+
+    Example: anhyst excite --calibrate examples/stage/rig.toml --out run.csv
+    """
+    if calibrate:
+        if folder or xcp or port:
+            raise anhyst.InputError(
+                "--calibrate: flies the virtual stage; leave --folder, --xcp and --port out",
+                code="option-not-for-this",
+                key="--calibrate",
+            )
+        move = anhyst.excite_to_calibrate(rig, out, plot=plot)
+        if as_json:
+            print_json(move.as_dict())
+        else:
+            _show_move(move, out, plot)
+        return
+    with progress_bar("measuring") as progress:
+        result = anhyst.excite(
+            rig, out, plot=plot, folder=folder, xcp=xcp, port=port, progress=progress
+        )
+    if as_json:
+        print_json(result.as_dict())
+    else:
+        _show_excitation(result, out, plot)
+
+
+def _show_excitation(excitation: Excitation, out: Path, plot: Path | None) -> None:
+    figures = excitation.as_dict()
+    heads = ["gap mm", "largest A", "force N", "about A", "limited by"]
+    drawn = table(f"{figures['loops']} loops, {figures['samples']} samples", heads)
+    for place in excitation.places:
+        drawn.add_row(
+            f"{1e3 * place.gap:g}",
+            f"{place.peak.value:.4g}",
+            f"{place.force:.4g}",
+            f"{place.operating:.4g}",
+            place.peak.key,
+        )
+    minutes = figures["duration_s"] / 60.0
+    warmth = figures["warmth"]
+    warm = "" if warmth is None else f", I^2 t at most {100.0 * warmth:.0f} % of what trips"
+    written = [out, out.with_suffix(".toml"), *([] if plot is None else [plot])]
+    show(
+        drawn,
+        f"{minutes:.1f} min of measuring, {figures['rate_A_per_s']:.4g} A/s{warm}",
+        *(f"note: {note}" for note in excitation.notes),
+        *(f"written: {place}" for place in written),
+    )
+
+
+def _show_move(result: CalibratingMove, out: Path, plot: Path | None) -> None:
+    move, work = result.move, result.work
+    kinds: dict[str, list[str]] = {}
+    for name in move.left:
+        kinds.setdefault(re.sub(r"_(\d+|[xyz](?=_m))", "", name), []).append(name)
+    heads = ["left of what is stated", "after the move", "after its own set-point"]
+    drawn = table(f"{move.duration_s:.2f} s", heads)
+    for kind, names in kinds.items():
+        lefts = [[f"{one.left[name]:.2f}" for name in names] for one in (move, work)]
+        drawn.add_row(kind, *(" to ".join(dict.fromkeys((min(one), max(one)))) for one in lefts))
+    drawn.add_row("duration, s", *(f"{one.duration_s:.2f}" for one in (move, work)))
+    drawn.add_row("condition number", *(f"{one.condition:.2g}" for one in (move, work)))
+    missed = ", ".join(name for name in work.hidden if name not in move.hidden)
+    show(
+        drawn,
+        *(
+            f"{axis}: {', '.join(f'{one:.3g}' for one in leg.peaks)} m/s2 at {leg.speed:.3g} m/s"
+            for axis, leg in result.legs.items()
+        ),
+        f"stays hidden: {', '.join(move.hidden) or 'nothing'}",
+        f"its own set-point hides {missed}" if missed else "its own set-point shows as much",
+        *(f"written: {path}" for path in (out, plot) if path is not None),
+    )
+
+
+def force_control(
+    rig: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RIG|LOOPS",
+            help="Rig file of force control; or the loops of a magnet: CSV files, or folders of them.",
+            callback=of_its_kind,
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="Folder to write to.")],
+    board: Annotated[
+        BoardChoice,
+        typer.Option(
+            metavar="BOARD",
+            help="Where the firmware runs: 'library', within this process; 'host', a process of "
+            "its own; or 'qemu-mps2', an emulated Cortex-M3.",
+        ),
+    ] = BoardChoice.LIBRARY,
+    demand: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="CSV with a demand (t_s, F_N), beside those of the rig file."
+        ),
+    ] = None,
+    recordings: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT", help="Format of the recordings: csv, mat, mf4, tdms, h5 or parquet."
+        ),
+    ] = "csv",
+    as_json: AsJson = False,
+) -> None:
+    """Control the force of a magnet, open loop, with and without compensation.
+
+    Models are identified from the loops of the rig, compiled, built into the firmware and run
+    over its serial link against the virtual magnet: at the stroke's end, at a row of
+    positions, and with the armature moving. Beside them: the simulated program, a constant ratio
+    of force and current, and the best curve without memory. Recordings, figures.json, the
+    paper's figures 6 to 8 and a page, report.html, are written.
+
+    From loops a rig is drafted into the folder first, as anhyst init --force-control does, and the
+    compiled C of all gaps is verified in the end, as anhyst verify does.
+
+    Example: anhyst force-control examples/solenoid/rig.toml --out run
+
+    Example: anhyst force-control slow.csv middle.csv fast.csv --out run
+    """
+    from anhyst.reports.force import draw
+    from anhyst.support.page import table as page_table
+
+    from_loops = len(rig) > 1 or rig[0].suffix != ".toml"
+    if from_loops:
+        anhyst.init(out, rig, force_control=True)
+    with progress_bar("force control") as progress:
+        result = anhyst.force_control(
+            out / "rig.toml" if from_loops else rig[0],
+            out,
+            board=board.value,
+            demand=demand,
+            recordings=recordings,
+            progress=progress,
+        )
+    compiled = result.out / "stroke" / "full" / "controller"
+    verified = run_and_write(compiled) if from_loops else None
+    rows = verified.tables() if verified else []
+    draw(result, [page_table(table.title, table.headings, table.cells) for table in rows])
+    for text in result.plant.warnings:
+        warn(text)
+    if as_json:
+        print_json(result.figures | ({"verified": verified.as_dict()} if verified else {}))
+    else:
+        show_force(result)
+        if verified:
+            show_tables(verified)
+    result.refuse_losses()
+    if verified:
+        refuse_difference(compiled, verified)
+
+
+def show_force(result: ForceControl) -> None:
+    """Print the worst errors of every controller at every stage of the trials."""
+    from anhyst.study.force.trials import STAGES, TITLES
+
+    figures = result.figures
+    rows = table(
+        f"worst error of the true force, % of {figures['force_max_N']:g} N", ["", *TITLES.values()]
+    )
+    for stage, title in STAGES.items():
+        worst = figures["summary"][stage]
+        cells = [f"{worst[name]['worst_percent']:.2f}" if name in worst else "" for name in TITLES]
+        rows.add_row(title, *cells)
+    show(
+        *(f"lost: {loss}" for loss in result.lost_in),
+        rows,
+        *([] if result.lost_in else [f"verdict: {figures['verdict']['text']}"]),
+        *result.plant.lines,
+        f"firmware on {figures['board']} against the simulated program: "
+        f"{figures['ticks_that_differ']} of {figures['firmware_ticks']} ticks differ",
+        f"{result.out}: report.html, figures.json, fig6 to fig8, moving (PNG and SVG), one recording of each trial",
+    )

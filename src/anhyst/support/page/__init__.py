@@ -1,1 +1,0 @@
-"""What every page is made of: one style, one table, numbers as a reader wants them."""
