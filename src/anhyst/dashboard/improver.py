@@ -37,7 +37,7 @@ from anhyst.support.errors import InputError, NegativeResult
 from anhyst.support.jobs import Progress
 
 Work = Callable[..., Mapping[str, Any]]
-"""Called with a :data:`anhyst.support.progress.Progress` and what else was given; of a module."""
+"""Called with a :data:`anhyst.support.jobs.Progress` and what else was given; of a module."""
 
 Ended = Callable[[Mapping[str, Any] | str], None]
 """Called with the result, or with the reason why there is none."""
