@@ -229,7 +229,7 @@ def iron_of(given: tuple[str, StageRig]) -> tuple[str, StageRig, IdentifiedMagne
     else:
         iron = tomllib.loads(IRONS.read_text(encoding="utf-8"))[name]
     other = with_iron(rig, iron)
-    return name, other, identify_stage(other, measure_loops(other.bearing))
+    return name, other, identify_stage(other, measure_loops(other))
 
 
 def kept_at_it(bench: Bench) -> tuple[float, float]:

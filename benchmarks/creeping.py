@@ -87,7 +87,7 @@ def average(rig: StageRig, magnet: IdentifiedMagnet, method: MethodName) -> floa
 def judged(iron: tuple[str, int]) -> tuple[str, bool, float, float, float]:
     """Return the law that is taken, whether something was said, and what curve, cells and it leave."""
     rig = with_iron(read_stage(RIG), drawn(*iron))
-    loops = measure_loops(rig.bearing)
+    loops = measure_loops(rig)
     cells = identify_magnet(loops, rig.settings.loops)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", CreepWarning)

@@ -89,8 +89,8 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     frame = wide.copy()
     frame[:, 0] += strayed(rig, late, time)
     frame[:, 1] += strayed(rig, 0.0, time)
-    bearing = drifted_stage(rig.bearing, NO_DRIFT, 1)
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
+    bearing = drifted_stage(rig, NO_DRIFT, 1)
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig))
     off, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)

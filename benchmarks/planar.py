@@ -139,7 +139,7 @@ def rows() -> list[Row]:
     found = []
     for name in NAMES:
         rig = with_iron(read_stage(RIG), families[name])
-        magnet = identify_stage(rig, measure_loops(rig.bearing))
+        magnet = identify_stage(rig, measure_loops(rig))
         found += of_iron(name, explore_stage(rig, magnet))
         fast = with_iron(read_stage(RIG), families[name], FAST_HZ)
         found.append(fast_row(name, fast, magnet))

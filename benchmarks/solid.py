@@ -137,7 +137,7 @@ def on_stage(iron: str) -> dict[MethodName, Measures]:
             "control.format": "f64",
         },
     )
-    magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
+    magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     scan, found = rig.settings.scan, {}
     train, test = (motion_of(scan, one) for one in (scan.train_m_per_s2, scan.test_m_per_s2))
     for name in STAGE:

@@ -162,7 +162,7 @@ def rows() -> list[Row]:
     found: list[Row] = []
     for number, (title, iron) in enumerate(irons(rig)):
         slow = with_iron(rig, iron)
-        magnet = identify_stage(slow, measure_loops(slow.bearing))
+        magnet = identify_stage(slow, measure_loops(slow))
         study = explore_stage(slow, magnet)
         found += of_iron(title, study)
         if title == CREEPS:

@@ -25,7 +25,7 @@ NOTES = """\
 
 def files(path: Path = HERE / "rig.toml") -> dict[str, str]:
     """Text of every file of the example that is made, by name."""
-    return loop_texts(measure_loops(read_stage(path).bearing), NOTES)
+    return loop_texts(measure_loops(read_stage(path)), NOTES)
 
 
 def main() -> None:

@@ -142,7 +142,7 @@ def test_a_controller_expects_the_force_that_was_learnt(two: bool) -> None:
     total, net = bearings.TOTAL, np.zeros(motion.ticks.size)
     gap = np.interp(motion.ticks + motion.late, motion.ticks, motion.read["gap_read_m"])
     commands = [motion.read[name] for name in ("command_A", "command_2_A")]
-    for number, one in enumerate(fit_magnets(law.rig.bearing, table, each, "full", "f64")):
+    for number, one in enumerate(fit_magnets(law.rig, table, each, "full", "f64")):
         at = total - gap if number else gap
         pulled = one.fresh().follow(np.ascontiguousarray(commands[number]), at)
         net += (-1.0) ** number * motion.filtered(pulled, motion.late)

@@ -158,12 +158,12 @@ def commanded(
 ) -> Recording:
     """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
     rig, command = setup.rig, np.zeros(TICKS, dtype=np.uint32)
-    bearing = drifted_stage(rig.bearing, NO_DRIFT, 1)
+    bearing = drifted_stage(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
     command[since:] = failing
     for tick, one in {0: Command.IDLE, **commands}.items():
         command[tick] |= one
-    loop = PlantLoop(bearing, axes_controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, axes_controller(setup), current_loops(rig))
     still = np.zeros(6 * TICKS)
     wrench, frame = fed_wrench(setup.rig, np.zeros(TICKS)).ravel(), np.zeros(6 * TICKS + 6)
     rows = loop.run(still, np.zeros(TICKS), still, wrench, command, frame)

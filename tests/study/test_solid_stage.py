@@ -64,7 +64,7 @@ def test_at_rest_is_the_compensator_of_thin_iron_and_the_other_is_not(number_for
 
 def test_loops_of_further_speeds_are_measured_in_time() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [45.0, 450.0], "measurement.gaps_m": [0.45e-3]})
-    loops = measure_loops(rig.bearing)
+    loops = measure_loops(rig)
     speeds = speeds_of(loops)
     assert speeds is not None
     assert [len(group) for group in speeds.fast] == [1, 1]
@@ -74,8 +74,8 @@ def test_loops_of_further_speeds_are_measured_in_time() -> None:
 
 def test_a_plant_is_held_against_slow_loops_alone() -> None:
     rig = solid(**{"measurement.fast_A_per_s": [450.0], "measurement.gaps_m": [0.45e-3]})
-    known = replace(bearings.knowledge(), loops=measure_loops(rig.bearing))
-    found = check_plant(rig.bearing, known)
+    known = replace(bearings.knowledge(), loops=measure_loops(rig))
+    found = check_plant(rig, known)
     assert found.plant.mean < 0.004 * found.plant.force_max
     assert found.plant.worst < 0.02 * found.plant.force_max
 
@@ -103,7 +103,7 @@ def test_following_solid_iron_pays_and_so_does_knowing_how_late_it_is() -> None:
             "force_sensor.bandwidth_Hz": 20e3,
         }
     )
-    magnet = identify_magnet(measure_loops(rig.bearing), rig.settings.loops)
+    magnet = identify_magnet(measure_loops(rig), rig.settings.loops)
     motion, slit = stages.unseen(rig), rig.settings.scan.slit_s
 
     def found(method: Any, drift: Drift = NO_DRIFT) -> Measures:

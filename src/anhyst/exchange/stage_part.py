@@ -68,7 +68,7 @@ def stage_part(rig_path: PathLike) -> Part:
     """
     rig = read_stage(rig_path)
     _refuse_stage(rig)
-    refuse_plant(rig.bearing)
+    refuse_plant(rig)
     setup = make_stage(rig, identify_stage(rig), "full")
     own: dict[str, bytes] = {}
     if setup.compensator.format == "fixed":
@@ -80,7 +80,7 @@ def stage_part(rig_path: PathLike) -> Part:
     sources |= plant_sources("piezo|position")
     for own_file in ("stage.c", "stage_controller.c", "stage_controller.h", "virtual_plant.h"):
         sources[own_file] = (WRAPPER / own_file).read_bytes()
-    sources["bearing_numbers.h"] = numbers_of_plant(rig.bearing).encode()
+    sources["bearing_numbers.h"] = numbers_of_plant(rig).encode()
     sources["stage_numbers.h"] = _controller_numbers(setup, compensators).encode()
     title = rig.settings.name
     precision = "fixed point" if setup.compensator.format == "fixed" else "double precision"

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.calibration import CalibratedMethod, ParameterName, read_calibration
+from anhyst.rig.calibration import (
+    CENTRE,
+    OF_ONE,
+    CalibratedMethod,
+    CalibrationFile,
+    ParameterName,
+    read_calibration,
+)
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import FittedPlant
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
+from anhyst.rig.tables import TrackingTable
 from anhyst.support.atomic import PathLike
+from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 from anhyst.support.toml_file import FileFault, Table
 from anhyst.support.toml_text import Path as KeyPath
@@ -43,7 +53,7 @@ class PlacedMagnet:
         return gap if self.total is None else self.total - gap
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BearingRig:
     """A body between magnets as its file describes it."""
 
@@ -51,6 +61,16 @@ class BearingRig:
     settings: RigFile  # what it says
     # magnet that was fitted to the loops; `settings` holds its numbers then
     fitted: FittedPlant | None = None
+
+    @property
+    def gap(self) -> float:
+        """Of the first magnet with the body where it works, m."""
+        return self.settings.gap_m
+
+    @property
+    def idle(self) -> float:
+        """What either magnet of a pair pulls with where no net force is wanted, N."""
+        return self.settings.bias_N or 0.0
 
     @property
     def dt(self) -> float:
@@ -76,16 +96,34 @@ class BearingRig:
     @property
     def numbers(self) -> tuple[ParameterName, ...]:
         """All that its motion may teach."""
+        if self.settings.several:
+            count = range(1, len(self.settings.placed) + 1)
+            kinds = ("scale_{}", "gap_zero_{}_m", "width_{}")
+            return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
+        if self.settings.kind is FileKind.STAGE:
+            return OF_ONE
         if len(self.magnets) == 1:
             return ("scale_1", "gap_zero_m", "width", "bias_N")
         return ("scale_1", "scale_2", "gap_zero_m", "width_1", "width_2", "bias_N")
 
     def learnt(self, method: MethodName) -> CalibratedMethod | None:
         """Return what the calibration that it names says of a method; None where it says nothing."""
-        file = self.calibration
-        if file is None:
+        return None if self._taught is None else self._taught.of(method)
+
+    @cached_property
+    def _taught(self) -> CalibrationFile | None:
+        """What motion taught; feedforward and force scale must believe in the same mass."""
+        if self.calibration is None:
             return None
-        return read_calibration(file, self.path, self.settings, self.numbers).of(method)
+        control = self.settings.control
+        if isinstance(control, TrackingTable) and control.calibrate:
+            raise InputError(
+                f"{self.path}: control.calibration: calibrate = true begins without one; leave "
+                "one of both out",
+                code="not-both",
+                key="control.calibration",
+            )
+        return read_calibration(self.calibration, self.path, self.settings, self.numbers)
 
     @property
     def calibration(self) -> Path | None:

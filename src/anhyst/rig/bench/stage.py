@@ -167,7 +167,7 @@ class StageBench:
         settings = self.rig.settings
         drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
         self._cable = drift.cable
-        self._plant = drifted_stage(self.rig.bearing, drift, noise)
+        self._plant = drifted_stage(self.rig, drift, noise)
         self._place_body(float(self._strayed(1, 0.0)[0]))
         self._course: Course | None = None
         self._at, self._place = 0, 0.0
@@ -190,7 +190,7 @@ class StageBench:
         # the loop keeps the drives alive
         drives = [self._remembering(setup, k) for k in range(self._magnets)]
         controller = make_loop_controller(setup, drives)
-        self._loop = PlantLoop(self._plant, controller, current_loops(setup.rig.bearing))
+        self._loop = PlantLoop(self._plant, controller, current_loops(setup.rig))
         self._names = [column(*signal) for signal in self._loop.signals]
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,27 +13,22 @@ import numpy as np
 from scipy.optimize import linprog
 
 from anhyst._core import AXES_ODD, WrenchLayout
-from anhyst.compensate.force_controller import ForceController, MethodName
+from anhyst.compensate.force_controller import ForceController
 from anhyst.compensate.methods import PROBED
 from anhyst.control.position import Allocation
 from anhyst.rig.bearing.file import BearingRig, plant_faults, travel_m
 from anhyst.rig.calibration import (
     CENTRE,
-    OF_ONE,
     CalibratedMethod,
-    CalibrationFile,
     ParameterName,
-    read_calibration,
 )
 from anhyst.rig.file import RigFile
 from anhyst.rig.kind_rules import read_rig_file
 from anhyst.rig.magnet_table import DIRECTION_ROUNDING
-from anhyst.rig.measurement_table import Measured
 from anhyst.rig.old_files import rig_error
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.tables import AXES
 from anhyst.support.atomic import PathLike
-from anhyst.support.errors import InputError
 from anhyst.support.kinds import FileKind
 from anhyst.support.numeric import FloatArray
 from anhyst.support.toml_file import (
@@ -55,56 +50,7 @@ HELD_S = 0.02
 """For which a force is held until eddy currents of the iron have died away."""
 
 
-@dataclass(frozen=True)
-class StageRig:
-    """A stage as its file describes it."""
-
-    path: Path  # the rig file
-    settings: RigFile  # what it says
-
-    @property
-    def gap(self) -> float:
-        """Of the first magnet with the mass where it works, m."""
-        return self.settings.gap_m
-
-    @property
-    def idle(self) -> float:
-        """What either magnet of a pair pulls with where no net force is wanted, N."""
-        return self.settings.bias_N or 0.0
-
-    @property
-    def dt(self) -> float:
-        """Time between ticks, s."""
-        return 1.0 / self.settings.timing.rate_Hz
-
-    @property
-    def measured(self) -> Measured:
-        """The loops that its file names."""
-        return Measured(self.path, self.settings.loops, self.settings.magnet.output)
-
-    @cached_property
-    def bearing(self) -> BearingRig:
-        """The plant, seen from the long stroke."""
-        return BearingRig(self.path, self.settings)
-
-    @cached_property
-    def calibration(self) -> CalibrationFile | None:
-        """What motion taught of its magnets, from the file that it names.
-
-        Feedforward and force scale must believe in the same mass.
-        """
-        named = self.settings.tracking.calibration
-        if named is None:
-            return None
-        if self.settings.tracking.calibrate:
-            raise InputError(
-                f"{self.path}: control.calibration: calibrate = true begins without one; leave "
-                "one of both out",
-                code="not-both",
-                key="control.calibration",
-            )
-        place = self.path.parent / named
-        return read_calibration(place, self.path, self.settings, numbers_of(self.settings))
+StageRig = BearingRig
 
 
 def read_stage(path: PathLike) -> StageRig:
@@ -391,14 +337,6 @@ def opposed(file: RigFile) -> list[int]:
 # How a controller uses what motion taught of the magnets.
 
 
-def numbers_of(file: RigFile) -> tuple[ParameterName, ...]:
-    """Return all numbers that a stage has."""
-    if not file.several:
-        return OF_ONE
-    count, kinds = range(1, len(file.placed) + 1), ("scale_{}", "gap_zero_{}_m", "width_{}")
-    return (*(kind.format(one) for kind in kinds for one in count), "payload", *CENTRE)
-
-
 def believed(rig: StageRig, values: Mapping[ParameterName, float]) -> StageRig:
     """Return the stage with the mass and the centre of mass that a controller believes in."""
     body, off = rig.settings.body, [values.get(name, 0.0) for name in CENTRE]
@@ -440,11 +378,6 @@ def per_root(compensator: ForceController, rig: StageRig) -> float:
     for _ in range(round(HELD_S / rig.dt)):
         held.commit(held.solve(force, rig.gap), rig.gap)
     return float(held.solve(force, rig.gap) / np.sqrt(force))
-
-
-def calibration_of(rig: StageRig, method: MethodName) -> CalibratedMethod | None:
-    """Return what the file that a rig names says of a method; None where it says nothing."""
-    return None if rig.calibration is None else rig.calibration.of(method)
 
 
 def watch_settings(rig: StageRig) -> dict[str, float]:

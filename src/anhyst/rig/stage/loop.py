@@ -52,7 +52,6 @@ from anhyst.rig.stage.file import (
     StageRig,
     axes_of,
     believed,
-    calibration_of,
     correction,
     decoupling,
     error_columns,
@@ -196,9 +195,9 @@ def track(
     )
     # The body is off its reference by too little for the cable to feel it.
     pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
-    bearing = drifted_stage(rig.bearing, setup.drift, seed)
+    bearing = drifted_stage(rig, setup.drift, seed)
     bearing.place([rig.gap], [0.0])
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig))
     # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
     rows = loop.run(
         np.ascontiguousarray(reference[:n]),
@@ -241,8 +240,8 @@ def fly(
     A command a tick says what fails, as in plant/include/anhyst_plant/loop.h.
     """
     rig, n = setup.rig, len(reference)
-    bearing = drifted_stage(rig.bearing, setup.drift, seed)
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig.bearing))
+    bearing = drifted_stage(rig, setup.drift, seed)
+    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig))
     rows = loop.run(
         reference.ravel(),
         np.zeros(n),
@@ -544,7 +543,7 @@ def make_stage(
 
     It is corrected by what was found, here or in the file that the rig names.
     """
-    found = calibrated or calibration_of(rig, method)
+    found = calibrated or rig.learnt(method)
     if found is None:
         return StageSetup(rig, fit_method(rig, magnet, method))
     return corrected(rig, cache(partial(fit_method, rig, magnet, method)), found)
@@ -587,7 +586,7 @@ def fit_method(
             current_max=table.amplifier.current_high_A,
             both_ways=table.magnet.both_ways,
         )
-        probe = calibrate_probe(rig.bearing) if method in PROBED else None
+        probe = calibrate_probe(rig) if method in PROBED else None
         model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
         sources = Sources(operating, magnet.loops, model, probe)
         compensator = make_compensator(method, sources, table.tracking.format)

@@ -61,7 +61,7 @@ def read_specimen(path: PathLike) -> ReadSpecimen:
             files += rig.measured.files
             rig = complete_rig(rig, rig.measured.read())
         return ReadSpecimen(force_specimen(rig), tuple(files))
-    bearing = read_stage(file_path).bearing if kind is FileKind.STAGE else read_bearing(file_path)
+    bearing = read_stage(file_path) if kind is FileKind.STAGE else read_bearing(file_path)
     files = [file for file in (file_path, bearing.model, bearing.flux_table) if file is not None]
     if bearing.settings.magnet.from_loops:
         files += bearing.measured.files

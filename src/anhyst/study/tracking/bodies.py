@@ -34,7 +34,6 @@ from anhyst.rig.stage.file import (
     believed,
     head_rows,
     mass_matrix,
-    numbers_of,
     pull_rows,
     weight,
 )
@@ -143,9 +142,8 @@ class AxesLaw(MotionLaw):
         self._count = range(1, len(rig.settings.placed) + 1)
         of_iron = ("gap_zero", "width") if method in PROBED else ("width",)
         without = () if method in ("full", "play") else of_iron
-        numbers = numbers_of(rig.settings)
         self.names: Sequence[ParameterName] = [
-            name for name in numbers if not name.startswith(without)
+            name for name in rig.numbers if not name.startswith(without)
         ]
 
     @property
@@ -279,7 +277,7 @@ class BearingLaw(MotionLaw):
         method: MethodName,
         load_known: bool = True,
     ) -> None:
-        self.rig, self.method = StageRig(bearing.path, bearing.settings), method
+        self.rig, self.method = bearing, method
         self.names = bearing.numbers
         self._most = controller.force_max(pair_of(bearing))
         self._totals, self._load_known = [one.total for one in bearing.magnets], load_known
@@ -306,7 +304,7 @@ class BearingLaw(MotionLaw):
         if name.startswith("scale"):
             return 0.01 * self.rig.settings.spread.sensor_gain_percent
         if name == "bias_N":
-            return KNOWN * self._most if self._load_known else UNSURE * self.rig.bearing.load
+            return KNOWN * self._most if self._load_known else UNSURE * self.rig.load
         return super().prior(name)
 
     def motion(self, read: Mapping[str, FloatArray], begin: int = 0) -> Motion:

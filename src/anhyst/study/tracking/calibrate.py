@@ -280,7 +280,7 @@ def _laws(
     magnet: IdentifiedMagnet | None,
 ) -> tuple[Callable[..., MotionLaw], IdentifiedMagnet]:
     """Return what makes the law of a method, and what is known of the magnets of a rig."""
-    if isinstance(rig, StageRig):
+    if rig.settings.kind is FileKind.STAGE:
         if controller is not None:
             raise InputError(
                 "controller: a stage has no controller file", code="option-not-for-this"
@@ -334,7 +334,7 @@ def calibrate(
     InputError
         A file cannot be read, or does not fit the rig.
     """
-    whole = rig if isinstance(rig, StageRig | BearingRig) else _read_rig(rig)
+    whole = rig if isinstance(rig, BearingRig) else _read_rig(rig)
     alone = isinstance(recordings, Recording | str | Path)
     given: list[Recording | PathLike] = [recordings] if alone else list(recordings)  # type: ignore[arg-type,list-item]
     files = [Path(one) for one in given if not isinstance(one, Recording)]
@@ -350,7 +350,7 @@ def calibrate(
         )
     file, probes = whole.settings, _beside(laws("full").rig)
     left_out: set[MethodName] = set() if has_layers(known.model) else {"at-rest"}
-    if isinstance(whole, BearingRig):
+    if whole.settings.kind is FileKind.BEARING:
         laws = partial(laws, load_known=all("load_N" in one.read for one in motions))
         left_out.update(PROBED)
     elif not probes or not all(name in one.read for one in motions for name in probes):

@@ -439,8 +439,7 @@ def check_calibration(rig: StageRig) -> None:
     """Say before any work what is wrong with a calibration, or with learning one."""
     if rig.settings.tracking.calibrate:
         refuse_uncalibratable(rig)
-    file = rig.calibration
-    if file is not None and OWN not in [one.name for one in file.method]:
+    if rig.calibration is not None and rig.learnt(OWN) is None:
         raise InputError(
             f"{rig.path}: control.calibration: {rig.settings.tracking.calibration} says nothing "
             f"of '{OWN}', and others would be calibrated alone; calibrate again, with all methods",
