@@ -24,7 +24,8 @@ from anhyst.rig.bearing.file import BearingRig, read_bearing, step_ends
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, position_control
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.plant import STOP_RESONANCE, current_gains, make_bearing
-from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.loop import Scenario
 from anhyst.rig.parts.iron import CellSteel
 from anhyst.study.bearing.operating import make_ready
 from anhyst.support.numeric import FloatArray

@@ -24,7 +24,8 @@ from anhyst.model.file import read_model
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
-from anhyst.rig.bearing.scenario import DROP, Scenario, Script
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import Recording
 from tests.compilation.test_compile import compiles_alone_on_16_bits
 from tests.core.test_c_core import tool

@@ -21,7 +21,7 @@ from anhyst.reports.bearing.over_runs import (
 from anhyst.reports.bearing.over_time import LoopCurve, StepPanel
 from anhyst.reports.bearing.subject import FigureTable, Tracking, grouped
 from anhyst.rig.bearing.file import BearingRig, read_bearing
-from anhyst.rig.bearing.scenario import ReferenceStep
+from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import COLUMNS, Recording
 from anhyst.study.bearing.linear import Margins
 from anhyst.study.bearing.responses import StepCell

@@ -14,8 +14,9 @@ from anhyst.link.client import Refused
 from anhyst.link.plant_bus import Q31
 from anhyst.rig.bearing.board import BearingPlant, firmware_run
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.scenario import Scenario, Script, land_time
+from anhyst.rig.bearing.scenario import Script, land_time
 from anhyst.rig.bench.bearing import BearingBench
+from anhyst.rig.loop import Scenario
 from anhyst.study.bearing.on_board import build_firmware
 from anhyst.support.numeric import FloatArray
 from tests.refusals import refused

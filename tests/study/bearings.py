@@ -23,8 +23,9 @@ from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.scenario import Scenario, Script
+from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.case_table import LoadCase
+from anhyst.rig.loop import Scenario
 from anhyst.rig.magnet_table import OPENS, LikeTable
 from anhyst.rig.recording import HOVER, Recording
 from anhyst.rig.sensor_table import FluxSensorTable, GapSensorTable

@@ -12,19 +12,20 @@ from scipy.spatial.transform import Rotation
 
 from anhyst.compensate.force_controller import MethodName
 from anhyst.reports.tracking import write_tracking_report
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, column
 from anhyst.rig.stage import loop
 from anhyst.rig.stage.file import StageRig, read_stage, scan_direction
 from anhyst.rig.stage.loop import (
     Feedforward,
-    axes_recorded,
     axes_rows,
     fed_wrench,
     feed,
-    fly,
     make_stage,
     of_axes,
     pose_columns,
+    recorded,
+    stage_loop,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, ticks_of
@@ -120,7 +121,8 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
     n, along = ticks_of(rig, motion), scan_direction(file)
     reference = np.outer(motion.at(instants(rig, n + 1))[0], along)
     wrench = fed_wrench(rig, feed(setup, motion, Feedforward()))
-    flown = fly(setup, 0, reference[:n], reference, wrench)
+    scenario = Scenario(reference[:n], feed=wrench, frame=reference)
+    flown = stage_loop(setup).run(scenario)
     pose = np.column_stack([flown[name] for name in of_axes("pose", file.body.free)])
     pose += reference[:n]
     turned = Rotation.from_rotvec(pose[:, 3:])
@@ -133,7 +135,7 @@ def test_heads_on_the_ground_see_another_place_of_the_body_and_the_controller_kn
         way = np.sum((pose[:, :3] + turned.apply(one.position_m) - one.position_m) * normal, axis=1)
         read = flown[column("gap_read", "m", number)]
         assert read == pytest.approx(way / (normal @ one.direction), abs=2e-11)
-    seen = axes_recorded(rig, flown, reference, reference)
+    seen = recorded(rig, flown, scenario)
     read = np.column_stack([seen[name] for name in pose_columns(file.body.free)])
     assert read == pytest.approx(pose, abs=1e-10)
     # z is held as if they rode along; a controller that does not know takes a turn for height

@@ -18,9 +18,9 @@ from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_bearing, 
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated, compiled_model, fit_magnets, make_setup
-from anhyst.rig.bearing.scenario import Scenario
 from anhyst.rig.bench.bearing import BearingBench
 from anhyst.rig.calibration import CalibratedMethod, CalibrationFile
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording, rms
 from anhyst.study.bearing.experiments import following
 from anhyst.study.bearing.operating import make_ready, read_files

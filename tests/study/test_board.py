@@ -13,7 +13,8 @@ from anhyst.link.client import Refused
 from anhyst.link.frames import DemandRequest, Reason, StatusAnswer, TargetRequest
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware, firmware_run
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
-from anhyst.rig.bearing.scenario import DROP, Script, land_time
+from anhyst.rig.bearing.scenario import Script, land_time
+from anhyst.rig.loop import DROP
 from anhyst.study.bearing.board_faults import FaultRuns, injections
 from anhyst.study.bearing.on_board import build_firmware, count_differences, run_board
 from tests.refusals import refused

@@ -17,7 +17,7 @@ from anhyst.compensate.force_controller import MethodName
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
 from anhyst.control.states import Command
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import (
     BREAKAWAY,
     COLUMNS,

@@ -20,7 +20,8 @@ from anhyst.rig.bearing.plant import (
     noise_seed,
     plant_numbers,
 )
-from anhyst.rig.bearing.scenario import DROP, Scenario, Script
+from anhyst.rig.bearing.scenario import Script
+from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import COLUMNS, HOVER, READY, Recording, column
 from anhyst.study.bearing.responses import StepRun, run_steps
 from anhyst.support.jobs import all_of

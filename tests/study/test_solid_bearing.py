@@ -20,7 +20,8 @@ from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
-from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.scenario import steps_up_and_down
+from anhyst.rig.loop import Scenario
 from anhyst.rig.magnet_table import SolidTable
 from anhyst.study.bearing.on_board import build_firmware, count_differences
 from anhyst.study.bearing.responses import compare

@@ -22,12 +22,13 @@ from anhyst.rig.bearing.drift import Drift, drifted_bearing, drifted_file
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
-from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.file import RigFile
 from anhyst.rig.force.bench import ActuatorBench, read_gaps, run_open_loop, triangle
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
+from anhyst.rig.loop import Scenario
 from anhyst.rig.piezo import PiezoRig, stage_of
 from anhyst.rig.recording import Recording, peak, rms
 from anhyst.rig.stage.file import StageRig, unit_of

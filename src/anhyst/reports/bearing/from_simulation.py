@@ -26,9 +26,9 @@ from anhyst.reports.bearing.subject import (
 from anhyst.reports.bearing.tables import OVERSHOOT
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import ReferenceStep, Scenario
 from anhyst.rig.distance import PlantCheck
 from anhyst.rig.file import RigFile
+from anhyst.rig.loop import ReferenceStep, Scenario
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments
 from anhyst.study.bearing.benefit import MEASURES, Benefit, Comparison, MapCell, Measure

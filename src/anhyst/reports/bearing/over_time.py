@@ -25,7 +25,7 @@ from anhyst.reports.bearing.look import (
     ordered,
     thinned,
 )
-from anhyst.rig.bearing.scenario import ReferenceStep
+from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.metrics import SETTLED
 from anhyst.study.engine.verdict import Interval

@@ -18,7 +18,7 @@ from anhyst.link.plant_bus import Q31, PlantBus, Reading
 from anhyst.link.process import VIRTUAL_BOARDS
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import current_loop, make_bearing
-from anhyst.rig.bearing.scenario import DROP, Scenario
+from anhyst.rig.loop import DROP, Scenario
 from anhyst.rig.recording import of_magnets
 from anhyst.support.numeric import FloatArray
 from anhyst.support.progress import Progress

@@ -8,17 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from anhyst._core import FixedPosition, LoopController, Plant, PlantLoop, Position, PositionF32
+from anhyst._core import FixedPosition, LoopController, Plant, Position, PositionF32
 from anhyst.compensate.force_controller import ForceController, MethodName
 from anhyst.compensate.methods import PROBED
 from anhyst.control.controller_file import ControllerFile, ControllerTable, PairTable
 from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.file import BearingRig, step_ends
-from anhyst.rig.bearing.plant import current_loops, make_bearing
-from anhyst.rig.bearing.scenario import Scenario, Script, land_time, lift_time, steps_up_and_down
+from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
+from anhyst.rig.loop import Loop, Scenario
 from anhyst.rig.recording import (
     BREAKAWAY,
+    COLUMNS,
     DESCEND,
     FAULT,
     HOVER,
@@ -28,7 +30,6 @@ from anhyst.rig.recording import (
     Recording,
     SignalBound,
     find_loss,
-    in_columns,
 )
 from anhyst.support.toml_file import FileFault, faults_error
 
@@ -198,27 +199,19 @@ def position_control(setup: Setup) -> PositionControl:
     )
 
 
-class SimulatedLoop:
-    """One run of a setup, from power on; scenarios follow each other."""
+class SimulatedLoop(Loop):
+    """A bearing from power on; scenarios follow each other."""
 
     def __init__(
         self, setup: Setup, seed: int = 0, largest_first: bool = False, bearing: Plant | None = None
     ) -> None:
-        self.setup = setup
         rig = setup.rig
         bearing = bearing or make_bearing(rig, seed)
         if largest_first:
             for magnet in range(len(rig.magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     bearing.hold(current, magnet)
-        self._loop = PlantLoop(bearing, make_position(setup), current_loops(rig))
-
-    def run(self, scenario: Scenario) -> Recording:
-        """Go on with a scenario."""
-        table = self._loop.run(
-            scenario.target, scenario.load, scenario.inject, scenario.feed, scenario.command
-        )
-        return Recording.of_table(in_columns(self._loop, table))
+        super().__init__(rig, bearing, make_position(setup), COLUMNS)
 
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:

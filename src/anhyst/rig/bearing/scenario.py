@@ -7,19 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst.control.controller_file import ControllerTable
 from anhyst.control.states import Command
 from anhyst.rig.bearing.file import BearingRig, step_ends
+from anhyst.rig.loop import ReferenceStep, Scenario
 from anhyst.rig.tables import DisturbanceTable
 from anhyst.support.numeric import FloatArray, passed, sine
-
-DROP, SHORT, FAILS = 256, 512, 16
-"""Of a command: bits of a dropped sample and of a short circuit, first bit of what fails;
-``plant/include/anhyst_plant/loop.h``."""
-HEAD_FAULTS = {"missing": 1024, "frozen": 2048, "jumps": 4096}
-"""Bits of the ways in which heads fail instead of amplifiers."""
 
 SELFTEST_TICKS = 25
 """Until the self-test has passed: plausible samples that it counts, and a few that fill filters."""
@@ -35,39 +29,6 @@ _REST_S = 0.1  # the last current falls to zero
 _SETTLE_S = 0.07
 _MOST_SETTLE_S = 1.0
 _SETTLE = 10.0  # times K_p/K_i, the time in which the integral takes over what is left
-
-
-@dataclass(frozen=True, slots=True)
-class ReferenceStep:
-    """A step of the reference within a scenario."""
-
-    begin: int  # ticks: of the step, and of the end of its hold
-    end: int
-    before: float  # reference, m of gap
-    after: float
-
-    @property
-    def height(self) -> float:
-        """Size of the step, m."""
-        return abs(self.after - self.before)
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """What happens at each of n ticks."""
-
-    target: FloatArray  # wanted gap, m; shape (n,)
-    load: FloatArray  # force commanded to the load drive, N; shape (n,)
-    inject: FloatArray  # added to the gap that the controller sees, m; shape (n,)
-    feed: FloatArray  # load that the controller gets, N; shape (n,)
-    command: NDArray[np.uint32]  # :class:`Command`, :data:`DROP`; shape (n,)
-    steps: tuple[ReferenceStep, ...] = ()  # steps of the reference in it
-    lifted: int = 0  # tick from which on the armature should levitate; 0 if nothing lifts it here
-
-    @property
-    def ticks(self) -> int:
-        """How long it is."""
-        return self.target.size
 
 
 @dataclass
@@ -152,7 +113,6 @@ class Script:
             target=np.concatenate(self._target),
             load=disturbed,
             inject=np.concatenate(self._inject),
-            feed=np.zeros(self.ticks),
             command=command,
             steps=tuple(self._steps),
             lifted=self._lifted,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from anhyst._core import POSITION_MAGNETS, BusController, Plant, PlantLoop
+from anhyst._core import POSITION_MAGNETS, BusController, Plant
 from anhyst.control.states import Command
 from anhyst.link.client import ControllerLink
 from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
@@ -20,11 +20,11 @@ from anhyst.link.process import LibraryBoard
 from anhyst.rig.bearing.board import position_code
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.plant import current_loops, make_bearing
+from anhyst.rig.bearing.plant import make_bearing
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
-from anhyst.rig.recording import COLUMNS, in_columns
+from anhyst.rig.loop import Loop, Scenario
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
 
@@ -123,7 +123,6 @@ BEARING_COMMANDS = (
     Command.ARM,
 )
 """Of a controller of position."""
-_TAKEN = [COLUMNS.index(name) for name in _OF_PLANT]
 _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
 
@@ -157,7 +156,7 @@ class BearingBench(LockStepBench[BusController]):
             self._settings = ControllerSettings(self._link, position_settings(gains))
             self._bus = BusController(board.tick, {name: self._scales[name] for name in _FULL})
             self._open.callback(self._bus.end)
-            self._loop = PlantLoop(bearing, self._bus, current_loops(rig))
+            self._loop = Loop(rig, bearing, self._bus, tuple(_OF_PLANT))
             self.demand(gap)
         except BaseException:
             self._open.close()
@@ -174,14 +173,12 @@ class BearingBench(LockStepBench[BusController]):
 
     def _run(self, ticks: int) -> FloatArray:
         first = self.tick + 1
-        nothing = np.zeros(ticks)
         load = self.load_drive.forces(first, ticks)
-        rows = self._loop.run(nothing, load, nothing, nothing, np.zeros(ticks, dtype=np.uint32))
-        if len(rows) < ticks:
+        run = self._loop.run(Scenario(np.zeros(ticks), load))
+        if len(run) < ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
         numbers = np.arange(first, first + ticks, dtype=np.float64)
-        plant = in_columns(self._loop, rows)[:, _TAKEN]
-        return np.column_stack((numbers, plant, self._of_firmware(self._bus.take())))
+        return np.column_stack((numbers, run.table, self._of_firmware(self._bus.take())))
 
     def _of_firmware(self, words: NDArray[np.uint32]) -> FloatArray:
         """Return what answers of the firmware say, column by column as the signals name them."""

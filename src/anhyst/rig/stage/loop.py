@@ -8,13 +8,11 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from anhyst._core import (
     POSITION_MAGNETS,
     FixedTracking,
     LoopController,
-    PlantLoop,
     Tracking,
     TrackingAxes,
     TrackingAxesF32,
@@ -34,9 +32,9 @@ from anhyst.data import Loops
 from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_rippling
-from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.file import RigFile
+from anhyst.rig.loop import Loop, Scenario
 from anhyst.rig.recording import (
     CURRENTS,
     OUT_OF_PROPORTION,
@@ -45,7 +43,6 @@ from anhyst.rig.recording import (
     SignalBound,
     column,
     find_loss,
-    in_columns,
     of_magnets,
 )
 from anhyst.rig.stage.file import (
@@ -177,101 +174,99 @@ def track(
     `learnt` is added to what is fed forward; the controller does not know `load`, N, which pushes
     towards larger positions.
     """
-    rig, settings = setup.rig, setup.rig.settings
-    n = ticks_of(rig, motion)
+    rig, n = setup.rig, ticks_of(setup.rig, motion)
     time = instants(rig, n + 1)
-    reference = motion.at(time)[0]
-    frame = reference - rig.gap + stray(rig, motion, time)
-    forward = feed(setup, motion, gains)
+    place, forward = motion.at(time)[0], feed(setup, motion, gains)
     if learnt is not None:
         forward = forward + learnt
-    if settings.several:
-        along = scan_direction(settings)
-        places, strayed = np.outer(reference, along), np.outer(stray(rig, motion, time), along)
-        wrench = fed_wrench(setup.believed, forward)
-        return track_axes(setup, seed, places, places + strayed, wrench)
-    noise = np.random.default_rng([settings.seed, seed]).normal(
-        0.0, settings.position_sensor.noise_m, n
-    )
-    # The body is off its reference by too little for the cable to feel it.
-    pulled = -setup.drift.cable * reference[:n] + (0.0 if load is None else load)
-    bearing = drifted_stage(rig, setup.drift, seed)
-    bearing.place([rig.gap], [0.0])
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig))
-    # The first magnet pulls towards smaller positions: the force of the pair has the other sign.
-    rows = loop.run(
-        np.ascontiguousarray(reference[:n]),
-        pulled,
-        noise,
-        np.ascontiguousarray(-forward),
-        np.zeros(n, dtype=np.uint32),
-        np.ascontiguousarray(frame),
-    )
-    run = Recording.of_table(in_columns(loop, rows))
-    read = dict(zip((column(*signal) for signal in loop.signals), rows.T, strict=True))
-    read["position_read_m"] = run["gap_m"] + frame[: len(run)] + noise[: len(run)]
-    return Recording(_recorded(rig, run, reference, frame, read), stage_loss(rig, run, n))
+    scenario = led(rig, place, stray(rig, motion, time), fed_wrench(setup.believed, forward))
+    if not rig.settings.several:
+        noise = np.random.default_rng([rig.settings.seed, seed])
+        # The body is off its reference by too little for the cable to feel it.
+        pulled = -setup.drift.cable * place[:n] + (0.0 if load is None else load)
+        scenario = replace(scenario, inject=read_noise(rig, n, noise), load=pulled)
+    return follow(setup, scenario, seed)
 
 
-def track_axes(
-    setup: StageSetup, seed: int, reference: FloatArray, frame: FloatArray, wrench: FloatArray
-) -> Recording:
-    """Follow a reference with a body of several coordinates; it has a row more than what is fed.
+def led(
+    rig: StageRig, place: FloatArray, stray: FloatArray, wrench: FloatArray, beside: float = 0.0
+) -> Scenario:
+    """Return what a stage is given that is led along its set-point, and is to be so far beside it, m.
 
-    The magnets ride on the frame, the position heads do not. What is fed forward moves the centre
-    of mass, and carries the weight.
+    Places and stray of the long stroke, m, have a value more than the wrench has rows. The magnets
+    ride on the frame, position heads do not.
     """
-    rig, n = setup.rig, len(wrench)
-    run = fly(setup, seed, reference[:n], frame, wrench)
-    return Recording(axes_recorded(rig, run, reference, frame), axes_loss(rig, run, n))
+    file, n = rig.settings, len(wrench)
+    along, begin = scan_direction(file), 0.0 if file.several else rig.gap
+    frame = np.outer(place - begin + stray, along)
+    return Scenario(np.outer(place[:n] + beside, along), feed=wrench, frame=frame)
 
 
-def fly(
-    setup: StageSetup,
-    seed: int,
-    reference: FloatArray,
-    frame: FloatArray,
-    wrench: FloatArray,
-    command: NDArray[np.uint32] | None = None,
-) -> Recording:
-    """Return the loop's own record of a body of several coordinates that follows a reference.
+def read_noise(rig: StageRig, ticks: int, rng: np.random.Generator) -> FloatArray:
+    """Return the noise of the position of a body of one coordinate, m."""
+    return rng.normal(0.0, rig.settings.position_sensor.noise_m, ticks)
 
-    All have a row a tick and a column a coordinate, the frame a row more.
-    A command a tick says what fails, as in plant/include/anhyst_plant/loop.h.
-    """
-    rig, n = setup.rig, len(reference)
-    bearing = drifted_stage(rig, setup.drift, seed)
-    loop = PlantLoop(bearing, make_loop_controller(setup), current_loops(rig))
-    rows = loop.run(
-        reference.ravel(),
-        np.zeros(n),
-        np.zeros(reference.size),
-        wrench.ravel(),
-        np.zeros(n, dtype=np.uint32) if command is None else command,
-        frame.ravel(),
-    )
-    return Recording.of_table(rows, [column(*signal) for signal in loop.signals])
+
+def stage_loop(setup: StageSetup, seed: int = 0) -> Loop:
+    """Return a stage at rest where it works, its iron demagnetised, and its controller."""
+    rig, plant = setup.rig, drifted_stage(setup.rig, setup.drift, seed)
+    if not rig.settings.several:
+        plant.place([rig.gap], [0.0])
+    return Loop(rig, plant, make_loop_controller(setup))
+
+
+def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
+    """Go through a scenario from rest."""
+    rig, run = setup.rig, stage_loop(setup, seed).run(scenario)
+    return Recording(recorded(rig, run, scenario), stage_loss(rig, run, scenario.ticks))
 
 
 def fed_wrench(rig: StageRig, forward: FloatArray) -> FloatArray:
-    """Return the wrench of a force that moves the centre of mass along the set-point, with the weight."""
+    """Return the wrench of a force along the set-point, a row a tick.
+
+    Of several coordinates it moves the centre of mass, and carries the weight. Of one it has the
+    other sign: the first magnet pulls towards smaller positions.
+    """
     file = rig.settings
+    if not file.several:
+        return np.asarray(-forward[:, None])
     moved = mass_matrix(file) @ scan_direction(file)
     return np.asarray(np.outer(forward / file.body.mass_kg, moved) - weight(file))
 
 
-def axes_recorded(
-    rig: StageRig, run: Recording, reference: FloatArray, frame: FloatArray
-) -> dict[str, FloatArray]:
-    """Return the columns of a recording: along the set-point, of every coordinate, every magnet."""
+def recorded(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    """Return the columns of a recording, of the loop's own record."""
+    return _of_several(rig, run, scenario) if rig.settings.several else _of_one(rig, run, scenario)
+
+
+def _of_one(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    n, probes = len(run), PROBES if rig.settings.hall_probe is not None else ()
+    reference, frame = scenario.target[:n, 0], scenario.frame[:n, 0]
+    position = run["gap_m"] + frame
+    of_loop = ("gap_m", "demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
+    return {
+        "t_s": run["t_s"],
+        "reference_m": reference,
+        "position_m": position,
+        "error_m": reference - run["gap_m"] - frame,
+        **{name: run[name] for name in of_loop},
+        "force_error_N": _force_error(rig, run, run["demand_N"]),
+        "position_read_m": position + scenario.inject[:n],
+        "gap_read_m": run["gap_read_m"],
+        **{name: run[name] for name in probes},
+    }
+
+
+def _of_several(rig: StageRig, run: Recording, scenario: Scenario) -> dict[str, FloatArray]:
+    """Return the same along the set-point, of every coordinate and of every magnet."""
     file, n = rig.settings, len(run)
-    along, free = scan_direction(file), file.body.free
-    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + frame[:n]
-    errors = reference[:n] - poses
+    reference, along, free = scenario.target[:n], scan_direction(file), file.body.free
+    poses = np.column_stack([run[name] for name in of_axes("pose", free)]) + scenario.frame[:n]
+    errors = reference - poses
     demand = np.column_stack([run[name] for name in of_axes("demand", free, WRENCH)]) @ along
     return {
         "t_s": run["t_s"],
-        "reference_m": reference[:n] @ along,
+        "reference_m": reference @ along,
         "position_m": poses @ along,
         "error_m": errors @ along,
         "demand_N": demand,
@@ -279,7 +274,7 @@ def axes_recorded(
         "force_error_N": _force_error(rig, run, demand),
         **{name: errors[:, k] for k, name in enumerate(error_columns(free))},
         **{name: run[name] for name in of_magnets([("gap", "m"), *CURRENTS], 1, len(file.placed))},
-        **_axes_read(rig, run, reference[:n]),
+        **_axes_read(rig, run, reference),
     }
 
 
@@ -308,14 +303,20 @@ def of_axes(signal: str, free: Sequence[str], units: tuple[str, str] = ("m", "ra
     ]
 
 
-def axes_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
+def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
     """Return where a stage was lost: on an end stop, or its demand out of proportion."""
     file = rig.settings
-    most = OUT_OF_PROPORTION * file.tracking.force_max_N * len(file.placed)
+    most, stop = OUT_OF_PROPORTION * file.tracking.force_max_N, "an end stop was reached"
+    if file.several:
+        most *= len(file.placed)
     bounds = [SignalBound("the demanded force left all bounds", run["demand_N"], -most, most)]
+    if not file.several:
+        body = file.body
+        bounds.insert(0, SignalBound(stop, run["gap_m"], body.stop_low_m, body.stop_high_m))
+        return find_loss(bounds, planned)
     for axis, name in zip(file.body.free, of_axes("pose", file.body.free), strict=True):
         end = stop_of(file, axis)
-        bounds.append(SignalBound("an end stop was reached", run[name], -end, end))
+        bounds.append(SignalBound(stop, run[name], -end, end))
     return find_loss(bounds, planned)
 
 
@@ -341,32 +342,7 @@ def demand_columns(free: Sequence[str], signal: str = "demand") -> list[str]:
 COMMANDS = of_magnets(CURRENTS[:1], 1, POSITION_MAGNETS)
 READ = ("position_read_m", "gap_read_m")
 PROBES = of_magnets([("flux_read", "T")], 1, POSITION_MAGNETS)
-"""What the controller is given of the body, and of flux probes where there are some."""
-
-
-def _recorded(
-    rig: StageRig,
-    run: Recording,
-    reference: FloatArray,
-    frame: FloatArray,
-    read: Mapping[str, FloatArray],
-) -> dict[str, FloatArray]:
-    """Return the columns of a recording."""
-    n = len(run)
-    probes = PROBES if rig.settings.hall_probe is not None else ()
-    return {
-        "t_s": run["t_s"],
-        "reference_m": reference[:n],
-        "position_m": run["gap_m"] + frame[:n],
-        "error_m": reference[:n] - run["gap_m"] - frame[:n],
-        "gap_m": run["gap_m"],
-        **{
-            name: run[name]
-            for name in ("demand_N", "force_N", *of_magnets(CURRENTS, 1, POSITION_MAGNETS))
-        },
-        "force_error_N": _force_error(rig, run, run["demand_N"]),
-        **{name: read[name] for name in (*READ, *probes)},
-    }
+"""What the controller is given of a body of one coordinate, and of flux probes where there are some."""
 
 
 def _force_error(rig: StageRig, run: Recording, demand: FloatArray) -> FloatArray:
@@ -374,16 +350,6 @@ def _force_error(rig: StageRig, run: Recording, demand: FloatArray) -> FloatArra
     ticks = np.arange(len(run), dtype=float)
     late = rig.settings.timing.delay_ticks + 0.5
     return np.asarray(run["force_N"] - np.interp(ticks - late, ticks, demand))
-
-
-def stage_loss(rig: StageRig, run: Recording, planned: int) -> Loss | None:
-    """Return where a stage was lost: on an end stop, or its demand out of proportion."""
-    stops, most = rig.settings.body, OUT_OF_PROPORTION * rig.settings.tracking.force_max_N
-    bounds = (
-        SignalBound("an end stop was reached", run["gap_m"], stops.stop_low_m, stops.stop_high_m),
-        SignalBound("the demanded force left all bounds", run["demand_N"], -most, most),
-    )
-    return find_loss(bounds, planned)
 
 
 def bias(rig: StageRig, method: str) -> float:

@@ -27,8 +27,9 @@ from scipy.special import chdtr
 from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import DROP, ReferenceStep, Scenario, Script
+from anhyst.rig.bearing.scenario import Script
 from anhyst.rig.case_table import TrajectoryCase
+from anhyst.rig.loop import DROP, ReferenceStep, Scenario
 from anhyst.rig.recording import RISE, Recording
 from anhyst.study.bearing.metrics import deviation, recovery_time
 from anhyst.study.bearing.responses import position_resolution

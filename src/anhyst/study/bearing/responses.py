@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
-from anhyst.rig.bearing.scenario import ReferenceStep, Script, steps_up_and_down
+from anhyst.rig.bearing.scenario import Script, steps_up_and_down
+from anhyst.rig.loop import ReferenceStep
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.linear import Zone, zone
 from anhyst.study.bearing.metrics import deviation, effort, step_figures

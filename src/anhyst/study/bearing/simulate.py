@@ -21,8 +21,9 @@ from anhyst.rig.bearing.make_setup import (
     check_plant,
     make_setups,
 )
-from anhyst.rig.bearing.scenario import Scenario, steps_up_and_down
+from anhyst.rig.bearing.scenario import steps_up_and_down
 from anhyst.rig.distance import PlantCheck
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing import experiments, linear
 from anhyst.study.bearing.operating import (

@@ -29,7 +29,6 @@ from anhyst.rig.stage.file import (
     opposed,
     pull_rows,
     read_stage,
-    scan_direction,
     watch_settings,
     weight,
     yields,
@@ -38,15 +37,16 @@ from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,
     axes_controller,
-    axes_loss,
     axes_rows,
     controller_settings,
     fed_wrench,
     feed,
     fixed_words,
-    fly,
     identify_stage,
+    led,
     make_stage,
+    stage_loop,
+    stage_loss,
     track,
 )
 from anhyst.rig.stage.setpoint import instants, motion_of, stray, ticks_of
@@ -341,12 +341,10 @@ def _fly_several(setup: StageSetup, rows: int) -> FloatArray:
     motion = motion_of(file.scan, file.scan.test_m_per_s2)
     rows = min(rows, ticks_of(rig, motion))
     time = instants(rig, rows + 1)
-    reference, along = motion.at(time)[0], scan_direction(file)
     wrench = fed_wrench(setup.believed, feed(setup, motion, Feedforward())[:rows])
-    frame = np.outer(reference + stray(rig, motion, time), along)
-    target = np.outer(reference[:rows], along)
-    run = fly(setup, 0, target, frame, wrench)
-    _refuse_lost(rig, axes_loss(rig, run, rows))
+    scenario = led(rig, motion.at(time)[0], stray(rig, motion, time), wrench)
+    target, run = scenario.target, stage_loop(setup).run(scenario)
+    _refuse_lost(rig, stage_loss(rig, run, rows))
     magnets, heads = len(file.placed), len(file.position_sensors)
     read = [run[column("gap_read", "m", one)] for one in range(1, magnets + heads + 1)]
     off = np.array(read[magnets:])

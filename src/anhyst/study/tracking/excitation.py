@@ -18,6 +18,7 @@ import numpy as np
 from anhyst.data.table import check_recording
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet
 from anhyst.rig.calibration import ParameterName
+from anhyst.rig.loop import Scenario
 from anhyst.rig.recording import Recording
 from anhyst.rig.stage.file import (
     StageRig,
@@ -31,10 +32,10 @@ from anhyst.rig.stage.file import (
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,
+    follow,
     identify_stage,
     make_stage,
     track,
-    track_axes,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, SetPoint, instants, motion_of, strayed
 from anhyst.study.tracking.bodies import START_S, law_of
@@ -98,7 +99,7 @@ def fly(setup: StageSetup, legs: Legs, seed: int = 0) -> Recording:
             begin += leg.duration
     believed = setup.believed.settings
     wrench = fed[:n] @ mass_matrix(believed).T - weight(believed)
-    return track_axes(setup, seed, place, frame, wrench)
+    return follow(setup, Scenario(place[:n], feed=wrench, frame=frame), seed)
 
 
 def design(learner: Learner, setup: StageSetup) -> Legs:

@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from anhyst.control.states import Command, Phase, State
-from anhyst.rig.bearing.scenario import FAILS, HEAD_FAULTS, SHORT
 from anhyst.rig.case_table import LossCase
+from anhyst.rig.loop import FAILS, HEAD_FAULTS, SHORT
 from anhyst.rig.recording import Recording, column, peak
 from anhyst.rig.stage.file import (
     StageRig,
     error_columns,
     pull_rows,
-    scan_direction,
     spare,
     usual_allocation,
     without,
@@ -28,11 +27,12 @@ from anhyst.rig.stage.file import (
 from anhyst.rig.stage.loop import (
     Feedforward,
     StageSetup,
-    axes_recorded,
     fed_wrench,
     feed,
-    fly,
+    led,
     of_axes,
+    recorded,
+    stage_loop,
     stop_of,
 )
 from anhyst.rig.stage.setpoint import STRAY_LATE, braking, instants, motion_of, strayed, ticks_of
@@ -293,17 +293,13 @@ class Losses:
         delay = round(STRAY_LATE / rig.dt)
         late = np.concatenate([np.zeros(delay), plan.acceleration[:-delay]])
         stray = strayed(rig, late / max(rig.settings.scan.test_m_per_s2), instants(rig, n + 1))
-        along = scan_direction(rig.settings)
-        places, frame = np.outer(plan.place, along), np.outer(plan.place + stray, along)
-        command = np.zeros(n, dtype=np.uint32)
+        scenario = led(rig, plan.place, stray, fed_wrench(self.setup.believed, plan.forward))
         for at, which in fails.items():
-            command[at:] = which
+            scenario.command[at:] = which
         for at, which in (commands or {}).items():
-            command[at] |= which
-        wrench = fed_wrench(self.setup.believed, plan.forward)
-        run = fly(self.setup, self.seed, places[:n], frame, wrench, command)
-        own = {name: run[name] for name in run.columns}
-        return Recording(own | axes_recorded(rig, run, places, frame))
+            scenario.command[at] |= which
+        run = stage_loop(self.setup, self.seed).run(scenario)
+        return Recording(dict(run.columns) | recorded(rig, run, scenario))
 
     def _touches(self, run: Recording) -> tuple[float, float]:
         """Return how fast the body comes onto stops at most, downwards and anywhere at a magnet."""
