@@ -28,7 +28,7 @@ from anhyst.data.history import History
 from anhyst.identification import identify
 from anhyst.identification.result import whole_search
 from anhyst.model.actuator import Model
-from anhyst.rig.piezo import PiezoRig, PiezoStage
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, SignalBound, find_loss, peak, rms
 from anhyst.study.engine.verdict import ComparedFigure, Judgement, judge
 from anhyst.support.atomic import PathLike
@@ -229,7 +229,7 @@ def measure(rig: PiezoRig) -> Loops:
     drive = np.interp(time, when, points)
     sensor = rig.settings.position_sensor
     noise = sensor.noise_m * np.random.default_rng(SEED).standard_normal(time.size)
-    read = np.round((rig.stage.run(drive, LOOP_STEP) + noise) / sensor.step_m) * sensor.step_m
+    read = np.round((rig.motion(LOOP_STEP).run(drive) + noise) / sensor.step_m) * sensor.step_m
     loop = Loop("loops", drive, read, None, time, History.parse("conditioned:0"))
     return Loops((loop,), QUANTITIES["voltage"], QUANTITIES["displacement"])
 
@@ -283,21 +283,21 @@ def follow(
     rig: PiezoRig,
     target: FloatArray,
     inverse: PiezoInverse,
-    stage: PiezoStage | None = None,
+    plant: PiezoRig | None = None,
     noise_seed: int = SEED,
 ) -> Recording:
     """Run the loop: feedforward of the reference, an integrator, one sample of delay.
 
-    ``stage`` is what is moved, where that is another one than the rig's.
+    ``plant`` is what is moved, where that is another one than the nominal rig.
     """
-    settings = rig.settings
+    settings, flexure = rig.settings, rig.settings.flexure
     dt = 1.0 / settings.timing.rate_Hz
     noise = settings.position_sensor.noise_m * np.random.default_rng(noise_seed).standard_normal(
         target.size
     )
     time = dt * np.arange(target.size, dtype=np.float64)
     expected = np.interp(time - _lateness(rig), time, target)
-    filters = [notch(rig.stage.resonance, rig.stage.damping, NOTCH, dt).coefficients]
+    filters = [notch(flexure.resonance_Hz, flexure.damping_ratio, NOTCH, dt).coefficients]
     pid = integrator(2.0 * np.pi * settings.displacement.bandwidth_Hz * dt).coefficients
     scales = {
         "error_full": 1.0,
@@ -314,7 +314,7 @@ def follow(
         "current_step": 0.0,
         "sensor_step": settings.position_sensor.step_m,
     }
-    moved = (stage or rig.stage).motion(dt)
+    moved = (plant or rig).motion(dt)
     table = moved.follow(inverse.native(), filters, pid, scales, target, expected, noise)
     position, corrected, voltage = table.T.copy()
     error = position - expected
@@ -341,9 +341,10 @@ def _lateness(rig: PiezoRig) -> float:
     One sample of delay and half a one of hold, the amplifier, and the slope of the phase below the
     resonance.
     """
-    stage = rig.stage
-    rounded = 2.0 * stage.damping / (2.0 * np.pi * stage.resonance)
-    return 1.5 / rig.settings.timing.rate_Hz + stage.amplifier + rounded
+    flexure = rig.settings.flexure
+    rounded = 2.0 * flexure.damping_ratio / (2.0 * np.pi * flexure.resonance_Hz)
+    late = rig.settings.stack_amplifier.time_constant_s
+    return 1.5 / rig.settings.timing.rate_Hz + late + rounded
 
 
 WORTH_IT = 0.5

@@ -29,7 +29,7 @@ from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import find_model, loops_of_rig
 from anhyst.rig.from_loops import complete_rig
 from anhyst.rig.loop import Scenario
-from anhyst.rig.piezo import PiezoRig, stage_of
+from anhyst.rig.piezo import PiezoRig
 from anhyst.rig.recording import Recording, peak, rms
 from anhyst.rig.stage.file import StageRig, unit_of
 from anhyst.rig.stage.loop import Feedforward, StageSetup, identify_stage, track
@@ -250,8 +250,8 @@ class PiezoWork:
 
     def run(self, method: MethodName, drift: Drift, noise: int) -> dict[str, Any]:
         """Follow the triangle; the controller knows the nominal stage alone."""
-        stage = stage_of(drifted_file(self.rig.settings, drift))
-        run = follow(self.rig, reference(self.rig), self.inverses[method], stage, noise)
+        plant = replace(self.rig, settings=drifted_file(self.rig.settings, drift))
+        run = follow(self.rig, reference(self.rig), self.inverses[method], plant, noise)
         if run.loss is not None:
             return {"lost_s": run.dt * run.loss.tick}
         error = run["error_m"][judged_from(self.rig) :]
