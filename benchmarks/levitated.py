@@ -23,7 +23,7 @@ from pydantic import TypeAdapter
 
 from anhyst import Calibration, calibrate
 from anhyst.compensate.force_controller import MethodName
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_bearing
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, draw_plant, drifted_plant
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated, fit_magnets, identify_magnet, make_setup
 from anhyst.rig.bearing.measuring import measure_loops
@@ -54,7 +54,7 @@ def judged(setup: Setup, drift: Drift) -> Figures:
     found = []
     for noise in NOISES:
         steps = BearingWork({setup.name: setup}).run(setup.name, drift, noise)
-        plant = drifted_bearing(setup.rig, drift, noise)
+        plant = drifted_plant(setup.rig, drift, noise)
         run = SimulatedLoop(setup, bearing=plant).run(scenario).part(begin, scenario.ticks)
         found.append((steps["overshoot_percent"][-1], rms(run["force_N"] - run["demand_N"])))
     overshoot, force = np.mean(found, axis=0).tolist()
@@ -63,7 +63,7 @@ def judged(setup: Setup, drift: Drift) -> Figures:
 
 def recorded(setup: Setup, drift: Drift) -> Recording:
     """Lift a plant off and step it up and down."""
-    return SimulatedLoop(setup, bearing=drifted_bearing(setup.rig, drift, 0)).run(
+    return SimulatedLoop(setup, bearing=drifted_plant(setup.rig, drift, 0)).run(
         parts_of_run(setup)[0]
     )
 

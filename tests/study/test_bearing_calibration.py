@@ -14,7 +14,7 @@ from anhyst import Calibration, InputError, calibrate
 from anhyst.control.controller_file import ControllerFile
 from anhyst.control.states import Command
 from anhyst.dashboard.recorder import start_recording
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_bearing, with_iron
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, changed, drifted_plant, with_iron
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, parts_of_run
 from anhyst.rig.bearing.make_setup import calibrated, compiled_model, fit_magnets, make_setup
@@ -43,7 +43,7 @@ def setup(two: bool = False) -> Setup:
 
 
 def flown(of: Setup, scenario: Scenario, drift: Drift = WRONG) -> Recording:
-    return SimulatedLoop(of, bearing=drifted_bearing(of.rig, drift, 1)).run(scenario)
+    return SimulatedLoop(of, bearing=drifted_plant(of.rig, drift, 1)).run(scenario)
 
 
 @cache

@@ -14,7 +14,7 @@ from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import Q31, Reading
 from anhyst.link.process import run_library
 from anhyst.rig.bearing.board import BearingPlant, LevitatingFirmware
-from anhyst.rig.bearing.drift import drifted_bearing
+from anhyst.rig.bearing.drift import drifted_plant
 from anhyst.rig.bearing.loop import position_control
 from anhyst.rig.recording import Recording
 from anhyst.study.bearing.board_faults import Act, Injection, injections
@@ -73,7 +73,7 @@ class Recorded(LevitatingFirmware):
 
 def recorded(firmware: Path, act: Act) -> tuple[Recording, int]:
     """Fly steps, then with something that is done, then steps again; until when all was well."""
-    plant = Shown(setup(), 1, drifted_bearing(setup().rig, WRONG, 1))
+    plant = Shown(setup(), 1, drifted_plant(setup().rig, WRONG, 1))
     with run_library(firmware, plant) as board, ControllerLink(board.link) as link:
         running = Recorded(plant, board.bus, link)
         for command in (Command.NONE, Command.DEMAGNETISED, Command.LIFT):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from anhyst.control.states import Command, Flag
-from anhyst.rig.bearing.drift import NO_DRIFT, drifted_stage
+from anhyst.rig.bearing.drift import NO_DRIFT, drifted_plant
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.loop import FAILS, HEAD_FAULTS, Loop, Scenario
 from anhyst.rig.magnet_table import LikeTable
@@ -156,7 +156,7 @@ def commanded(
 ) -> Recording:
     """Return the loop's own record of a body that lies off its place, and what fails from a tick on."""
     rig = setup.rig
-    bearing = drifted_stage(rig, NO_DRIFT, 1)
+    bearing = drifted_plant(rig, NO_DRIFT, 1)
     bearing.place([*_AT_REST], [0.0] * 6)
     still = np.zeros((TICKS + 1, 6))
     scenario = Scenario(still[1:], feed=fed_wrench(rig, np.zeros(TICKS)), frame=still)

@@ -20,8 +20,8 @@ from anhyst.rig.bearing.drift import (
     CUT,
     Drift,
     draw_drift,
-    drifted_bearing,
     drifted_law,
+    drifted_plant,
 )
 from anhyst.rig.bearing.file import BearingRig, read_bearing
 from anhyst.rig.bearing.loop import SimulatedLoop
@@ -339,7 +339,7 @@ def test_the_sensor_turns_around_the_operating_gap(
         rig, controller.settings, make_ready(rig, controller).knowledge(), "linearised", "f64"
     )
     drift = Drift(position_gain=0.02, gap_offset=3e-6, current_gain=0.01)
-    loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, 1))
+    loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, 1))
     script = Script(rig, 0.45e-3).lift_off(controller.settings).hold(0.1)
     begin = script.ticks
     script.follow(np.full(2000, 0.40e-3))
@@ -394,7 +394,7 @@ def test_a_magnet_of_a_law_drifts_in_its_law(
     )
     gaps = []
     for drift in (Drift(), Drift(saturation=-0.03)):
-        loop = SimulatedLoop(setup, bearing=drifted_bearing(law, drift, 1))
+        loop = SimulatedLoop(setup, bearing=drifted_plant(law, drift, 1))
         recording = loop.run(Script(law, 0.45e-3).lift_off(controller.settings).build())
         gaps.append(float(np.mean(recording["current_A"][-1000:])))
     assert gaps[1] > gaps[0] + 1e-3  # a weaker magnet takes more current for the same load

@@ -15,7 +15,7 @@ from anhyst.control.states import Command
 from anhyst.exchange.part import WRAPPER, Part, Variable, array, header, kernel_of, row
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.make_setup import compiled_model
-from anhyst.rig.bearing.plant import axes_numbers, current_loops, noise_seed, plant_numbers
+from anhyst.rig.bearing.plant import current_loops, noise_seed, plant_numbers
 from anhyst.rig.parts.iron import CURVE, CellSteel, PreisachSteel, everett
 from anhyst.rig.parts.magnet import circuit_numbers
 from anhyst.rig.recording import column
@@ -167,7 +167,7 @@ def _names(name: str) -> str:
 def numbers_of_plant(rig: BearingRig) -> str:
     """Return the plant as structures."""
     settings = rig.settings
-    numbers = axes_numbers(rig) if settings.several else plant_numbers(rig)
+    numbers = plant_numbers(rig)
     iron, everett_table = _iron(rig)
     circuit = circuit_numbers(settings.magnet.poles, settings.magnet.eddy_time_s,
                               settings.gap_m)  # fmt: skip

@@ -18,7 +18,7 @@ from anhyst.compensate.methods import make_compensator
 from anhyst.compensate.sources import Operating, Sources
 from anhyst.control.controller_file import ControllerFile
 from anhyst.model.actuator import Model
-from anhyst.rig.bearing.drift import Drift, drifted_bearing, drifted_file
+from anhyst.rig.bearing.drift import Drift, drifted_file, drifted_plant
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, SimulatedLoop, lost_at
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, make_setups
@@ -101,7 +101,7 @@ class BearingWork:
         scenario = steps_up_and_down(
             rig, setup.controller, tried.gap_m, tried.step.heights_m, rest=STANDSTILL_S
         )
-        loop = SimulatedLoop(setup, bearing=drifted_bearing(rig, drift, noise))
+        loop = SimulatedLoop(setup, bearing=drifted_plant(rig, drift, noise))
         recording = loop.run(scenario)
         lost = lost_at(rig, recording, scenario.lifted)
         if lost is None and len(recording) < scenario.ticks:

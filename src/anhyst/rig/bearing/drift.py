@@ -16,7 +16,7 @@ from anhyst.model.actuator import Model
 from anhyst.model.file import read_model
 from anhyst.model.parameters import Parameter
 from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.plant import axes_numbers, make_bearing, make_magnet
+from anhyst.rig.bearing.plant import make_bearing, make_magnet, plant_numbers
 from anhyst.rig.file import RigFile
 from anhyst.rig.from_loops import AnyRig
 from anhyst.rig.iron_table import NamedCells
@@ -161,22 +161,19 @@ def _of(file: RigFile, drift: Drift) -> dict[str, Any]:
     return changes
 
 
-def drifted_bearing(rig: BearingRig, drift: Drift, seed: int) -> Plant:
-    """Return a bearing that has drifted, at rest."""
+def drifted_plant(rig: BearingRig, drift: Drift, seed: int) -> Plant:
+    """Return a plant that has drifted, at rest; a stage is seen from the long stroke."""
     other = replace(rig, settings=drifted_file(rig.settings, drift))
-    law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
-    return make_bearing(other, seed, make_magnet(other, law))
-
-
-def drifted_stage(rig: BearingRig, drift: Drift, seed: int) -> Plant:
-    """Return a stage that has drifted, at rest, seen from the long stroke."""
-    settings, several = drifted_file(rig.settings, drift), rig.settings.several
-    pair = (replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale))
-    magnets = [_drifted_magnet(settings, one) for one in (drift.magnets if several else pair)]
-    other = replace(rig, settings=settings)
+    settings = other.settings
+    if settings.kind is FileKind.BEARING:
+        law = None if rig.model is None else drifted_law(read_model(rig.model), drift)
+        return make_bearing(other, seed, make_magnet(other, law))
     if not drift.magnets:
-        return make_bearing(other, seed, *(magnets or [_drifted_magnet(settings, NO_DRIFT)]))
-    numbers = axes_numbers(other)
+        pair = [replace(drift, first_scale=one) for one in (drift.first_scale, drift.second_scale)]
+        each = [NO_DRIFT] if settings.several else pair
+        return make_bearing(other, seed, *(_drifted_magnet(settings, one) for one in each))
+    magnets = [_drifted_magnet(settings, one) for one in drift.magnets]
+    numbers = plant_numbers(other)
     numbers.body["centre"] = _moved(settings.body.centre_m, drift)
     for one, actuator, gap in zip(drift.magnets, numbers.actuators, numbers.heads, strict=False):
         probe, sensor = actuator["flux_probe"], gap["sensor"]

@@ -17,7 +17,7 @@ import numpy as np
 from anhyst.compensate.force_controller import ForceController, MethodName
 from anhyst.control.position import Standing, refusal
 from anhyst.control.states import Command, Fault, Phase, State
-from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_stage
+from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_plant
 from anhyst.rig.bench.protocol import (
     AXES_COMMANDS,
     STAGE_COMMANDS,
@@ -166,7 +166,7 @@ class StageBench:
         settings = self.rig.settings
         drift, noise = draw_plant(settings, settings.seed, number - 1) if number else (NO_DRIFT, 0)
         self._cable = drift.cable
-        self._plant = drifted_stage(self.rig, drift, noise)
+        self._plant = drifted_plant(self.rig, drift, noise)
         self._place_body(float(self._strayed(1, 0.0)[0]))
         self._course: Course | None = None
         self._at, self._place = 0, 0.0

@@ -29,7 +29,7 @@ from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_co
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_stage
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_plant
 from anhyst.rig.bearing.file import travel_m
 from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_rippling
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
@@ -209,7 +209,7 @@ def read_noise(rig: StageRig, ticks: int, rng: np.random.Generator) -> FloatArra
 
 def stage_loop(setup: StageSetup, seed: int = 0) -> Loop:
     """Return a stage at rest where it works, its iron demagnetised, and its controller."""
-    rig, plant = setup.rig, drifted_stage(setup.rig, setup.drift, seed)
+    rig, plant = setup.rig, drifted_plant(setup.rig, setup.drift, seed)
     if not rig.settings.several:
         plant.place([rig.gap], [0.0])
     return Loop(rig, plant, make_loop_controller(setup))
