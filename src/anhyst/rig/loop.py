@@ -78,6 +78,12 @@ class Scenario:
         """How long it is."""
         return len(self.target)
 
+    def part(self, begin: int, end: int) -> Scenario:
+        """Return what happens from one tick up to another; nothing is lifted or stepped in it."""
+        each = ("target", "load", "inject", "feed", "command")
+        ticks = {name: getattr(self, name)[begin:end] for name in each}
+        return Scenario(**ticks, frame=self.frame[begin : end + 1])
+
 
 class Loop:
     """A plant and its controller, from power on; scenarios follow each other."""

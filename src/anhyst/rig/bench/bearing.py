@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import fields
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import fields, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import POSITION_MAGNETS, BusController, Plant
-from anhyst.control.states import Command
+from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
-from anhyst.link.frames import PlantDrive, StatusAnswer, TargetRequest
-from anhyst.link.plant_bus import Q30, Q31
-from anhyst.link.process import LibraryBoard
-from anhyst.rig.bearing.board import position_code
+from anhyst.link.frames import PlantDrive, PlantSample, StatusAnswer, TargetRequest
+from anhyst.link.plant_bus import DRIVE_BYTES, Q30, Q31, Exchange, Reading
+from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
+from anhyst.link.wire import LinkPort
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, position_control
 from anhyst.rig.bearing.plant import make_bearing
@@ -25,8 +27,10 @@ from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.rig.loop import Loop, Scenario
+from anhyst.rig.recording import Recording, column
 from anhyst.support.errors import InputError
 from anhyst.support.numeric import FloatArray, sine
+from anhyst.support.progress import Progress
 
 
 class LoadDrive:
@@ -124,39 +128,98 @@ BEARING_COMMANDS = (
 )
 """Of a controller of position."""
 _FULL = ("gap_middle", "position_full", "current_full", "demand_full", "load_full", "flux_full")
+_STATE = 1 + len(_OF_PLANT) + [signal.name for signal in _OF_FIRMWARE].index("state")
+"""In rows of a bench; the fault stands two places behind the state."""
 _WORD = {field.name: at for at, field in enumerate(fields(PlantDrive))}
+
+
+_SAMPLE_BYTES = PlantSample.FIXED.size + 4
+_Tick = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+
+
+class BusTap:
+    """A firmware on any board, whose samples may be changed or kept from it."""
+
+    def __init__(self, exchange: Exchange) -> None:
+        self.shown: Callable[[PlantSample], PlantSample] | None = None  # what sensors say instead
+        self.missed = 0  # ticks that the firmware does not see from now on
+        self.exchange, self._call = exchange, _Tick(self._pass)
+        self._last = PlantDrive(*(0 for _ in fields(PlantDrive)))
+
+    @property
+    def tick(self) -> int:
+        """Address of a function of a tick, for :class:`anhyst._core.BusController`."""
+        return ctypes.cast(self._call, ctypes.c_void_p).value or 0
+
+    def _pass(self, sample: int, drive: int) -> None:
+        seen = PlantSample.unpack(ctypes.string_at(sample, _SAMPLE_BYTES))
+        answer = bytes(DRIVE_BYTES)  # none
+        if self.missed:
+            self.missed -= 1
+            answer = replace(self._last, tick=seen.tick).pack()
+        else:
+            shown = seen if self.shown is None else self.shown(seen)
+            with suppress(OSError, ValueError):  # the loop sees that no answer came
+                answer = self.exchange(shown.pack())
+                self._last = PlantDrive.unpack(answer)
+        ctypes.memmove(drive, answer, DRIVE_BYTES)
+
+
+class _Unplugged:
+    """What the bus of a board leads to whose plant is computed in a loop."""
+
+    def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
+        raise NotImplementedError
 
 
 class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`. The firmware's heartbeat counts ticks.
+    A :class:`anhyst.rig.bench.protocol.Bench`. The firmware's heartbeat counts ticks. It runs in this
+    process, or on one of :data:`anhyst.link.process.VIRTUAL_BOARDS` behind a tap.
     """
 
     signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)
+    state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
+    gap = math.nan  # m, at the last tick
+    beats = True  # whether its operator says that he is there
 
-    def __init__(self, setup: Setup, firmware: Path, seed: int = 0) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        firmware: Path,
+        seed: int = 0,
+        board: str = "",
+        bearing: Plant | None = None,
+    ) -> None:
         rig = setup.rig
         self.rate = float(rig.settings.timing.rate_Hz)
         self._scales = position_control(setup).settings("fixed")
-        bearing = make_bearing(rig, seed)
-        self.load_drive = LoadDrive(rig, bearing)
+        self.bearing = bearing or make_bearing(rig, seed)
+        self.load_drive = LoadDrive(rig, self.bearing)
         limits, gap = setup.controller.limits, rig.settings.gap_m
         self.aim = Aim("gap", "reference", "m", limits.gap_low_m, limits.gap_high_m, gap)
-        self.load_most = limits.force_high_N
+        self.load_most, self.rest_load = limits.force_high_N, rig.settings.load.force_N
         self._target: int | None = None
         self._open = ExitStack()
         try:
-            board = LibraryBoard(firmware)
-            self._open.callback(board.unload)
-            self._link = self._open.enter_context(ControllerLink(board))
-            self._heartbeat = Heartbeat(self._link)
+            source: LibraryBoard | BusTap
+            port: str | LinkPort
+            if board:
+                running = self._open.enter_context(VIRTUAL_BOARDS[board](firmware, _Unplugged()))
+                self.tap = source = BusTap(running.bus.exchange)
+                port = running.link
+            else:
+                port = source = LibraryBoard(firmware)
+                self._open.callback(source.unload)
+            self.link = self._open.enter_context(ControllerLink(port))
+            self._heartbeat = Heartbeat(self.link)
             pidd2 = setup.controller.pidd2()
             gains = pidd2.K_p, pidd2.K_i, pidd2.K_d, pidd2.K_dd
-            self._settings = ControllerSettings(self._link, position_settings(gains))
-            self._bus = BusController(board.tick, {name: self._scales[name] for name in _FULL})
+            self._settings = ControllerSettings(self.link, position_settings(gains))
+            self._bus = BusController(source.tick, {name: self._scales[name] for name in _FULL})
             self._open.callback(self._bus.end)
-            self._loop = Loop(rig, bearing, self._bus, tuple(_OF_PLANT))
+            self._loop = Loop(rig, self.bearing, self._bus, tuple(_OF_PLANT))
             self.demand(gap)
         except BaseException:
             self._open.close()
@@ -164,21 +227,53 @@ class BearingBench(LockStepBench[BusController]):
 
     def advance(self, ticks: int) -> FloatArray:
         """Compute some ticks, one after the other."""
-        parts = []
-        while ticks > 0:
-            count = self._heartbeat.let_pass(ticks)
-            parts.append(self._run(count))
-            ticks -= count
+        load = self.load_drive.forces(self.tick + 1, ticks)
+        return self._pass(Scenario(np.zeros(ticks), load))
+
+    def step(self) -> dict[str, float]:
+        """Go on by one tick, and return what is measured, by the names of signals."""
+        names = (signal.name for signal in self.signals)
+        return dict(zip(names, self.advance(1)[0, 1:].tolist(), strict=True))
+
+    def run(self, scenario: Scenario, progress: Progress | None = None) -> Recording:
+        """Go through a scenario, its targets and commands over the link.
+
+        The columns of the plant are those of a simulated loop.
+        """
+        same = np.diff(scenario.target, prepend=np.nan) == 0.0
+        begins = np.flatnonzero(~same | (scenario.command & 0xFF > 0)).tolist()
+        rows = []
+        for begin, end in pairwise([*begins, scenario.ticks]):
+            command = Command(int(scenario.command[begin]) & 0xFF)
+            if command is not Command.NONE:
+                self.command(command)
+            self.demand(float(scenario.target[begin]))
+            rows.append(self._pass(scenario.part(begin, end)))
+            if progress is not None:
+                progress(end, scenario.ticks)
+        own = [column(signal.name, signal.unit) for signal in _OF_FIRMWARE]
+        return Recording.of_table(np.concatenate(rows), ["tick", *_OF_PLANT, *own])
+
+    def _pass(self, scenario: Scenario) -> FloatArray:
+        """Let a scenario happen without its targets and commands, with the signs of life it needs."""
+        parts, begin = [], 0
+        while begin < scenario.ticks:
+            left = scenario.ticks - begin
+            count = self._heartbeat.let_pass(left) if self.beats else left
+            parts.append(self._run(scenario.part(begin, begin + count)))
+            begin += count
         return np.concatenate(parts)
 
-    def _run(self, ticks: int) -> FloatArray:
+    def _run(self, scenario: Scenario) -> FloatArray:
         first = self.tick + 1
-        load = self.load_drive.forces(first, ticks)
-        run = self._loop.run(Scenario(np.zeros(ticks), load))
-        if len(run) < ticks:
+        run = self._loop.run(scenario)
+        if len(run) < scenario.ticks:
             raise InputError(f"the controller did not answer tick {self.tick}", code="no-answer")
-        numbers = np.arange(first, first + ticks, dtype=np.float64)
-        return np.column_stack((numbers, run.table, self._of_firmware(self._bus.take())))
+        numbers = np.arange(first, first + len(run), dtype=np.float64)
+        rows = np.column_stack((numbers, run.table, self._of_firmware(self._bus.take())))
+        self.gap = float(run["gap_m"][-1])
+        self.state, self.fault = State(int(rows[-1, _STATE])), Fault(int(rows[-1, _STATE + 2]))
+        return rows
 
     def _of_firmware(self, words: NDArray[np.uint32]) -> FloatArray:
         """Return what answers of the firmware say, column by column as the signals name them."""
@@ -197,7 +292,7 @@ class BearingBench(LockStepBench[BusController]):
 
     def command(self, command: Command) -> None:
         """Give a command over the link."""
-        self._link.command(command)
+        self.link.command(command)
         self._heartbeat.restart()
 
     def commands(self) -> tuple[Command, ...]:
@@ -206,9 +301,10 @@ class BearingBench(LockStepBench[BusController]):
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""
-        code = position_code(self._scales, value)
+        part = (self._scales["gap_middle"] - value) / self._scales["position_full"]
+        code = max(-(1 << 31), min((1 << 31) - 1, math.floor(part * Q31 + 0.5)))
         if code != self._target:
-            self._link.request(TargetRequest(code), StatusAnswer)
+            self.link.request(TargetRequest(code), StatusAnswer)
             self._target = code
             self._heartbeat.restart()
 

@@ -140,10 +140,10 @@ class ForceBench(LockStepBench[PlantBus]):
         try:
             running = self._open.enter_context(run_library(program.firmware, self._stand))
             self._bus = running.bus
-            self._link = self._open.enter_context(ControllerLink(running.link))
-            self._heartbeat = Heartbeat(self._link)
+            self.link = self._open.enter_context(ControllerLink(running.link))
+            self._heartbeat = Heartbeat(self.link)
             known = force_settings(self._scales.demand, self._scales.current, self.rate)
-            self._settings = ControllerSettings(self._link, known)
+            self._settings = ControllerSettings(self.link, known)
             self._state = State.INIT
         except BaseException:
             self._open.close()
@@ -183,7 +183,7 @@ class ForceBench(LockStepBench[PlantBus]):
 
     def command(self, command: Command) -> None:
         """Give a command over the link."""
-        self._state = self._link.command(command)
+        self._state = self.link.command(command)
         self._heartbeat.restart()
 
     def commands(self) -> tuple[Command, ...]:
@@ -193,7 +193,7 @@ class ForceBench(LockStepBench[PlantBus]):
     def demand(self, value: float) -> None:
         """Demand a force, N, up to the largest one of the rig; a run begins at zero."""
         check_demand(self.aim, value, self._state)
-        self._link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
+        self.link.demand(min(round(value / self._scales.demand * Q31), int(Q31) - 1))
         self._heartbeat.restart()
 
     def load(self, force: float) -> None:

@@ -329,7 +329,7 @@ class LockStepBench(Generic[_BusT]):
 
     _open: ExitStack
     _bus: _BusT
-    _link: ControllerLink
+    link: ControllerLink  # its session; all its commands go over it
     _heartbeat: Heartbeat
 
     @property
@@ -344,11 +344,11 @@ class LockStepBench(Generic[_BusT]):
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""
         self._heartbeat.restart()
-        return self._link.read_block()
+        return self.link.read_block()
 
     def swap_block(self, words: Sequence[int]) -> int:
         """Put another parameter block in force, from the next tick on."""
-        self._link.write_block(words)
+        self.link.write_block(words)
         self._heartbeat.restart()
         return self.tick + 1
 
