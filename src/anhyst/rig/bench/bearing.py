@@ -175,11 +175,12 @@ class _Unplugged:
 class BearingBench(LockStepBench[BusController]):
     """A bearing and the firmware that levitates it, in lock-step.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`. The firmware's heartbeat counts ticks. It runs in this
+    The firmware's heartbeat counts ticks. It runs in this
     process, or on one of :data:`anhyst.link.process.VIRTUAL_BOARDS` behind a tap.
     """
 
-    signals: tuple[Signal, ...] = (*_OF_PLANT.values(), *_OF_FIRMWARE)
+    signals = (*_OF_PLANT.values(), *_OF_FIRMWARE)
+    commands = BEARING_COMMANDS
     state, fault = State.INIT, Fault.NONE  # of the controller after the last tick
     gap = math.nan  # m, at the last tick
     beats = True  # whether its operator says that he is there
@@ -294,10 +295,6 @@ class BearingBench(LockStepBench[BusController]):
         """Give a command over the link."""
         self.link.command(command)
         self._heartbeat.restart()
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands of a controller of position."""
-        return BEARING_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a gap, m."""

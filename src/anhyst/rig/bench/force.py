@@ -124,12 +124,11 @@ class StandPlant:
 class ForceBench(LockStepBench[PlantBus]):
     """An actuator whose armature is moved from outside, and the firmware that controls its force.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`, in lock-step. Virtual time passes in :meth:`advance`
-    alone. The motion of the armature is among the parameters.
+    Virtual time passes in :meth:`advance` alone. The motion of the armature is among the parameters.
     """
 
-    signals: tuple[Signal, ...] = _SIGNALS
-    load_most = 0.0
+    signals = _SIGNALS
+    commands = FORCE_COMMANDS
 
     def __init__(self, rig: Rig, program: Program, seed: int = 0) -> None:
         self.rate = float(rig.settings.timing.rate_Hz)
@@ -185,10 +184,6 @@ class ForceBench(LockStepBench[PlantBus]):
         """Give a command over the link."""
         self._state = self.link.command(command)
         self._heartbeat.restart()
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands of a controller of force."""
-        return FORCE_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a force, N, up to the largest one of the rig; a run begins at zero."""

@@ -316,16 +316,12 @@ class _Bus(Protocol):
 _BusT = TypeVar("_BusT", bound=_Bus)
 
 
-class LockStepBench(Generic[_BusT]):
+class LockStepBench(Bench, Generic[_BusT]):
     """Virtual time passes while a bench advances, and stands still for the firmware too otherwise.
 
     Holds a parameter block (:class:`anhyst.dashboard.improver.BlockHolder`); what a bench is made
     of stands in its ``_open``, which ends with it.
     """
-
-    keeps_time = False
-    every = 1
-    lost = ""
 
     _open: ExitStack
     _bus: _BusT
@@ -336,10 +332,6 @@ class LockStepBench(Generic[_BusT]):
     def tick(self) -> int:
         """Number of the last tick."""
         return self._bus.tick
-
-    def news(self) -> Sequence[str]:
-        """Return nothing: a firmware of one's own that is lost ends the bench."""
-        return ()
 
     def read_block(self) -> list[int]:
         """Return the parameter block in force."""

@@ -24,6 +24,7 @@ from anhyst.rig.bench.protocol import (
     STAGE_OWN,
     STAGE_READ,
     Aim,
+    Bench,
     Parameter,
     Signal,
     of_axes_and_magnets,
@@ -104,17 +105,16 @@ class StageLap(NamedTuple):
         return self.setup.compensator.method
 
 
-class StageBench:
+class StageBench(Bench):
     """A stage that follows its set-point over and over.
 
-    A :class:`anhyst.rig.bench.protocol.Bench`. The variants are the one without memory and the
+    The variants are the one without memory and the
     compensator, which its parameter ``compensation`` chooses by 0 and 1.
     """
 
-    keeps_time = False
-    every = 1
-    lost = ""
     signals: tuple[Signal, ...] = (*STAGE_OWN[:4], *STAGE_READ.values(), *STAGE_OWN[4:])
+    commands: tuple[Command, ...] = STAGE_COMMANDS
+    tick = 0
     lifted = 0  # tick on which it was lifted last from a rest without current
     _between = False  # whether it is lifted or set down
 
@@ -122,7 +122,6 @@ class StageBench:
         rig = variants[0].setup.rig
         self.rig, self.rate = rig, 1.0 / rig.dt
         self._magnets = len(rig.settings.magnets)
-        self.tick = 0
         self.laps: deque[StageLap] = deque(maxlen=LAPS)
         file, self._peak = rig.settings, max(rig.settings.scan.test_m_per_s2)
         left = file.tracking.force_max_N - file.body.mass_kg * self._peak
@@ -370,10 +369,6 @@ class StageBench:
         values = {"reference": place, "position": position, "position_read": position}
         return values | {"error": place - position, "gap": stop, "gap_read": stop}
 
-    def news(self) -> Sequence[str]:
-        """Return nothing: what runs in process is not lost."""
-        return ()
-
     def command(self, command: Command) -> None:
         """Give a command. A stop brakes at once, whatever the state, and the body is held then."""
         if command is Command.STOP:
@@ -391,7 +386,7 @@ class StageBench:
     def _permit(self, command: Command) -> None:
         now = Standing(self._state, False, True, False, True, True)
         name, why = command.name.lower(), refusal(command, now)
-        if command not in self.commands():
+        if command not in self.commands:
             why = "a stage has no such command"
         if why:
             raise InputError(f"{name}: {why}", code="wrong-state", key=name)
@@ -407,10 +402,6 @@ class StageBench:
             scan = self.rig.settings.scan  # its largest acceleration, whatever the lap's is
             hardest = motion_of(scan, scan.test_m_per_s2)
             self._begin(braking(*motion, hardest, dt, self._ahead))
-
-    def commands(self) -> tuple[Command, ...]:
-        """Return the commands of a stage."""
-        return AXES_COMMANDS if self.rig.settings.several else STAGE_COMMANDS
 
     def demand(self, value: float) -> None:
         """Demand a place beside the set-point, m."""
@@ -465,6 +456,7 @@ class AxesBench(StageBench):
     Its controller lifts it and sets it down: idle it lies without a current, ready it is held.
     """
 
+    commands = AXES_COMMANDS
     _order = Command.NONE  # to the controller, at the next tick
 
     def __init__(self, variants: Sequence[StageVariant], seed: int = 0) -> None:
