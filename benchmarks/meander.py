@@ -12,6 +12,7 @@ import numpy as np
 
 from anhyst.compensate.force_controller import MethodName
 from anhyst.rig.bearing.drift import NO_DRIFT, drifted_plant
+from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.loop import Loop, Scenario
 from anhyst.rig.stage.file import StageRig, mass_matrix, read_stage, weight
 from anhyst.rig.stage.loop import (
@@ -88,7 +89,7 @@ def errors(setup: StageSetup) -> tuple[FloatArray, int]:
     frame[:, 0] += strayed(rig, late, time)
     frame[:, 1] += strayed(rig, 0.0, time)
     bearing = drifted_plant(rig, NO_DRIFT, 1)
-    loop = Loop(rig, bearing, make_loop_controller(setup))
+    loop = Loop(bearing, make_loop_controller(setup), current_loops(rig))
     off, flags = np.zeros((n, len(free))), 0
     for begin in range(0, n, PIECE):
         end = min(begin + PIECE, n)

@@ -13,6 +13,7 @@ import pytest
 
 from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.drift import NO_DRIFT, drifted_plant
+from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.case_table import LossCase
 from anhyst.rig.loop import FAILS, HEAD_FAULTS, Loop, Scenario
 from anhyst.rig.magnet_table import LikeTable
@@ -163,7 +164,7 @@ def commanded(
     scenario.command[since:] = failing
     for tick, one in {0: Command.IDLE, **commands}.items():
         scenario.command[tick] |= one
-    return Loop(rig, bearing, axes_controller(setup)).run(scenario)
+    return Loop(bearing, axes_controller(setup), current_loops(rig)).run(scenario)
 
 
 def poses(run: Recording) -> np.ndarray:

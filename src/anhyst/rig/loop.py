@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anhyst._core import LoopController, Plant, PlantLoop
-from anhyst.rig.bearing.file import BearingRig
-from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.recording import Recording, column
 from anhyst.support.numeric import FloatArray
 
@@ -86,16 +84,19 @@ class Scenario:
 
 
 class Loop:
-    """A plant and its controller, from power on; scenarios follow each other."""
+    """A plant and its controller, from power on; scenarios follow each other.
+
+    Before each amplifier stands a current loop, which does nothing where it takes a current.
+    """
 
     def __init__(
         self,
-        rig: BearingRig,
         plant: Plant,
         controller: LoopController,
+        current_loops: Sequence[dict[str, float]],
         recorded: Sequence[str] | None = None,
     ) -> None:
-        self._loop = PlantLoop(plant, controller, current_loops(rig))
+        self._loop = PlantLoop(plant, controller, current_loops)
         self._signals = [column(*signal) for signal in self._loop.signals]
         self._recorded = recorded  # columns; all where it is None
 

@@ -146,8 +146,7 @@ class BearingRig:
     @property
     def load(self) -> float:
         """Force that pulls the gap open all the time, N: load drive and weight."""
-        body = self.settings.body
-        return self.settings.load.force_N + body.mass_kg * body.gravity_m_per_s2
+        return self.settings.load.force_N + self.settings.body.weight_N
 
 
 def step_ends(gap: float, height: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from anhyst.control.controller_file import ControllerFile, ControllerTable, Pair
 from anhyst.control.position import PositionControl, ReferenceConverter
 from anhyst.control.states import Command, Flag
 from anhyst.rig.bearing.file import BearingRig, step_ends
-from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bearing.scenario import Script, land_time, lift_time, steps_up_and_down
 from anhyst.rig.loop import Loop, Scenario
 from anhyst.rig.recording import (
@@ -211,7 +211,7 @@ class SimulatedLoop(Loop):
             for magnet in range(len(rig.magnets)):
                 for current in (rig.settings.amplifier.current_high_A, 0.0):
                     bearing.hold(current, magnet)
-        super().__init__(rig, bearing, make_position(setup), COLUMNS)
+        super().__init__(bearing, make_position(setup), current_loops(rig), COLUMNS)
 
 
 def lost_at(rig: BearingRig, recording: Recording, since: int = 0) -> float | None:

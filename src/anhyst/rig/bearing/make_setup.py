@@ -109,6 +109,17 @@ def fit_magnets(
 ) -> list[ForceController]:
     """Fit one variant to what is known of each magnet."""
     where = operating_point(rig, controller, *(magnet.loops for magnet in magnets))
+    return fit_at(rig, where, magnets, variant, number_format)
+
+
+def fit_at(
+    rig: BearingRig,
+    where: Operating,
+    magnets: Sequence[IdentifiedMagnet],
+    variant: MethodName,
+    number_format: NumberFormat,
+) -> list[ForceController]:
+    """Fit one variant to what is known of each magnet, where it works."""
     probe = calibrate_probe(rig) if variant in PROBED else None
     fitted = []
     for magnet in magnets:

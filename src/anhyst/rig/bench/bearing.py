@@ -22,9 +22,9 @@ from anhyst.link.process import VIRTUAL_BOARDS, LibraryBoard
 from anhyst.link.wire import LinkPort
 from anhyst.rig.bearing.file import BearingRig
 from anhyst.rig.bearing.loop import Setup, position_control
-from anhyst.rig.bearing.plant import make_bearing
+from anhyst.rig.bearing.plant import current_loops, make_bearing
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
-from anhyst.rig.bench.protocol import Aim, Parameter, Signal, currents_of
+from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal, currents_of
 from anhyst.rig.bench.settings import ControllerSettings, check_values, position_settings
 from anhyst.rig.loop import Loop, Scenario
 from anhyst.rig.recording import Recording, column
@@ -42,51 +42,49 @@ class LoadDrive:
         self._bearing = bearing
         self._dt = rig.dt
         self._since = 0  # tick of the disturbance's phase zero
-        self._values = {
-            "load_damping": load.damping_N_s_per_m,
-            "load_stiffness": load.stiffness_N_per_m,
-            "disturbance_force": 0.0,
-            "disturbance_frequency": 10.0,
-        }
         # Rendered by a drive that is late: beyond a part of its bandwidth it would shake by itself.
         damping = mass * 2.0 * math.pi * load.velocity_bandwidth_Hz / 4.0
         stiffness = mass * (2.0 * math.pi * load.bandwidth_Hz / 10.0) ** 2
         most = rig.settings.timing.rate_Hz / 4.0
         force = max(abs(load.force_N), mass * 9.81)
-        self._ranges = {
-            "load_damping": (-damping, damping, "N s/m", "damping that the load drive renders"),
-            "load_stiffness": (
+        self._knobs = Knobs(
+            Parameter(
+                "load_damping",
+                "N s/m",
+                -damping,
+                damping,
+                "damping that the load drive renders",
+                load.damping_N_s_per_m,
+            ),
+            Parameter(
+                "load_stiffness",
+                "N/m",
                 -stiffness,
                 stiffness,
-                "N/m",
                 "stiffness that it renders about the operating gap",
+                load.stiffness_N_per_m,
             ),
-            "disturbance_force": (0.0, force, "N", "amplitude of a sine on its force"),
-            "disturbance_frequency": (0.0, most, "Hz", "of this sine"),
-        }
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Return all that may be changed, with the values in force."""
-        return tuple(
-            Parameter(name, unit, low, high, doc, self._values[name])
-            for name, (low, high, unit, doc) in self._ranges.items()
+            Parameter(
+                "disturbance_force", "N", 0.0, force, "amplitude of a sine on its force", 0.0
+            ),
+            Parameter("disturbance_frequency", "Hz", 0.0, most, "of this sine", 10.0),
         )
+        self.parameters = self._knobs.parameters
 
     def apply(self, values: Mapping[str, float], tick: int) -> None:
         """Put values in force from a tick on; what is no parameter of it is left alone."""
-        self._values |= {name: values[name] for name in self._values if name in values}
+        self._knobs.apply(values)
         if "disturbance_frequency" in values:
             self._since = tick
-        self._bearing.set_load(self._values["load_damping"], self._values["load_stiffness"])
+        self._bearing.set_load(self._knobs["load_damping"], self._knobs["load_stiffness"])
 
     def forces(self, first: int, ticks: int) -> FloatArray:
         """Return what is commanded at some ticks from one on, N, shape (ticks,)."""
-        amplitude, frequency = (
-            self._values[f"disturbance_{one}"] for one in ("force", "frequency")
-        )
+        amplitude = self._knobs["disturbance_force"]
         if amplitude == 0.0:
             return np.full(ticks, self.force)
-        turns = frequency * self._dt * np.arange(first - self._since, first - self._since + ticks)
+        numbers = np.arange(first - self._since, first - self._since + ticks)
+        turns = self._knobs["disturbance_frequency"] * self._dt * numbers
         wave: FloatArray = self.force + amplitude * sine(turns)
         return wave
 
@@ -220,7 +218,7 @@ class BearingBench(LockStepBench[BusController]):
             self._settings = ControllerSettings(self.link, position_settings(gains))
             self._bus = BusController(source.tick, {name: self._scales[name] for name in _FULL})
             self._open.callback(self._bus.end)
-            self._loop = Loop(rig, self.bearing, self._bus, tuple(_OF_PLANT))
+            self._loop = Loop(self.bearing, self._bus, current_loops(rig), tuple(_OF_PLANT))
             self.demand(gap)
         except BaseException:
             self._open.close()

@@ -108,6 +108,25 @@ class Parameter(NamedTuple):
     value: float  # in force now
 
 
+class Knobs:
+    """What may be changed of a rig beside the settings of its controller."""
+
+    def __init__(self, *known: Parameter) -> None:
+        self._known = {one.name: one for one in known}
+
+    def __getitem__(self, name: str) -> float:
+        return self._known[name].value
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Return them, with the values in force."""
+        return tuple(self._known.values())
+
+    def apply(self, values: Mapping[str, float]) -> None:
+        """Put values in force; what is none of them is left alone."""
+        for name in values.keys() & self._known.keys():
+            self._known[name] = self._known[name]._replace(value=values[name])
+
+
 class Bench(ABC):
     """A rig and its controller. One thread at a time."""
 

@@ -18,6 +18,7 @@ from anhyst.compensate.force_controller import ForceController, MethodName
 from anhyst.control.position import Standing, refusal
 from anhyst.control.states import Command, Fault, Phase, State
 from anhyst.rig.bearing.drift import NO_DRIFT, draw_plant, drifted_plant
+from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.bench.protocol import (
     AXES_COMMANDS,
     STAGE_COMMANDS,
@@ -188,7 +189,7 @@ class StageBench(Bench):
         # the loop keeps the drives alive
         drives = [self._remembering(setup, k) for k in range(self._magnets)]
         controller = make_loop_controller(setup, drives)
-        self._loop = Loop(setup.rig, self._plant, controller)
+        self._loop = Loop(self._plant, controller, current_loops(setup.rig))
         if len(self._latest):
             wanted, fed = np.split(self._latest[:, 2 * self._magnets :], 2, axis=1)
             self._carried = np.array([np.mean(one) for one in (wanted - fed).T])

@@ -172,7 +172,7 @@ def lying(file: RigFile, place: float) -> dict[str, float]:
     """Return what a bench reads where weight pulls the body down, or at the low end of its way."""
     free = file.body.free
     along, down = scan_direction(file), np.array([float(axis == "z") for axis in free])
-    falls = file.body.gravity_m_per_s2 > 0.0 and down.any()
+    falls = file.body.weight_N > 0.0 and down.any()
     off = -travel_m(file) * (down if falls else along)
     way = float(off @ along)
     values = {"reference": place, "position": place + way, "error": -way}
@@ -226,7 +226,7 @@ def decoupling(file: RigFile) -> tuple[FloatArray, FloatArray]:
 
 def weight(file: RigFile) -> FloatArray:
     """Return the wrench of the weight, which is along -z."""
-    down = np.array([0.0, 0.0, -file.body.mass_kg * file.body.gravity_m_per_s2])
+    down = np.array([0.0, 0.0, -file.body.weight_N])
     return np.concatenate([down, np.cross(file.body.centre_m, down)])[axes_of(file)]
 
 

@@ -21,17 +21,16 @@ from anhyst._core import (
 from anhyst.compensate.block import Block
 from anhyst.compensate.force_controller import ForceController, MethodName, NumberFormat
 from anhyst.compensate.hysteresis_inverse import HysteresisInverse
-from anhyst.compensate.methods import PROBED, make_compensator
-from anhyst.compensate.play_map import PlayMap
-from anhyst.compensate.sources import Operating, Sources
+from anhyst.compensate.sources import Operating
 from anhyst.control.biquad import Biquad, as_pidd2
 from anhyst.control.fixed_axes import Drives, FixedController, fixed_axes, in_codes
 from anhyst.control.pidd2 import FixedPidd2, FullScales
 from anhyst.control.position import Allocation
 from anhyst.data import Loops
-from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_law, drifted_plant
+from anhyst.rig.bearing.drift import NO_DRIFT, Drift, drifted_plant
 from anhyst.rig.bearing.file import travel_m
-from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrate_probe, identify_rippling
+from anhyst.rig.bearing.make_setup import IdentifiedMagnet, calibrated, fit_at, identify_rippling
+from anhyst.rig.bearing.plant import current_loops
 from anhyst.rig.calibration import CENTRE, CalibratedMethod, ParameterName
 from anhyst.rig.file import RigFile
 from anhyst.rig.loop import Loop, Scenario
@@ -212,7 +211,7 @@ def stage_loop(setup: StageSetup, seed: int = 0) -> Loop:
     rig, plant = setup.rig, drifted_plant(setup.rig, setup.drift, seed)
     if not rig.settings.several:
         plant.place([rig.gap], [0.0])
-    return Loop(rig, plant, make_loop_controller(setup))
+    return Loop(plant, make_loop_controller(setup), current_loops(rig))
 
 
 def follow(setup: StageSetup, scenario: Scenario, seed: int = 0) -> Recording:
@@ -552,12 +551,7 @@ def fit_method(
             current_max=table.amplifier.current_high_A,
             both_ways=table.magnet.both_ways,
         )
-        probe = calibrate_probe(rig) if method in PROBED else None
-        model = drifted_law(magnet.model, Drift(pinning=wider)) if wider else magnet.model
-        sources = Sources(operating, magnet.loops, model, probe)
-        compensator = make_compensator(method, sources, table.tracking.format)
+        known = calibrated(magnet, wider=wider) if wider else magnet
+        return fit_at(rig, operating, [known], method, table.tracking.format)[0]
     except InputError as error:
         raise error.at(rig.measured.text) from error
-    if wider and isinstance(compensator.parameters, PlayMap):
-        return replace(compensator, parameters=compensator.parameters.widened(wider))
-    return compensator
