@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -202,52 +203,48 @@ def check_rate(rig: BearingRig, pole_Hz: float) -> None:
         raise rig_error(rig.path, [FileFault(("timing", "rate_Hz"), text, code="rate-too-low")])
 
 
-def plant_faults(file: RigFile) -> list[FileFault]:
+def plant_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what does not fit together in the plant and its instruments."""
-    faults = _delay_faults(file)
+    yield from _delay_faults(file)
     body, low, high = file.body, file.body.stop_low_m, file.body.stop_high_m
     opposite, total = file.opposite, file.gap_total_m
     if file.several:
-        faults += _reach_faults(file)
+        yield from _reach_faults(file)
     elif opposite is not None and total is not None and not high < total:
         text = f"both gaps make {total:g} m, not above stop_high_m, {high:g} m, where the second "
         text += "magnet is touched; raise it"
-        faults.append(FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow"))
+        yield FileFault(file.place(opposite, "gap_m"), text, code="range-too-narrow")
     sensor = file.gap_sensor
     if not (sensor.low_m <= body.stop_low_m and high <= sensor.high_m):
         text = f"its range must hold the travel, {low:g} to {high:g} m; widen low_m or high_m"
-        faults.append(FileFault(file.place(sensor), text, code="range-too-narrow"))
+        yield FileFault(file.place(sensor), text, code="range-too-narrow")
     amplifier, shunt = file.amplifier, file.current_sensor
     if not (shunt.low_A <= amplifier.current_low_A and amplifier.current_high_A <= shunt.high_A):
         text = "its range must hold that of the amplifier; widen low_A or high_A"
-        faults.append(FileFault(file.place(shunt), text, code="range-too-narrow"))
+        yield FileFault(file.place(shunt), text, code="range-too-narrow")
     lowest = min(turn for record in file.measurement.records for turn in record.turns)
     if min(lowest, 0.0) * file.measurement.current_max_A < min(amplifier.current_low_A, 0.0):
         text = f"the amplifier begins at {amplifier.current_low_A:g} A; raise the turning points"
-        faults.append(FileFault(("measurement", "records"), text, code="beyond-amplifier"))
+        yield FileFault(("measurement", "records"), text, code="beyond-amplifier")
     if file.measurement.current_max_A > amplifier.current_high_A:
         text = f"the amplifier ends at {amplifier.current_high_A:g} A; lower it"
-        faults.append(FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier"))
+        yield FileFault(("measurement", "current_max_A"), text, code="beyond-amplifier")
     if not low < file.gap_m < high:
         text = f"the body works at {file.gap_m:g} m, outside the travel of {low:g} to {high:g} m"
         key = file.place(file.magnet, "gap_m")
-        faults.append(FileFault(key, f"{text}; lower it or move the stops", code="outside-travel"))
-    return faults
+        yield FileFault(key, f"{text}; lower it or move the stops", code="outside-travel")
 
 
-def _reach_faults(file: RigFile) -> list[FileFault]:
+def _reach_faults(file: RigFile) -> Iterator[FileFault]:
     """Find magnets that a body of several coordinates would touch before its end stops."""
     body, travel = file.body, travel_m(file)
-    return [
-        FileFault(
-            file.place(magnet, "gap_m"),
-            f"the body travels {travel:g} m, from {body.stop_low_m:g} to {body.stop_high_m:g} m at "
-            "the first magnet, and would touch this one; raise it",
-            code="range-too-narrow",
-        )
-        for magnet in file.placed
-        if magnet.gap_m is not None and not travel < magnet.gap_m
-    ]
+    for magnet in file.placed:
+        if magnet.gap_m is not None and not travel < magnet.gap_m:
+            text = f"the body travels {travel:g} m, from {body.stop_low_m:g} to "
+            text += (
+                f"{body.stop_high_m:g} m at the first magnet, and would touch this one; raise it"
+            )
+            yield FileFault(file.place(magnet, "gap_m"), text, code="range-too-narrow")
 
 
 def travel_m(file: RigFile) -> float:
@@ -255,59 +252,58 @@ def travel_m(file: RigFile) -> float:
     return min(file.gap_m - file.body.stop_low_m, file.body.stop_high_m - file.gap_m)
 
 
-def _delay_faults(file: RigFile) -> list[FileFault]:
+def _delay_faults(file: RigFile) -> Iterator[FileFault]:
     """Find delays that the plant has no memory for."""
     timing, amplifier, sensor = file.timing, file.amplifier, file.gap_sensor
     per_second = timing.rate_Hz * timing.substeps
     output = timing.delay_ticks * timing.substeps + amplifier.delay_s * per_second
-    return [
-        FileFault(
-            file.place(table, "delay_s"),
-            f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it or "
-            "lower substeps",
-            code="delay-too-long",
-        )
-        for table, steps in ((amplifier, output), (sensor, sensor.sensor().delay * per_second))
-        if steps > MOST_DELAY
-    ]
+    for table, steps in ((amplifier, output), (sensor, sensor.sensor().delay * per_second)):
+        if steps > MOST_DELAY:
+            text = (
+                f"makes a delay of {steps:.0f} sub-steps, the plant has {MOST_DELAY}; shorten it "
+            )
+            yield FileFault(
+                file.place(table, "delay_s"), f"{text}or lower substeps", code="delay-too-long"
+            )
 
 
-def _case_faults(file: RigFile) -> list[FileFault]:
+def _case_faults(file: RigFile) -> Iterator[FileFault]:
     """Find references outside the travel."""
-    faults: list[FileFault] = []
     low, high, step = file.body.stop_low_m, file.body.stop_high_m, file.step
 
-    def check(table: Table, key: KeyPath, what: str, lowest: float, highest: float) -> bool:
-        if low < lowest and highest < high:
-            return True
-        goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
-        text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
-        text += "; lower it or move the stops"
-        faults.append(FileFault(file.place(table, *key), text, code="outside-travel"))
-        return False
+    def outside(
+        table: Table, key: KeyPath, what: str, lowest: float, highest: float
+    ) -> Iterator[FileFault]:
+        if not (low < lowest and highest < high):
+            goes = f"{highest:.5g}" if lowest == highest else f"{lowest:.5g} to {highest:.5g}"
+            text = f"{what} is at {goes} m, outside the travel of {low:g} to {high:g} m"
+            text += "; lower it or move the stops"
+            yield FileFault(file.place(table, *key), text, code="outside-travel")
 
     for number, gap in enumerate(step.also_gaps_m):
-        check(step, ("also_gaps_m", number), "the reference", gap, gap)
+        yield from outside(step, ("also_gaps_m", number), "the reference", gap, gap)
     for number, height in enumerate(step.heights_m):
         for gap in (gap for gap in file.step_gaps_m if low < gap < high):
-            lower, upper = step_ends(gap, height)
-            if not check(step, ("heights_m", number), f"the step around {gap:g} m", upper, lower):
+            upper, lower = step_ends(gap, height)
+            what = f"the step around {gap:g} m"
+            faults = list(outside(step, ("heights_m", number), what, lower, upper))
+            yield from faults
+            if faults:
                 break
     for trajectory in file.trajectories:
         away = trajectory.amplitude_m
         ends = file.gap_m - away, file.gap_m + away
-        check(trajectory, ("amplitude_m",), "the reference", *ends)
-    return [*faults, *_time_faults(file)]
+        yield from outside(trajectory, ("amplitude_m",), "the reference", *ends)
+    yield from _time_faults(file)
 
 
-def _time_faults(file: RigFile) -> list[FileFault]:
+def _time_faults(file: RigFile) -> Iterator[FileFault]:
     """Find what is too short or too long for the rate."""
-    faults: list[FileFault] = []
     hold, rate = file.step.hold_s, file.timing.rate_Hz
     if round(hold * rate) < LEAST_HOLD:
         text = f"holds a step for {hold * rate:.3g} ticks of 1/{rate:g} s"
         text += f"; {LEAST_HOLD} at least, {LEAST_HOLD / rate:.4g} s"
-        faults.append(FileFault(file.place(file.step, "hold_s"), text, code="too-short"))
+        yield FileFault(file.place(file.step, "hold_s"), text, code="too-short")
     most, least = rate / TICKS_PER_PERIOD, 1.0 / LONGEST_PERIOD_S
     for trajectory in file.trajectories:
         frequency, text = trajectory.frequency_Hz, ""
@@ -318,5 +314,4 @@ def _time_faults(file: RigFile) -> list[FileFault]:
             text += "; raise it"
         if text:
             key = file.place(trajectory, "frequency_Hz")
-            faults.append(FileFault(key, text, code="out-of-range"))
-    return faults
+            yield FileFault(key, text, code="out-of-range")

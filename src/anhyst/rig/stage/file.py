@@ -57,7 +57,7 @@ def read_stage(path: PathLike) -> StageRig:
     """Read the rig file of a stage."""
     place = Path(path)
     settings = read_rig_file(place, [FileKind.STAGE])
-    faults = plant_faults(settings)
+    faults = list(plant_faults(settings))
     if settings.magnet.kind == "law":
         text = 'a stage needs a magnet of iron; write kind = "electromagnet"'
         key = settings.place(settings.magnet, "kind")
