@@ -14,7 +14,7 @@ from anhyst.link.process import run_library
 from anhyst.rig.bench.pace import Heartbeat, LockStepBench
 from anhyst.rig.bench.protocol import Aim, Knobs, Parameter, Signal
 from anhyst.rig.bench.settings import ControllerSettings, check_values, force_settings
-from anhyst.rig.force.bench import ActuatorStand, StandTick
+from anhyst.rig.force.bench import ActuatorStand, StandTick, on_bus
 from anhyst.rig.force.file import Rig
 from anhyst.rig.force.programs import Program
 from anhyst.support.errors import InputError
@@ -79,14 +79,13 @@ FORCE_COMMANDS = (
 
 
 class StandPlant:
-    """The actuator as the plant bus knows it: signals as fractions of full scale."""
+    """The actuator as the plant bus knows it."""
 
     def __init__(self, rig: Rig, program: Program, seed: int) -> None:
-        low, high = program.scales.gap_low, program.scales.gap_high
+        self._scales = program.scales
+        low, high = self._scales.gap_low, self._scales.gap_high
         self.armature = Armature(low, high, rig.settings.timing.rate_Hz)
         self.gap = 0.0
-        self._low, self._span = low, high - low or 1.0
-        self._scales = program.scales
         self._stand = ActuatorStand(rig, [2, seed])
         self.at: StandTick
 
@@ -95,12 +94,7 @@ class StandPlant:
         del tick  # it counts for itself
         self.gap = self.armature.move()
         self.at = self._stand.step(currents[0] * self._scales.current, self.gap)
-        reading = self.at.reading
-        return Reading(
-            (reading.gap - self._low) / self._span,
-            reading.force / self._scales.demand,
-            reading.current / self._scales.current,
-        )
+        return on_bus(self.at.reading, self._scales)
 
 
 class ForceBench(LockStepBench[PlantBus]):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from anhyst.compensate.block import Scales
 from anhyst.control.states import Command, Fault, State
 from anhyst.link.client import ControllerLink
 from anhyst.link.plant_bus import PlantBus, Reading
@@ -209,28 +210,31 @@ def moving_gap(shape: MovingCase, ticks: int, rate: float) -> FloatArray:
     return shape.low_m + (shape.high_m - shape.low_m) * share
 
 
+def on_bus(reading: BenchReading, scales: Scales) -> Reading:
+    """Return what a firmware is shown of a reading: fractions of full scale."""
+    span = scales.gap_high - scales.gap_low or 1.0
+    gap = (reading.gap - scales.gap_low) / span
+    return Reading(gap, reading.force / scales.demand, reading.current / scales.current)
+
+
 class _Plant:
-    """The bench as the plant bus knows it: signals as fractions of full scale."""
+    """The bench as the plant bus knows it."""
 
     def __init__(self, bench: ActuatorBench, program: Program) -> None:
         self.bench = bench
         self.gaps: list[int] = []
         self.drives: list[int] = []
         self._scales = program.scales
-        self._span = program.scales.gap_high - program.scales.gap_low or 1.0
 
     def step(self, tick: int, currents: tuple[float, ...]) -> Reading:
         del tick  # the bench counts for itself
         current = currents[0]
         if self.gaps:
             self.drives.append(round(current * ONE))
-        reading = self.bench.step(current * self._scales.current)
-        gap = (reading.gap - self._scales.gap_low) / self._span
-        code = min(max(round(gap * _Q30), 0), _Q30)
+        shown = on_bus(self.bench.step(current * self._scales.current), self._scales)
+        code = min(max(round(shown.gap * _Q30), 0), _Q30)
         self.gaps.append(min(2 * code, ONE - 1))  # as the firmware takes it
-        return Reading(
-            gap, reading.force / self._scales.demand, reading.current / self._scales.current
-        )
+        return shown
 
 
 def run_firmware(
